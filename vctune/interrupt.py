@@ -49,12 +49,14 @@ def raise_interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def raise_lost_interrupt() -> None:
-    """Raise KeyboardInterrupt if an earlier one was lost. Long work calls this often, and so does what writes files.
+    """Raise KeyboardInterrupt if an earlier one was lost.
+
+    Long computations call this function often, and so do functions that write files.
 
     Raises
     ------
     KeyboardInterrupt
-        If a signal has interrupted this process, and the process still works.
+        If a signal has interrupted this process, and the process has not ended.
     """
     if RECEIVED:
         raise KeyboardInterrupt
@@ -86,7 +88,7 @@ def interrupt_noted() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def interrupt_deferred() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back until the block ends, then deliver the first to the previous handler.
+    """Delay SIGINT and SIGTERM until the block ends, and then deliver the first one to the previous handler.
 
     CasADi checks for signals in the middle of its work and turns KeyboardInterrupt into failures of other names.
     """

@@ -1,6 +1,6 @@
 """The time limit of long work, and the listener that receives its progress.
 
-Both are context variables, not arguments. Some ten calls lie between the command that sets a limit and the loop that
+Both are context variables, not arguments. About ten calls lie between the command that sets a limit and the loop that
 obeys it, and most of them have nothing to do with time. Without a limit no result depends on the clock.
 """
 
@@ -37,7 +37,7 @@ _ALOUD: ContextVar[bool] = ContextVar("aloud", default=False)
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Limit the work within the block to so many seconds, or to the rest of an outer limit if that ends earlier.
+    """Limit the work within the block to some seconds, or to the remaining time of an outer limit if that is shorter.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def process_began() -> None:
 
 @contextmanager
 def time_limit_of_command(seconds: float) -> Iterator[None]:
-    """Limit a command to so many seconds since its process began, including the interpreter's start and the imports.
+    """Limit a command to some seconds since its process began, including the interpreter's start and the imports.
 
     Parameters
     ----------
@@ -143,7 +143,10 @@ def told(listener: Listener) -> Iterator[None]:
 
 @contextmanager
 def aloud() -> Iterator[None]:
-    """Let messages of `tell` reach the listener within the block. Proofs inside a search run without this."""
+    """Let messages of `tell` reach the listener within the block.
+
+    A search runs its inner proofs outside such a block, so that they report nothing.
+    """
     token = _ALOUD.set(True)
     try:
         yield

@@ -232,8 +232,8 @@ def run(name, folder):
 def test_quick_solvers(tmp_path, monkeypatch):
     """With the coarsest grid and a multi-start on a quarter of its frequencies: the dense ones take long to compile."""
     multistart, *_ = solvers.PEERS
-    fewer = [replace(multistart, count=solvers.GRID // 4, reserve=16 * solvers.RESERVE)]
-    coarsest = [peer for peer in solvers.PEERS if peer.count == min(solvers.GRIDS)]
+    fewer = [replace(multistart, count=solvers.GRID // 4, reserve=16 * solvers.CONSTRAINT_RESERVE)]
+    coarsest = [peer for peer in solvers.PEERS if peer.count == min(solvers.COARSE_GRIDS)]
     monkeypatch.setattr(solvers, "PEERS", fewer + coarsest)
     rows = run("solvers", tmp_path)
     assert {peer.name for peer in solvers.PEERS} | {solvers.OURS} == {row["solver"] for row in rows}
@@ -244,7 +244,7 @@ def test_quick_solvers(tmp_path, monkeypatch):
     assert by_name[solvers.OURS]["verdict"] == by_name[solvers.MULTISTART]["verdict"] == "certified"
     assert float(by_name[solvers.OURS]["gap"]) < 1e-4
     assert float(by_name[solvers.OURS]["violation"]) == 0
-    coarse = by_name[f"{solvers.IPOPT}{min(solvers.GRIDS)} frequencies"]
+    coarse = by_name[f"{solvers.IPOPT}{min(solvers.COARSE_GRIDS)} frequencies"]
     assert coarse["succeeded"] == "yes" and coarse["verdict"] == "violated" and float(coarse["violation"]) > 0.01
 
 

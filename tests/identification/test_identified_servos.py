@@ -36,7 +36,7 @@ def trial(case, folder) -> Trial:
     delay, bandwidth = (found.bounded(f"servo.{name}") for name in ("delay", "bandwidth_hz"))
     (study,) = (each.servo for each in found.records)
     inside = delay.low <= case.delay <= delay.high and bandwidth.low <= case.bandwidth_hz <= bandwidth.high
-    order = found.device.servo.order == case.order or not study.told
+    order = found.device.servo.order == case.order or not study.order_is_known
     return Trial(case.kind, inside and order, (delay.high - delay.low) / 2 / case.T)
 
 
@@ -161,7 +161,7 @@ def test_a_servo_that_yields_is_outside_the_model(tmp_path):
     force = 10 * np.convolve(random.normal(size=1200), np.ones(40) / 40, "same")
     stiff = identify(case.write(tmp_path, hand_N=force), servo=True)
     (study,) = (each.servo for each in stiff.found.records)
-    assert not any(study.yielding.clear) and "remark-unpushed" not in codes(stiff.record.remarks)
+    assert not any(study.yielding.significant) and "remark-unpushed" not in codes(stiff.record.remarks)
     position = case.columns["position_m"] + 2e-4 * force
     soft = identify(case.write(tmp_path, force_N=force, position_m=position), servo=True)
     (study,) = (each.servo for each in soft.found.records)

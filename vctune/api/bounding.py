@@ -131,31 +131,31 @@ def bound(
     require_gap(gap)
     file = require_bounded(require_free(problem_of(problem)))
     with limited(time_limit):
-        known = _known(file, design, progress)
-        if known.record.status == Status.INFEASIBLE.value:
-            return Bounded(file, known.record, None, None)
-        if known.best is not None and known.best.certificate.cut:
-            return Bounded(file, known.record, known.best, None)
+        start = _starting_design(file, design, progress)
+        if start.record.status == Status.INFEASIBLE.value:
+            return Bounded(file, start.record, None, None)
+        if start.best is not None and start.best.certificate.cut:
+            return Bounded(file, start.record, start.best, None)
         prepared = prepare(file.problem)
         try:
             check_time()
             optimality = search(
                 prepared.given,
-                known.best,
+                start.best,
                 partial(improved, prepared),
                 gap=gap,
                 jobs=jobs,
-                resume=known.resume,
+                resume=start.resume,
                 stopped=stopped,
                 progress=lambda at: progress(str(at)),
             )
         except OutOfTimeError:
-            return Bounded(file, known.record, known.best, None)
-    return Bounded(file, _added(file, known.record, optimality), optimality.improved or known.best, optimality)
+            return Bounded(file, start.record, start.best, None)
+    return Bounded(file, _with_bound(file, start.record, optimality), optimality.improved or start.best, optimality)
 
 
 def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
-    """Return a problem. Refuse it if it leaves no number free.
+    """Return a problem; refuse a problem that leaves no number free.
 
     Parameters
     ----------
@@ -223,13 +223,13 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
         write_together({path: json_text(bounded.record)}, report_paths(path.parent))
 
 
-def _known(file: ProblemFile, design: Solved | Known | str | Path | None, progress: Progress) -> Known:
-    """Return the design from which a search starts: the given one, or one that is solved for now."""
+def _starting_design(file: ProblemFile, design: Solved | Known | str | Path | None, progress: Progress) -> Known:
+    """Return the design from which a search starts: the given design, or the design that vctune solves for now."""
     if isinstance(design, Known):
         return design
-    known = known_design(file, Path(design), given=True) if isinstance(design, str | Path) else None
-    if known is not None:
-        return known
+    start = known_design(file, Path(design), given=True) if isinstance(design, str | Path) else None
+    if start is not None:
+        return start
     solved = design if isinstance(design, Solved) else solve(file, progress=progress)
     resume = solved.optimality.resume if solved.optimality is not None else None
     return Known(record_of(file, solved, ipopt_version(), today()), solved.judgement, resume)
@@ -254,7 +254,7 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
     return record, best
 
 
-def _added(file: ProblemFile, record: DesignRecord, optimality: Optimality) -> DesignRecord:
+def _with_bound(file: ProblemFile, record: DesignRecord, optimality: Optimality) -> DesignRecord:
     """Return the design's record with the bound added.
 
     If the search found a better design, return the record of that design.

@@ -62,8 +62,8 @@ def check(
     """
     with limited(time_limit):
         file = problem_of(problem)
-        given = None if gains is None else design_of(gains, coupling, file.problem.device.kind)
-        return check_problem(file, given)
+        design = None if gains is None else design_of(gains, coupling, file.problem.device.kind)
+        return check_problem(file, design)
 
 
 def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
@@ -136,7 +136,9 @@ def check_parameter_files(
     problem = read_problem(problems[0])
     begun(problem.problem)
     return [
-        one for path in files for one in check_admittance(problem, path, read_admittance(path), tuple(axes), progress)
+        check
+        for path in files
+        for check in check_admittance(problem, path, read_admittance(path), tuple(axes), progress)
     ]
 
 

@@ -66,9 +66,9 @@ def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[De
 
     If the problem states no band and no Z_0, the function uses those of the base.
     """
-    known = known_record(source)
-    if known is not None:
-        return known, parse_problem(known.problem.text, known.problem.name, known.problem.name)
+    record = known_record(source)
+    if record is not None:
+        return record, parse_problem(record.problem.text, record.problem.name, record.problem.name)
     file = problem_of(source)
     if base is not None and _alike(base, file.problem):
         file = on_yardstick(file, base)
@@ -85,18 +85,19 @@ def _same(a: Transparency, b: Transparency) -> bool:
 
     The last digits of a number may differ if one problem states the number and the other takes the default.
     """
-    numbers = [(each.band.min, each.band.max, each.reference_impedance) for each in (a, b)]
+    numbers = [(yardstick.band.min, yardstick.band.max, yardstick.reference_impedance) for yardstick in (a, b)]
     close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))
     return close and (a.norm, a.weights) == (b.norm, b.weights)
 
 
 def _side(source: Any, record: DesignRecord, problem: Problem, yardsticks: Sequence[Transparency | None]) -> Side:
+    """Return one of two designs to be compared, with its error on each yardstick; None stands for its own yardstick."""
     return Side(
         source=str(source) if isinstance(source, str | Path) else record.problem.name,
         record=record,
         problem=problem,
         felt=None if record.design is None else felt_record(problem.device, *record.design),
-        measured=tuple(_measured(record, problem, each or problem.transparency) for each in yardsticks),
+        measured=tuple(_measured(record, problem, yardstick or problem.transparency) for yardstick in yardsticks),
     )
 
 

@@ -62,13 +62,13 @@ class Simulation:
 
         True without a controller.
         """
-        return all(one.difference is None or one.difference.passes for one in self.experiments)
+        return all(experiment.difference is None or experiment.difference.passes for experiment in self.experiments)
 
     @property
     def stable(self) -> bool:
         """Whether the design never diverges and is stable with the hand and environment of every experiment."""
-        runs = [one.design for one in self.experiments]
-        return all(made.traces.diverged is None and made.mode.radius < 1 for made in runs)
+        runs = [experiment.design for experiment in self.experiments]
+        return all(run_of_design.traces.diverged is None and run_of_design.mode.radius < 1 for run_of_design in runs)
 
     def record(self) -> dict[str, Any]:
         """Return the object of simulation.json."""
@@ -121,13 +121,13 @@ def simulate(
     if compiled is not None:
         require_built_in(file, chosen)
     if gains is None:
-        law, coupling = _found(file, progress)
+        law, coupling = _solved_design(file, progress)
     else:
-        given = design_for(file, gains, coupling)
-        law, coupling = given.gains, given.coupling
-    runs = tuple(run(file.problem, law, coupling, one, progress, compiled, tolerance) for one in chosen)
-    told = (None, None) if compiled is None else (compiled.path.name, compiled.problem_sha256)
-    return Simulation(file, law, coupling, runs, *told)
+        design = design_for(file, gains, coupling)
+        law, coupling = design.gains, design.coupling
+    runs = tuple(run(file.problem, law, coupling, selected, progress, compiled, tolerance) for selected in chosen)
+    made_for = (None, None) if compiled is None else (compiled.path.name, compiled.problem_sha256)
+    return Simulation(file, law, coupling, runs, *made_for)
 
 
 def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment, ...]:
@@ -147,11 +147,11 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
     if not experiments:
         message = "there is none to simulate; add an [[experiment]] table"
         raise InputError.of(file.source, "no-experiment", message, key="experiment")
-    chosen = tuple(one for one in experiments if name in (None, one.name))
+    chosen = tuple(experiment for experiment in experiments if name in (None, experiment.name))
     if not chosen:
-        known = ", ".join(one.name for one in experiments)
+        names = ", ".join(experiment.name for experiment in experiments)
         raise InputError.of(
-            file.source, "no-experiment", f"none is called {name!r}; there are: {known}", key="experiment"
+            file.source, "no-experiment", f"none is called {name!r}; there are: {names}", key="experiment"
         )
     return chosen
 
@@ -170,20 +170,21 @@ def require_built_in(file: ProblemFile, chosen: tuple[Experiment, ...]) -> None:
         If an environment is late or stepped by explicit Euler.
     """
     stated, mistakes = file.problem.experiments, []
-    for one in chosen:
-        if one.environment.built_in:
+    for experiment in chosen:
+        if experiment.environment.built_in:
             continue
-        late = one.environment.late
-        key = "late" if late else "rule"
+        late_samples = experiment.environment.late
+        key = "late" if late_samples else "rule"
         fault = (
-            f"the force is {late} sample{'s' * (late > 1)} late, while a compiled controller renders it on time"
-            if late
+            f"the force is {late_samples} sample{'s' * (late_samples > 1)} late, while a compiled controller renders "
+            "it on time"
+            if late_samples
             else "a compiled controller steps its environment by backward Euler or the trapezoidal rule, not by "
             "explicit Euler"
         )
         remedy = "choose another experiment, or simulate this one without the controller"
-        path = ("experiment", stated.index(one) if one in stated else one.name, "environment", key)
-        line = file.line_of(path) if one in stated else None
+        path = ("experiment", stated.index(experiment) if experiment in stated else experiment.name, "environment", key)
+        line = file.line_of(path) if experiment in stated else None
         mistakes.append(Mistake("contradiction", dotted(path), f"{fault}; {remedy}", line))
     if mistakes:
         raise InputError(file.source, mistakes)
@@ -242,7 +243,8 @@ def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     return value
 
 
-def _found(file: ProblemFile, progress: Progress) -> tuple[Gains, AnyCoupling]:
+def _solved_design(file: ProblemFile, progress: Progress) -> tuple[Gains, AnyCoupling]:
+    """Return the design that vctune finds for a problem. Refuse a problem without a design."""
     from vctune.design.solve import solve
 
     solved = solve(file.problem, progress)

@@ -84,41 +84,45 @@ def explain(name: str) -> ExplanationRecord:
         If no entry has this name; the message suggests the nearest names.
     """
     # in this order: the name and its stems as they are, and then without regard to capitals
-    asked = _plain(name)
-    found = next(filter(None, map(_called, _alike(asked))), [])
-    found = found or next(filter(None, (_called(stem.lower(), str.lower) for stem in _alike(asked))), [])
-    if not found:
+    label = _plain(name)
+    entries_found = next(filter(None, map(_entries_named, _names_of_label(label))), [])
+    entries_found = entries_found or next(
+        filter(None, (_entries_named(stem.lower(), str.lower) for stem in _names_of_label(label))), []
+    )
+    if not entries_found:
         names = [name for entry in entries() for name in entry.names]
-        known = {_plain(each).lower(): each for name in names for each in (name, name.rpartition(".")[2])}
-        meant = [known[near] for near in get_close_matches(asked.lower(), known, n=3, cutoff=0.6)]
-        hint = f"did you mean {' or '.join(meant)}?" if meant else "`vctune explain` lists what there is"
+        name_of_form = {_plain(form).lower(): form for name in names for form in (name, name.rpartition(".")[2])}
+        similar = [name_of_form[near] for near in get_close_matches(label.lower(), name_of_form, n=3, cutoff=0.6)]
+        hint = f"did you mean {' or '.join(similar)}?" if similar else "`vctune explain` lists what there is"
         raise InputError.of(name, "unknown-name", f"is no code, key, claim or word of the glossary; {hint}")
-    records = [EntryRecord(kind=entry.kind, name=entry.names[0], text=entry.text, guide=entry.guide) for entry in found]
+    records = [
+        EntryRecord(kind=entry.kind, name=entry.names[0], text=entry.text, guide=entry.guide) for entry in entries_found
+    ]
     return ExplanationRecord(name=name, entries=records)
 
 
 def contents() -> ExplanationRecord:
     """Return the first name of each entry that `explain` knows, without the texts."""
-    listed = [EntryRecord(kind=each.kind, name=each.names[0], text="", guide=each.guide) for each in entries()]
+    listed = [EntryRecord(kind=entry.kind, name=entry.names[0], text="", guide=entry.guide) for entry in entries()]
     return ExplanationRecord(name=None, entries=listed)
 
 
-def _alike(asked: str) -> Iterator[str]:
+def _names_of_label(label: str) -> Iterator[str]:
     """Yield the names under which the guides may explain a label: the whole label, and the label without its variable
     parts."""
-    linear = reduce(lambda words, pair: words.replace(*pair), LINEAR_WORDS, asked)
+    linear = reduce(lambda words, pair: words.replace(*pair), LINEAR_WORDS, label)
     stems = [re.sub(end, "", linear) for end in ("", *VARIABLE_ENDINGS)]
-    yield from dict.fromkeys([asked, *stems, *(stem.replace("_", " ") for stem in stems)])
+    yield from dict.fromkeys([label, *stems, *(stem.replace("_", " ") for stem in stems)])
 
 
-def _called(asked: str, folded: Callable[[str], str] = str) -> list[Entry]:
+def _entries_named(name: str, folded: Callable[[str], str] = str) -> list[Entry]:
     """Return the entries with a name, and the keys whose last part is the name. `folded` is applied to an entry's names
     before the comparison."""
     return [
         entry
         for entry in entries()
-        if asked in [folded(_plain(name)) for name in entry.names]
-        or (entry.kind == "key" and entry.names[0].endswith(f".{asked}"))
+        if name in [folded(_plain(entry_name)) for entry_name in entry.names]
+        or (entry.kind == "key" and entry.names[0].endswith(f".{name}"))
     ]
 
 
@@ -139,7 +143,7 @@ def _claim(claim: Claim) -> Entry:
 
 def _guides(folder: Traversable, place: str) -> Iterator[tuple[str, str]]:
     """Yield the path and the text of each guide of the package."""
-    for child in sorted(folder.iterdir(), key=lambda each: (each.is_dir(), each.name)):
+    for child in sorted(folder.iterdir(), key=lambda path: (path.is_dir(), path.name)):
         if child.is_dir():
             yield from _guides(child, f"{place}/{child.name}")
         elif child.name == GUIDE:
@@ -153,7 +157,11 @@ def _entries(guide: str, text: str) -> Iterator[Entry]:
     for reference in KEY_TABLES.findall(text):
         rows = KEY_ROW.findall(reference)
         for key, meaning in rows:
-            inner = [f"- `{other}`: {of}" for other, of in rows if other.rpartition(".")[0] == key]
+            inner = [
+                f"- `{other}`: {meaning_of_inner}"
+                for other, meaning_of_inner in rows
+                if other.rpartition(".")[0] == key
+            ]
             linear, rotary = (unit_of(tuple(key.split(".")), units) for units in (LINEAR, ROTARY))
             turned = f" Unit for a rotary device: {rotary}." if linear != rotary else ""
             yield Entry("key", (key,), "\n".join([meaning + turned, *(["", *inner] if inner else [])]), guide)

@@ -117,13 +117,17 @@ def require_double(precision: Precision) -> None:
 
 
 def export_parameters(
-    named: ProblemFile, axes: Sequence[RosAxis], *, unproved: bool = False, progress: Progress = lambda stage: None
+    named_file: ProblemFile,
+    axes: Sequence[RosAxis],
+    *,
+    unproved: bool = False,
+    progress: Progress = lambda stage: None,
 ) -> Exported:
     """Prove designs with the arithmetic of a ROS 2 admittance_controller, and make its parameter file.
 
     Parameters
     ----------
-    named : the problem that gives the export its name
+    named_file : the problem that gives the export its name
     axes : the designs, at least one
     unproved : whether to also export a design that is not proved
     progress : function that receives the current stage
@@ -143,11 +147,11 @@ def export_parameters(
     """
     progress("proving")
     controllers = ros2_firmware(axes)
-    doubted = [number for number, one in enumerate(controllers) if not certified(one)]
-    first = doubted[0] if doubted else 0
-    if doubted and not unproved:
+    not_certified = [number for number, controller in enumerate(controllers) if not certified(controller)]
+    first = not_certified[0] if not_certified else 0
+    if not_certified and not unproved:
         raise NotCertifiedError(controllers[first], RIGID if axes[first].coupling.damping < inf else "")
-    return Exported(named, controllers[first], ros2_files(named.problem.name, axes, controllers))
+    return Exported(named_file, controllers[first], ros2_files(named_file.problem.name, axes, controllers))
 
 
 RIGID = (
@@ -237,19 +241,21 @@ def stated_design(
             )
             raise InputError.of(file.source, "not-fixed", message, key="gains")
         return file, file.problem.fixed_design
-    named = str(source) if isinstance(source, str | Path) else "design"
+    source_name = str(source) if isinstance(source, str | Path) else "design"
     if gains is not None:
         raise InputError.of(
-            named, "ambiguous-files", "is a design of its own; name a problem file with other gains", key="gains"
+            source_name, "ambiguous-files", "is a design of its own; name a problem file with other gains", key="gains"
         )
     if record.design is None:
-        raise InputError.of(named, "no-design", f"nothing to export: {record.reason or record.status}", key="gains")
+        raise InputError.of(
+            source_name, "no-design", f"nothing to export: {record.reason or record.status}", key="gains"
+        )
     file = ProblemFile(
-        parse_problem(record.problem.text, named, record.problem.name), record.problem.text, record.problem.name
+        parse_problem(record.problem.text, source_name, record.problem.name), record.problem.text, record.problem.name
     )
     if file.sha256 != record.problem.sha256:
         message = "does not belong to the problem's text: one of them was changed; solve the problem again"
-        raise InputError.of(named, "damaged-document", message, key="problem.sha256")
+        raise InputError.of(source_name, "damaged-document", message, key="problem.sha256")
     return file, record.design
 
 
@@ -265,6 +271,7 @@ def _stated_corner(
 
 
 def _c_files(file: ProblemFile, controller: Firmware, progress: Progress) -> Files:
+    """Return the C code of a controller, with the files that replay its experiments."""
     from vctune.firmware.c_source import c_source
     from vctune.firmware.replay import replay_files
     from vctune.firmware.vectors import replays
@@ -280,6 +287,7 @@ def _fmu_files(_file: ProblemFile, controller: Firmware, _progress: Progress) ->
 
 
 def _json_files(_file: ProblemFile, controller: Firmware, _progress: Progress) -> Files:
+    """Return the equations of a controller as JSON and as a page."""
     from vctune.firmware.coefficients import controller_record
     from vctune.report.page.controller_page import controller_page
 

@@ -67,12 +67,14 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
     if source.resolve() in ((folder / name).resolve() for name in (GAINS_FILE, DESIGN_FILE)):
         message = "would be overwritten by its own design; choose another folder by --out"
         raise InputError.of(file.source, "folder-in-use", message)
-    held = _held(folder)
-    if held is not None and held["name"] != file.problem.name:
-        message = f"holds the design of {held['name']!r}, not of {file.problem.name!r}; choose another name or folder"
+    held_design = _design_in(folder)
+    if held_design is not None and held_design["name"] != file.problem.name:
+        message = (
+            f"holds the design of {held_design['name']!r}, not of {file.problem.name!r}; choose another name or folder"
+        )
         raise InputError.of(str(folder), "folder-in-use", message)
-    known = held is not None and held["sha256"] == file.sha256
-    if owner is not None and not known and not _same(owner, source):
+    same_problem = held_design is not None and held_design["sha256"] == file.sha256
+    if owner is not None and not same_problem and not _same(owner, source):
         message = (
             f"holds what was made of {_from(Path(), owner)}, whose problem is called {file.problem.name!r} too; state "
             f"another name in {file.source}, or choose another folder by --out"
@@ -102,7 +104,7 @@ def outdated(folder: Path, record: DesignRecord) -> list[Path]:
     return [place for name in names if (place := folder / name).exists()]
 
 
-def _held(folder: Path) -> dict[str, Any] | None:
+def _design_in(folder: Path) -> dict[str, Any] | None:
     """Return the name and the digest of the problem whose design a folder holds; None if it holds no design."""
     try:
         problem = json.loads((folder / DESIGN_FILE).read_text())["problem"]

@@ -142,9 +142,9 @@ def write_identification(identified: Identification, folder: str | Path, *, repo
     return folder / DEVICE_FILE
 
 
-def _excitation_text(made: Excitation, record: IdentificationRecord) -> str:
+def _excitation_text(excitation: Excitation, record: IdentificationRecord) -> str:
     unit = record.units.force.replace(" ", "")
-    rows = (f"{i * made.sample_time:.9g},{force:.6g}" for i, force in enumerate(made.force))
+    rows = (f"{i * excitation.sample_time:.9g},{force:.6g}" for i, force in enumerate(excitation.force))
     return "\n".join([f"time_s,command_{unit}", *rows]) + "\n"
 
 

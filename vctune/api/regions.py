@@ -147,8 +147,8 @@ def region(
         raise InputError.of("resolution", "bad-option", message)
     levels, of_worlds = ceil(-log2(resolution)), x in WORLD
     with limited(time_limit):
-        given = None if gains is None else design_for(file, gains, coupling)
-        design = None if given is None else (given.gains, given.coupling)
+        gains_file = None if gains is None else design_for(file, gains, coupling)
+        design = None if gains_file is None else (gains_file.gains, gains_file.coupling)
         if design is None or not of_worlds:
             solved = solved or best_design(file.problem, progress)
         with limited(max(seconds_left() - DRAWING, seconds_left() / 2)):
@@ -199,7 +199,7 @@ def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
 
 
 def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
-    """Return a problem. Refuse it if it has no region in the plane of x and y.
+    """Return a problem; refuse a problem that has no region in the plane of x and y.
 
     Parameters
     ----------
@@ -216,8 +216,8 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
             raise InputError(file.source, mistakes)
         return file
     keys = keys_for(file.problem)
-    said = f"is no variable; there are: {', '.join(keys)}"
-    unknown = [Mistake("no-plane", key, said) for key in (x, y) if key not in keys]
+    message = f"is no variable; there are: {', '.join(keys)}"
+    unknown = [Mistake("no-plane", key, message) for key in (x, y) if key not in keys]
     if mistakes := unknown or plane_errors(file.problem, x, y):
         raise InputError(file.source, mistakes)
     return file
@@ -252,18 +252,19 @@ def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, boo
     return previous(place) if kept else None, bool(pictures)
 
 
-def _picture(found: AdmissibleGains, folder: Path) -> dict[Path, str]:
+def _picture(result: AdmissibleGains, folder: Path) -> dict[Path, str]:
+    """Return the picture of a region. Raise OutOfTimeError if too little time is left to draw it."""
     if seconds_left() < LOADING:
         raise OutOfTimeError
-    name = (REGION_FILES if found.design is None else WORLD_FILES)[1]
-    if found.design is not None:
+    name = (REGION_FILES if result.design is None else WORLD_FILES)[1]
+    if result.design is not None:
         from vctune.report.figures.world_figure import world_figure
 
-        return {folder / name: world_figure(found.file.problem, found.region).svg(Path(name).stem)}
+        return {folder / name: world_figure(result.file.problem, result.region).svg(Path(name).stem)}
     from vctune.report.figures.region_figure import region_figure
     from vctune.report.figures.with_matplotlib import svg
 
-    figure = region_figure(found.file.problem, found.region, found.designs, found.marked)
+    figure = region_figure(result.file.problem, result.region, result.designs, result.marked)
     return {folder / name: svg(figure, Path(name).stem)}
 
 

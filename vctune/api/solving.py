@@ -82,7 +82,7 @@ def require_gap(gap: float) -> None:
 
 
 def require_bounded(file: ProblemFile) -> ProblemFile:
-    """Return a problem. Refuse it if no lower bound on its error is known.
+    """Return a problem; refuse a problem whose error vctune cannot bound from below.
 
     Parameters
     ----------

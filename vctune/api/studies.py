@@ -188,6 +188,7 @@ def front(
 
 
 def _study(problem: ProblemSource | Study, axes: Mapping[str, Any] | None, sample: Mapping[str, Any] | None) -> Study:
+    """Return the study that the arguments state: a study, a study file, or a problem with axes."""
     if isinstance(problem, Study):
         return problem
     if axes is not None:

@@ -237,7 +237,8 @@ def check_parameters(
     only: Sequence[str] = (),
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
-    """Check the selected axes of a ROS 2 parameter file. Each belongs to the axis of the same name in the problem file.
+    """Check the selected axes of a ROS 2 parameter file. Each selected axis belongs to the axis of the same name in the
+    problem file.
 
     Parameters
     ----------
@@ -257,9 +258,9 @@ def check_parameters(
         If the parameter file selects an axis that the problem lacks, or an axis of the other kind of motion (a rotation
         for a translation, or the reverse); or if `only` names an axis that the file does not select.
     """
-    parameters, known = read_admittance(path), {axis.name for axis in axes.axes}
+    parameters, axis_names = read_admittance(path), {axis.name for axis in axes.axes}
     selected = [axis.axis for axis in axes_asked_for(path, parameters, only)]
-    if missing := [name for name in selected if name not in known]:
+    if missing := [name for name in selected if name not in axis_names]:
         message = (
             f"selects {', '.join(missing)}, and {axes.axes[0].file.source} has no [[axis]] of that name; write one"
         )
@@ -271,7 +272,7 @@ def check_parameters(
     checks: dict[str, Checked] = {}
     for equal_axes in axes_of_problem.values():
         names = [axis.name for axis in equal_axes]
-        checked = check_admittance(_named(equal_axes[0].file, axes.name), path, parameters, names, progress)
+        checked = check_admittance(_renamed(equal_axes[0].file, axes.name), path, parameters, names, progress)
         # check_admittance returns the checks in the order of the parameter file
         checks |= dict(zip([name for name in selected if name in names], checked, strict=True))
     return [checks[name] for name in selected]
@@ -300,13 +301,13 @@ def _of_axis(checked: Checked, axis: AxisProblem, gains: GainsFile | None) -> Ch
     line = axis.line if gains is None else checked.line
     message, finding = f"{axis.name}: {checked.message}", checked.finding
     if isinstance(finding, DesignFinding):
-        finding = replace(finding, file=_named(finding.file, axis.file.problem.name))
+        finding = replace(finding, file=_renamed(finding.file, axis.file.problem.name))
     else:
         message = f"{source}:{line}: {message}"
     return replace(checked, source=source, name=axis.file.problem.name, message=message, line=line, finding=finding)
 
 
-def _named(file: ProblemFile, name: str) -> ProblemFile:
+def _renamed(file: ProblemFile, name: str) -> ProblemFile:
     """Return a problem file with another name of its problem."""
     return replace(file, problem=replace(file.problem, name=name))
 
@@ -350,8 +351,8 @@ def export_axes(
             RosAxis(axis.name, axis.file, *stated_design(axis.file, _gains_of(gains, axis), None)[1])
             for axis in axes.axes
         ]
-        named = _named(axes.axes[0].file, axes.name)
-        exported = export_parameters(named, designs, unproved=unproved, progress=progress)
+        renamed_file = _renamed(axes.axes[0].file, axes.name)
+        exported = export_parameters(renamed_file, designs, unproved=unproved, progress=progress)
         return [(exported, write_export(exported, out / folder_name(axes.name)))]
 
     def stage_of(axis: AxisProblem) -> Progress:

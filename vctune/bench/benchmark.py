@@ -54,6 +54,7 @@ def csv_of(rows: list[Any]) -> str:
 
 
 def _cell(value: Any) -> str:
+    """Return a value as a cell of the CSV table."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):

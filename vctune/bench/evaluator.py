@@ -37,7 +37,7 @@ cancel."""
 class Case:
     """A device with a design, or many of them, in SI units.
 
-    Each except `sample_time` and `hold` is one number, or an array with one number for each case.
+    Each field except `sample_time` and `hold` is one number, or an array with one number for each case.
 
     Attributes
     ----------
@@ -205,7 +205,7 @@ def sensitivity(case: Case, omega: Any) -> Any:
     """Return |S| = 1/|1 + K_v G_v + K_p G_x| of the sampled loop without a hand.
 
     G_v and G_x are the sampled velocity and the sampled position, divided by the commanded force. A commanded force
-    acts after `whole` samples plus `late` seconds.
+    acts after `whole` samples plus `remainder` seconds.
 
     Parameters
     ----------
@@ -218,9 +218,9 @@ def sensitivity(case: Case, omega: Any) -> Any:
         Shape (k,), or (n, k) for n cases.
     """
     T, m, rate = case.sample_time, _column(case.mass), _column(case.damping) / _column(case.mass)
-    whole, late = (_column(x) for x in _samples(case))
+    whole, remainder = (_column(x) for x in _samples(case))
     back = np.exp(-1j * omega * T)  # 1/z
-    (v, x), (v_new, x_new) = _moved(rate, T), _moved(rate, T - late)
+    (v, x), (v_new, x_new) = _integrals(rate, T), _integrals(rate, T - remainder)
     velocity, position = ((new + (old - new) * back) / m for new, old in ((v_new, v), (x_new, x)))
     acting, forward = back**whole, -np.expm1(-1j * omega * T)  # z^-whole, 1 - 1/z
     G_v = acting * back * velocity / (forward + back * -np.expm1(-rate * T))
@@ -232,11 +232,11 @@ def _samples(case: Case) -> tuple[Any, Any]:
     """Return the delay as whole samples and a remainder in seconds."""
     T = case.sample_time
     whole = np.floor(np.asarray(case.delay) / T + WHOLE)
-    late = np.maximum(case.delay - whole * T, 0.0)
-    return whole, np.where(late < WHOLE * T, 0.0, late)
+    remainder = np.maximum(case.delay - whole * T, 0.0)
+    return whole, np.where(remainder < WHOLE * T, 0.0, remainder)
 
 
-def _moved(rate: Any, t: Any) -> tuple[Any, Any]:
+def _integrals(rate: Any, t: Any) -> tuple[Any, Any]:
     """Return the integral of e^(-rate s) over [0, t], and the integral of that integral."""
     x = rate * t
     small = x < SERIES
@@ -252,13 +252,13 @@ def spectral_radius(case: Case) -> Any:
     return by_kind(case, lambda loops: np.abs(np.linalg.eigvals(loop_matrices(loops))).max(axis=1))
 
 
-def by_kind(case: Case, work: Callable[[Case], Floats]) -> Any:
+def by_kind(case: Case, evaluate: Callable[[Case], Floats]) -> Any:
     """Evaluate a function on groups of loops that have the same number of states.
 
     Parameters
     ----------
     case : one case or n
-    work : function that takes cases with arrays of m loops and returns an array of shape (m,)
+    evaluate : function that takes cases with arrays of m loops and returns an array of shape (m,)
 
     Returns
     -------
@@ -268,12 +268,12 @@ def by_kind(case: Case, work: Callable[[Case], Floats]) -> Any:
     names = ("mass", "damping", "delay", "K_v", "K_p")
     arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(getattr(case, name), float)) for name in names))
     loops: dict[str, Any] = dict(zip(names, arrays, strict=True))
-    flat, found = replace(case, b_c=1.0, m_c=1.0, b_0=0.0, **loops), np.empty(arrays[0].size)
+    flat, results = replace(case, b_c=1.0, m_c=1.0, b_0=0.0, **loops), np.empty(arrays[0].size)
     kinds = np.stack((_samples(flat)[0], flat.K_p > 0))
     for kind in np.unique(kinds, axis=1).T:
-        at = np.flatnonzero((kinds == kind[:, None]).all(axis=0))
-        found[at] = work(flat.at(at))
-    return found if any(np.ndim(getattr(case, name)) for name in names) else float(found[0])
+        members = np.flatnonzero((kinds == kind[:, None]).all(axis=0))
+        results[members] = evaluate(flat.at(members))
+    return results if any(np.ndim(getattr(case, name)) for name in names) else float(results[0])
 
 
 def loop_matrices(case: Case) -> Floats:
@@ -283,20 +283,22 @@ def loop_matrices(case: Case) -> Floats:
     Without K_p, the state does not contain x.
     """
     order, whole = 2 if case.K_p[0] > 0 else 1, int(_samples(case)[0][0])
-    late, n = _samples(case)[1], len(case.K_v)
-    (A, held), (_, newest) = (
+    remainder, n = _samples(case)[1], len(case.K_v)
+    (A, full_sample), (_, newest_effect) = (
         _motion(case, np.full(n, case.sample_time), order),
-        _motion(case, case.sample_time - late, order),
+        _motion(case, case.sample_time - remainder, order),
     )
     size = order + whole + 1
-    told = np.zeros((n, whole + 2, size))  # the force commanded now, the force commanded one sample ago, ...
-    told[:, 0, :order] = -np.stack((case.K_v, case.K_p)[:order], axis=1)
-    told[:, 1:, order:] = np.eye(whole + 1)
+    commands_from_state = np.zeros(
+        (n, whole + 2, size)
+    )  # the force commanded now, the force commanded one sample ago, ...
+    commands_from_state[:, 0, :order] = -np.stack((case.K_v, case.K_p)[:order], axis=1)
+    commands_from_state[:, 1:, order:] = np.eye(whole + 1)
     loops = np.zeros((n, size, size))
     loops[:, :order, :order] = A
-    loops[:, :order] += newest[:, :, None] * told[:, None, whole]
-    loops[:, :order] += (held - newest)[:, :, None] * told[:, None, whole + 1]
-    loops[:, order:] = told[:, : whole + 1]
+    loops[:, :order] += newest_effect[:, :, None] * commands_from_state[:, None, whole]
+    loops[:, :order] += (full_sample - newest_effect)[:, :, None] * commands_from_state[:, None, whole + 1]
+    loops[:, order:] = commands_from_state[:, : whole + 1]
     return loops
 
 
@@ -361,8 +363,8 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
     array of float
         Shape (k,), or (n, k) for n cases.
     """
-    wanted, (Z_d, C) = problem.transparency, impedances(case, 1j * omega)
-    D, Z_0, weights = Z_d + C, wanted.reference_impedance, wanted.weights
+    objective, (Z_d, C) = problem.transparency, impedances(case, 1j * omega)
+    D, Z_0, weights = Z_d + C, objective.reference_impedance, objective.weights
     square = (weights.admittance * Z_0 / np.abs(D)) ** 2 + (weights.tracking * np.abs(Z_d / D)) ** 2
     return square + (weights.coupling * np.abs(coupling_impedance(case, 1j * omega)) / Z_0) ** 2
 
@@ -387,13 +389,18 @@ def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> floa
     middle = [problem.transparency.band.min, problem.transparency.band.max, nyquist]
     low = stability.band.min or ENDLESS * min(middle)
     high = stability.band.max if stability.band.max < inf else max(middle) / ENDLESS
-    noted = np.array([w for w in extra if 0 < w < inf])
-    inside = noted[(noted >= low) & (noted <= high)]
+    extra_finite = np.array([w for w in extra if 0 < w < inf])
+    inside = extra_finite[(extra_finite >= low) & (extra_finite <= high)]
     ratio = float(stability_ratio(case, np.concatenate((np.geomspace(low, high, POINTS), inside))).min())
-    short = stability.safety_factor / ratio if ratio > 0 else inf
+    resistance_violation = stability.safety_factor / ratio if ratio > 0 else inf
     ringing = min(float(np.sqrt(case.K_p / device.mass)), nyquist) or nyquist
-    bottom = min(1e-4 * nyquist, 0.1 * ringing, problem.transparency.band.min, low)
-    nearby = ringing * np.geomspace(0.25, 1.0, POINTS), np.minimum(ringing * np.geomspace(1.0, 4.0, POINTS), nyquist)
-    omega = np.concatenate((np.geomspace(bottom, nyquist, POINTS), *nearby, noted[noted <= nyquist]))
-    loud = float(sensitivity(case, omega).max()) / stability.max_sensitivity
-    return float(np.log(max(short, loud, 1.0)))
+    lowest = min(1e-4 * nyquist, 0.1 * ringing, problem.transparency.band.min, low)
+    near_resonance = (
+        ringing * np.geomspace(0.25, 1.0, POINTS),
+        np.minimum(ringing * np.geomspace(1.0, 4.0, POINTS), nyquist),
+    )
+    omega = np.concatenate(
+        (np.geomspace(lowest, nyquist, POINTS), *near_resonance, extra_finite[extra_finite <= nyquist])
+    )
+    sensitivity_violation = float(sensitivity(case, omega).max()) / stability.max_sensitivity
+    return float(np.log(max(resistance_violation, sensitivity_violation, 1.0)))

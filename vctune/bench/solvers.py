@@ -28,20 +28,25 @@ from vctune.report.figures.benchmark_figures import Panel, Series
 
 GRID = 2000
 """Number of frequencies for Llewellyn's conditions in the grid of most other solvers, and also for |S|."""
-GRIDS = (8, 32, 128, 512)
+COARSE_GRIDS = (8, 32, 128, 512)
 """Numbers of frequencies of the coarser grids for IPOPT."""
-RESERVE = 1e-5
+CONSTRAINT_RESERVE = 1e-5
 """Relative tightening of the other solvers' constraints on `GRID`. The tightening is about the size of the violation
 between two grid points."""
-MET = 1e-6
+MAX_VIOLATION = 1e-6
 """Greatest violation on the grid with which the benchmark accepts another solver's answer."""
-REPEATS, SLOW = 5, 1.0
+REPEATS, SLOW_SECONDS = 5, 1.0
 """Number of timed pairs of a solver and vctune, and the run time, s, above which the benchmark times only one pair."""
 OURS, MULTISTART, IPOPT = "vctune", "SciPy SLSQP", "IPOPT, "
-AIM = 1 / 3
+AIMED_PACE = 1 / 3
 """Largest share of the multi-start's time that vctune may take for a certified design."""
 LEAST_GAP = 1e-7
-Work = Callable[[Dense], Stopped]
+"""Gap at the dotted line of the picture. A smaller gap counts as equal, because the solvers stop there."""
+AS_GOOD_GAP = 1e-3
+"""Greatest gap with which an answer counts as good as the best."""
+UNSTABLE_PENALTY = 1e3
+"""Number that sorts unstable answers behind all stable ones."""
+Solver = Callable[[Dense], Stopped]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +57,14 @@ class Peer:
     ----------
     name : name of the solver
     count : number of frequencies of each kind in its grid
-    work : function that solves a problem
+    solver : function that solves a problem
     reserve : relative tightening of the solver's constraints
     """
 
     name: str
     count: int
-    work: Work
-    reserve: float = RESERVE
+    solver: Solver
+    reserve: float = CONSTRAINT_RESERVE
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +103,7 @@ class Row:
 PEERS = [
     Peer(MULTISTART, GRID, peers.slsqp),
     Peer("SciPy SLSQP, differences", GRID, peers.slsqp_differences),
-    *(Peer(f"{IPOPT}{count} frequencies", count, ipopt, TIGHTENING) for count in GRIDS),
+    *(Peer(f"{IPOPT}{count} frequencies", count, ipopt, TIGHTENING) for count in COARSE_GRIDS),
     Peer(f"{IPOPT}{GRID} frequencies", GRID, ipopt),
 ]
 
@@ -139,56 +144,67 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
 
 def _problem_rows(name: str, problem: Problem, tick: Tick) -> list[Row]:
+    """Return the rows of vctune and of all other solvers on one problem."""
     tick(f"{name}: {OURS}")
     prepared = prepare(problem)
-    seen = scan(prepared.scaled)
-    rows = [_ours(name, problem)]
+    scan_result = scan(prepared.scaled)
+    rows = [_vctune_row(name, problem)]
     for peer in PEERS:
         tick(f"{name}: {peer.name}")
-        rows.append(_theirs(name, prepared, seen, peer))
+        rows.append(_peer_row(name, prepared, scan_result, peer))
     proved = [row.error for row in rows if row.verdict == Status.CERTIFIED]
     best = min(proved, default=nan)
     return [replace(row, gap=row.error / best - 1) for row in rows]
 
 
-def _ours(name: str, problem: Problem) -> Row:
+def _vctune_row(name: str, problem: Problem) -> Row:
+    """Return vctune's row. The first solve, which compiles the solver, is not timed."""
     solve(problem)
     solved, seconds = timed(lambda: solve(problem), REPEATS)
     assert solved.judgement is not None
-    found = worth(problem, solved.judgement.gains, solved.judgement.coupling)
-    return Row(name, OURS, 0, seconds, 1.0, solved.optima, 0, True, nan, **asdict(found))
+    judged = worth(problem, solved.judgement.gains, solved.judgement.coupling)
+    return Row(name, OURS, 0, seconds, 1.0, solved.optima, 0, True, nan, **asdict(judged))
 
 
-def _theirs(name: str, prepared: Prepared, seen: ScanResult, peer: Peer) -> Row:
-    problem, posed = prepared.problem, [dense(prepared, start, peer.count, peer.reserve) for start in _starts(seen)]
-    for given in posed:
-        given.values(given.numbers.guess)
-        given.slopes(given.numbers.guess)
-        if peer.work is ipopt:
-            compiled(given.structure)
+def _peer_row(name: str, prepared: Prepared, scan_result: ScanResult, peer: Peer) -> Row:
+    """Return the row of another solver: its best answer, and its time relative to vctune's.
+
+    The function first calls the compiled functions once, so that no time includes their compilation.
+    """
+    problem, dense_problems = (
+        prepared.problem,
+        [dense(prepared, start, peer.count, peer.reserve) for start in _starts(scan_result)],
+    )
+    for dense_problem in dense_problems:
+        dense_problem.values(dense_problem.numbers.guess)
+        dense_problem.slopes(dense_problem.numbers.guess)
+        if peer.solver is ipopt:
+            compiled(dense_problem.structure)
     times: list[float] = []
     paces = []
-    while not times or (len(times) < REPEATS and times[0] < SLOW):
-        answers, seconds = _multistart(posed, seen, peer)
+    while not times or (len(times) < REPEATS and times[0] < SLOW_SECONDS):
+        answers, seconds = _multistart(dense_problems, scan_result, peer)
         times.append(seconds)
         paces.append(timed(lambda: solve(problem))[1] / seconds)
     best = min(answers, key=lambda answer: answer.rank)
     unstable = sum(not answer.stable for answer in answers)
-    pace, counts = (median(times), median(paces)), (len(answers), unstable)
-    found = asdict(worth(problem, *best.design))
-    return Row(name, peer.name, peer.count, *pace, *counts, best.converged, nan, **found)
+    timings, counts = (median(times), median(paces)), (len(answers), unstable)
+    judged = asdict(worth(problem, *best.design))
+    return Row(name, peer.name, peer.count, *timings, *counts, best.converged, nan, **judged)
 
 
-def _starts(seen: ScanResult) -> list[Start]:
+def _starts(scan_result: ScanResult) -> list[Start]:
     """Return the starts that vctune's own search would hand to its optimiser."""
-    return [start for start in seen.starts if start.admissible] or seen.starts[:2]
+    return [start for start in scan_result.starts if start.admissible] or scan_result.starts[:2]
 
 
 @dataclass(frozen=True, slots=True)
 class _Answer:
+    """The answer of a solver from one start; `violation` is the greatest one on the grid of frequencies."""
+
     design: tuple[Gains, AnyCoupling]
     error: float
-    missed: float
+    violation: float
     stable: bool
     converged: bool
 
@@ -199,71 +215,78 @@ class _Answer:
         Answers that meet the constraints on their grid with a stable loop come first, by error; then all others, by
         violation.
         """
-        good = self.missed <= MET and self.stable
-        return (not good, self.error if good else self.missed + 1e3 * (not self.stable))
+        good = self.violation <= MAX_VIOLATION and self.stable
+        return (not good, self.error if good else self.violation + UNSTABLE_PENALTY * (not self.stable))
 
 
-def _multistart(posed: list[Dense], seen: ScanResult, peer: Peer) -> tuple[list[_Answer], float]:
+def _multistart(dense_problems: list[Dense], scan_result: ScanResult, peer: Peer) -> tuple[list[_Answer], float]:
     """Run another solver from every start that can still win. Return its answers and the processor time, s."""
     answers: list[_Answer] = []
     began = process_time()
-    for given, start in zip(posed, _starts(seen), strict=True):
-        good = [answer.error for answer in answers if not answer.rank[0]]
-        if start.error > WORTH_POLISHING * min(good, default=inf):
+    for dense_problem, start in zip(dense_problems, _starts(scan_result), strict=True):
+        good_errors = [answer.error for answer in answers if not answer.rank[0]]
+        if start.error > WORTH_POLISHING * min(good_errors, default=inf):
             continue
-        found = peer.work(given)
-        f, g = given.values(found.z)
-        design = given.design(found.z)
-        stable = spectral_radius(case_of(given.prepared.problem.device, *design)) < 1
-        answers.append(_Answer(design, float(f[0]), max(0.0, -float(g.min())), stable, found.converged))
+        stopped = peer.solver(dense_problem)
+        log_error, slack = dense_problem.values(stopped.z)
+        design = dense_problem.design(stopped.z)
+        stable = spectral_radius(case_of(dense_problem.prepared.problem.device, *design)) < 1
+        answers.append(_Answer(design, float(log_error[0]), max(0.0, -float(slack.min())), stable, stopped.converged))
     return answers, process_time() - began
-
-
-CLOSE = 1e-3
 
 
 def facts(rows: list[Row]) -> list[str]:
     """Return the findings: the best solver for each problem, and how the other answers compare."""
-    fixed = [row for row in rows if row.solver.startswith(IPOPT) and row.succeeded]
-    refuted = sum(row.verdict == Status.VIOLATED for row in fixed)
+    ipopt_successes = [row for row in rows if row.solver.startswith(IPOPT) and row.succeeded]
+    refuted = sum(row.verdict == Status.VIOLATED for row in ipopt_successes)
     better = [row for row in rows if row.solver == OURS and row.gap > LEAST_GAP]
     return [
         "The prover and the independent evaluator contradict each other "
         f"{sum(not row.consistent for row in rows)} times.",
-        *(_compared(solver, rows) for solver in dict.fromkeys(row.solver for row in rows)),
-        f"IPOPT reports success on {len(fixed)} fixed grids, and {refuted} of these answers are refuted.",
-        f"Problems on which a peer's proved error is lower than vctune's: {_named(better)}.",
+        *(_summary_of_solver(solver, rows) for solver in dict.fromkeys(row.solver for row in rows)),
+        f"IPOPT reports success on {len(ipopt_successes)} fixed grids, and {refuted} of these answers are refuted.",
+        f"Problems on which a peer's proved error is lower than vctune's: {_listed_gaps(better)}.",
     ]
 
 
-def _compared(solver: str, rows: list[Row]) -> str:
-    own = [row for row in rows if row.solver == solver]
-    good = [row for row in own if row.verdict == Status.CERTIFIED and row.gap <= CLOSE]
-    unproved = sum(row.verdict != Status.CERTIFIED for row in own)
-    said = f"{solver}: as good as the best (within {CLOSE:.1%}) and proved on {len(good)} of {len(own)} problems"
+def _summary_of_solver(solver: str, rows: list[Row]) -> str:
+    """Return a sentence on how often a solver's answers are proved and as good as the best, and on its time."""
+    all_rows = [row for row in rows if row.solver == solver]
+    good = [row for row in all_rows if row.verdict == Status.CERTIFIED and row.gap <= AS_GOOD_GAP]
+    unproved = sum(row.verdict != Status.CERTIFIED for row in all_rows)
+    shares = f"{len(good)} of {len(all_rows)} problems"
+    summary = f"{solver}: as good as the best (within {AS_GOOD_GAP:.1%}) and proved on {shares}"
     if solver == OURS:
-        return f"{said}, {sum(row.seconds for row in own):.2f} s for all of them."
-    faster, aim = sum(row.pace > 1 for row in good), f", aim {AIM:.2f}" if solver == MULTISTART else ""
+        return f"{summary}, {sum(row.seconds for row in all_rows):.2f} s for all of them."
+    faster, aim_text = sum(row.pace > 1 for row in good), f", aim {AIMED_PACE:.2f}" if solver == MULTISTART else ""
     return (
-        f"{said}, faster than vctune on {faster} of these; {unproved} answers are not proved, the worst violation is "
-        f"{max(row.violation for row in own):.2g}; vctune takes {median(row.pace for row in own):.2f} of its time "
-        f"(median over the problems{aim})."
+        f"{summary}, faster than vctune on {faster} of these; {unproved} answers are not proved, "
+        f"the worst violation is {max(row.violation for row in all_rows):.2g}; "
+        f"vctune takes {median(row.pace for row in all_rows):.2f} of its time "
+        f"(median over the problems{aim_text})."
     )
 
 
-def _named(rows: list[Row]) -> str:
+def _listed_gaps(rows: list[Row]) -> str:
+    """Return the problems of the rows with their gaps, as text."""
     return ", ".join(f"{row.problem} (by {row.gap:.2g})" for row in rows) or "none"
 
 
 def panels(rows: list[Row]) -> list[Panel]:
     """Draw the gap over the run time, with the proved answers marked, and the violation over the run time."""
     by_solver = {name: [row for row in rows if row.solver == name] for name in dict.fromkeys(r.solver for r in rows)}
-    drawn = []
+    gap_panels = []
     for title, proved in (("proved", True), ("not proved", False)):
         series = []
-        for solver, rows_of in by_solver.items():
-            own = [row for row in rows_of if (row.verdict == Status.CERTIFIED) == proved]
-            series.append(Series(solver, [row.seconds for row in own], [row.gap for row in own]))
-        drawn.append(Panel(title, "processor time, s", "gap to the best proved error", series, LEAST_GAP))
-    missed = [Series(name, [r.seconds for r in own], [r.violation for r in own]) for name, own in by_solver.items()]
-    return [*drawn, Panel("all", "processor time, s", "greatest relative violation of a constraint", missed, LEAST_GAP)]
+        for solver, all_rows in by_solver.items():
+            solver_rows = [row for row in all_rows if (row.verdict == Status.CERTIFIED) == proved]
+            series.append(Series(solver, [row.seconds for row in solver_rows], [row.gap for row in solver_rows]))
+        gap_panels.append(Panel(title, "processor time, s", "gap to the best proved error", series, LEAST_GAP))
+    violations = [
+        Series(name, [r.seconds for r in solver_rows], [r.violation for r in solver_rows])
+        for name, solver_rows in by_solver.items()
+    ]
+    return [
+        *gap_panels,
+        Panel("all", "processor time, s", "greatest relative violation of a constraint", violations, LEAST_GAP),
+    ]

@@ -39,6 +39,8 @@ INSIDE_CIRCLE = 1 - 1e-9
 """Spectral radius below which the scan calls a loop stable. Rounding changes a radius by less."""
 LEAST_DRAWN_ERROR = 1e-17
 """Least relative error in the picture, whose axis is logarithmic: an error of 0 is drawn there."""
+LEAST_SHARE = 1e-9
+"""Least scanned value above 0 of a number that may be 0, as a share of its upper bound."""
 SLOWEST = 8
 """Number of the slowest devices that the findings name."""
 
@@ -118,25 +120,25 @@ def examined(seed: int, number: int) -> Row:
         The device's status and time, and how an independent evaluation contradicts the verdict.
     """
     document, problem = device(seed, number)
-    said, began = json.dumps(document), process_time()
+    device_text, began = json.dumps(document), process_time()
     try:
         with patience(PATIENCE):
             solved = solve(problem)
     except Exception as error:  # a failure becomes a row: the benchmark looks for failures
-        return Row(number, FAILED, process_time() - began, "", nan, f"{type(error).__name__}: {error}", said)
+        return Row(number, FAILED, process_time() - began, "", nan, f"{type(error).__name__}: {error}", device_text)
     seconds, judgement = process_time() - began, solved.judgement
     reason = solved.infeasibility.reason if solved.infeasibility else ""
     wrong, float_error = "", nan
     if judgement is not None:
         if not np.isfinite(judgement.transparency.error):
-            return Row(number, FAILED, seconds, "", nan, "the error is no number", said)
+            return Row(number, FAILED, seconds, "", nan, "the error is no number", device_text)
         wrong, float_error = contradiction(problem, judgement)
     elif solved.status.value == "infeasible":
-        found = feasible_design(problem)
-        wrong = "" if found is None else f"an independent scan finds {found}"
+        design_found = feasible_design(problem)
+        wrong = "" if design_found is None else f"an independent scan finds {design_found}"
     if solved.status.value in ("certified", "infeasible") and not wrong:
-        reason = said = ""
-    return Row(number, solved.status.value, seconds, wrong, float_error, reason, said)
+        reason = device_text = ""
+    return Row(number, solved.status.value, seconds, wrong, float_error, reason, device_text)
 
 
 def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
@@ -153,19 +155,24 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
     from vctune.bench import digits
 
     case = case_of(problem.device, judgement.gains, judgement.coupling)
-    factor, faults = problem.stability.safety_factor, []
-    inside = [*np.geomspace(*demands.sampled_span(problem), FREQUENCIES), judgement.worst]
-    below = [*np.geomspace(BELOW_NYQUIST * problem.nyquist, problem.nyquist, FREQUENCIES), judgement.worst_sensitivity]
+    safety_factor, faults = problem.stability.safety_factor, []
+    stability_grid = [*np.geomspace(*demands.sampled_span(problem), FREQUENCIES), judgement.worst]
+    sensitivity_grid = [
+        *np.geomspace(BELOW_NYQUIST * problem.nyquist, problem.nyquist, FREQUENCIES),
+        judgement.worst_sensitivity,
+    ]
     largest = 0.0
-    for omega in (w for w in {*map(float, inside), *map(float, below)} if 0 < w < inf):
-        true = digits.exact(case, omega)
-        floats = _floats(problem, judgement, omega)
-        defined = omega in inside and true.resistance > 0
-        pairs = zip(floats, (true.admittance, true.tracking, true.coupling, true.ratio if defined else 0), strict=True)
-        largest = max([largest, *(float(abs(x - y) / abs(y)) for x, y in pairs if y and np.isfinite(x))])
-        if omega in inside and not (true.resistance > 0 and true.ratio >= factor):
-            faults.append(f"Re Z_c/R is {float(true.ratio):.9g} at {omega / (2 * pi):.6g} Hz")
-        if omega in below and omega <= problem.nyquist:
+    for omega in (w for w in {*map(float, stability_grid), *map(float, sensitivity_grid)} if 0 < w < inf):
+        exact = digits.exact(case, omega)
+        doubles = _in_double_precision(problem, judgement, omega)
+        defined = omega in stability_grid and exact.resistance > 0
+        with_50_digits = exact.admittance, exact.tracking, exact.coupling, exact.ratio if defined else 0
+        pairs = zip(doubles, with_50_digits, strict=True)
+        comparable = [(double, exactly) for double, exactly in pairs if exactly and np.isfinite(double)]
+        largest = max([largest, *(float(abs(double - exactly) / abs(exactly)) for double, exactly in comparable)])
+        if omega in stability_grid and not (exact.resistance > 0 and exact.ratio >= safety_factor):
+            faults.append(f"Re Z_c/R is {float(exact.ratio):.9g} at {omega / (2 * pi):.6g} Hz")
+        if omega in sensitivity_grid and omega <= problem.nyquist:
             S = digits.sensitivity(case, omega)
             if problem.stability.max_sensitivity < S:
                 faults.append(f"|S| is {float(S):.9g} at {omega / (2 * pi):.6g} Hz")
@@ -174,7 +181,7 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
     return "; ".join(faults) if judgement.status.value == "certified" else "", largest
 
 
-def _floats(problem: Problem, judgement: Judgement, omega: float) -> tuple[float, float, float, float]:
+def _in_double_precision(problem: Problem, judgement: Judgement, omega: float) -> tuple[float, float, float, float]:
     """Return |G_hh|, |1 - G_he|, |Z_c| and Re Z_c/R from the float formulas."""
     at, Z_0 = np.array([omega]), problem.transparency.reference_impedance
     terms = demands.error_terms(problem, judgement.gains, judgement.coupling, at)
@@ -194,28 +201,28 @@ def feasible_design(problem: Problem) -> str | None:
     """
     bounds, stability = problem.bounds, problem.stability
     omega = np.geomspace(*demands.sampled_span(problem), SCAN_FREQUENCIES)
-    below = np.geomspace(BELOW_NYQUIST * problem.nyquist, problem.nyquist, SCAN_FREQUENCIES)
-    b_c = np.array(_spread(bounds.damping, SCAN_DAMPING))
-    for K_v, K_p in product(_spread(bounds.velocity, SCAN_GAINS), _spread(bounds.position, SCAN_GAINS)):
+    sensitivity_grid = np.geomspace(BELOW_NYQUIST * problem.nyquist, problem.nyquist, SCAN_FREQUENCIES)
+    b_c = np.array(_log_spaced(bounds.damping, SCAN_DAMPING))
+    for K_v, K_p in product(_log_spaced(bounds.velocity, SCAN_GAINS), _log_spaced(bounds.position, SCAN_GAINS)):
         loop = cases(problem.device, (K_v, K_p, 1.0, bounds.mass.max, bounds.drag.max))
-        if sensitivity(loop, below).max() > stability.max_sensitivity:
+        if sensitivity(loop, sensitivity_grid).max() > stability.max_sensitivity:
             continue
-        enough = (stability_ratio(replace(loop, b_c=b_c), omega) >= stability.safety_factor).all(axis=1)
-        if enough.any() and spectral_radius(loop) < INSIDE_CIRCLE:
-            design = replace(loop, b_c=float(b_c[np.argmax(enough)]))
+        stable_enough = (stability_ratio(replace(loop, b_c=b_c), omega) >= stability.safety_factor).all(axis=1)
+        if stable_enough.any() and spectral_radius(loop) < INSIDE_CIRCLE:
+            design = replace(loop, b_c=float(b_c[np.argmax(stable_enough)]))
             if violation(problem, design) == 0:  # the scan evaluates few frequencies; this check evaluates many
                 return f"{design}"
     return None
 
 
-def _spread(bounds: Range, count: int) -> list[float]:
+def _log_spaced(bounds: Range, count: int) -> list[float]:
     """Return log-spaced values over a range, including its ends, and 0 if the range contains it."""
     if bounds.fixed:
         return [bounds.min]
     if bounds.min > 0:
         inner = np.geomspace(bounds.min, bounds.max, count)
         return [bounds.min, *(float(x) for x in inner[1:-1]), bounds.max]
-    return [0.0, *(float(x) for x in np.geomspace(1e-9 * bounds.max, bounds.max, count))]
+    return [0.0, *(float(x) for x in np.geomspace(LEAST_SHARE * bounds.max, bounds.max, count))]
 
 
 def findings(rows: list[Row]) -> list[str]:
@@ -225,7 +232,7 @@ def findings(rows: list[Row]) -> list[str]:
     wrong = [row for row in rows if row.wrong]
     with_error = [row for row in rows if not np.isnan(row.float_error)]
     worst = max(with_error, key=lambda row: row.float_error, default=None)
-    said = [
+    sentences = [
         f"{len(rows)} devices: {shares}.",
         f"Wrong verdicts: {len(wrong)}" + "".join(f"; device {row.number}: {row.wrong}" for row in wrong[:3]) + ".",
         f"Failed (tracebacks, numbers that are not finite, no answer within {PATIENCE:g} s): {counts[FAILED]}"
@@ -233,13 +240,13 @@ def findings(rows: list[Row]) -> list[str]:
         + ".",
     ]
     if worst is not None:
-        said.append(
+        sentences.append(
             f"Largest relative error of the float formulas against 50 digits: {worst.float_error:.2g} (device "
             f"{worst.number}); median of the devices' largest {median(row.float_error for row in with_error):.2g}."
         )
     slowest = sorted(rows, key=lambda row: -row.seconds)[:SLOWEST]
-    named = ", ".join(f"device {row.number} ({row.status}, {row.seconds:.2f} s)" for row in slowest)
-    return [*said, f"Processor time: median {median(row.seconds for row in rows):.3f} s; slowest: {named}."]
+    slowest_text = ", ".join(f"device {row.number} ({row.status}, {row.seconds:.2f} s)" for row in slowest)
+    return [*sentences, f"Processor time: median {median(row.seconds for row in rows):.3f} s; slowest: {slowest_text}."]
 
 
 def panels_of(rows: list[Row]) -> list[Panel]:

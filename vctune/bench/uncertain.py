@@ -25,7 +25,7 @@ QUICK, FULL = 7, 300
 PATIENCE = 60.0
 """Processor time, s, after which the benchmark records a device as late."""
 LATE = "late"
-MOST = 0.9
+MAX_HALF_WIDTH = 0.9
 """Greatest relative half-width of a number."""
 NUMBERS = "mass", "damping", "delay"
 COMBINATIONS = tuple(some for count in (1, 2, 3) for some in combinations(NUMBERS, count))
@@ -99,10 +99,10 @@ def drawn(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
         return float(f"{np.exp(rng.uniform(np.log(low), np.log(high))):.4g}")
 
     T = between(2e-4, 4e-3)
-    found = {"mass": between(0.05, 5.0), "damping": between(0.05, 10.0), "sample_time": T}
-    found["delay"] = float(f"{T * between(0.1, 5.0):.4g}")
-    some = COMBINATIONS[number % len(COMBINATIONS)]
-    document = {"device": found, "uncertainty": {key: between(0.02, MOST) for key in some}}
+    device = {"mass": between(0.05, 5.0), "damping": between(0.05, 10.0), "sample_time": T}
+    device["delay"] = float(f"{T * between(0.1, 5.0):.4g}")
+    uncertain_numbers = COMBINATIONS[number % len(COMBINATIONS)]
+    document = {"device": device, "uncertainty": {key: between(0.02, MAX_HALF_WIDTH) for key in uncertain_numbers}}
     problem, faults = pose(document, f"device {number}")
     assert problem is not None, faults
     return document, problem
@@ -121,13 +121,13 @@ def solved(seed: int, number: int) -> Row:
         The device's numbers, status and time.
     """
     document, problem = drawn(seed, number)
-    named = ", ".join(f"{key} {width:g}" for key, width in document["uncertainty"].items())
+    uncertain = ", ".join(f"{key} {width:g}" for key, width in document["uncertainty"].items())
     status, error, began = LATE, nan, process_time()
     with suppress(TimeoutError), patience(PATIENCE):
-        found = solve(problem)
-        status, error = found.status.value, nan if found.judgement is None else found.judgement.error
+        solution = solve(problem)
+        status, error = solution.status.value, nan if solution.judgement is None else solution.judgement.error
     seconds = process_time() - began
-    return Row(number, **document["device"], uncertain=named, status=status, seconds=seconds, error=error)
+    return Row(number, **document["device"], uncertain=uncertain, status=status, seconds=seconds, error=error)
 
 
 def facts(rows: list[Row]) -> list[str]:
@@ -135,12 +135,12 @@ def facts(rows: list[Row]) -> list[str]:
     counts = Counter(row.status for row in rows)
     shares = ", ".join(f"{status} {count} ({count / len(rows):.1%})" for status, count in counts.most_common())
     times, slowest = sorted(row.seconds for row in rows), max(rows, key=lambda row: row.seconds)
-    late = quantiles(times, n=20, method="inclusive")[-1]
+    slowest_twentieth = quantiles(times, n=20, method="inclusive")[-1]
     return [
-        f"{len(rows)} devices, each with one to three uncertain numbers within {MOST:g} of themselves: {shares}; late "
-        f"means no answer within {PATIENCE:g} s.",
-        f"Processor time: median {median(times):.2f} s, 95 % within {late:.1f} s, longest {slowest.seconds:.1f} s "
-        f"(device {slowest.number}, uncertain {slowest.uncertain}).",
+        f"{len(rows)} devices, each with one to three uncertain numbers within {MAX_HALF_WIDTH:g} of themselves: "
+        f"{shares}; late means no answer within {PATIENCE:g} s.",
+        f"Processor time: median {median(times):.2f} s, 95 % within {slowest_twentieth:.1f} s, "
+        f"longest {slowest.seconds:.1f} s (device {slowest.number}, uncertain {slowest.uncertain}).",
     ]
 
 

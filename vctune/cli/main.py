@@ -25,7 +25,7 @@ COMMANDS = (
 
 
 class _Commands(click.Group):
-    """The group of all commands. The group imports a command only to run or list it."""
+    """The group of all commands. The group imports a command only when the user runs or lists it."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -82,8 +82,8 @@ def execute() -> int:
         if RECEIVED:
             raise KeyboardInterrupt from None
         place = _innermost(error)
-        said = f"internal error at {place}: {type(error).__name__}: {error}; please report it"
-        code = _complain(coded(said, "internal-error"), ExitCode.INTERNAL)
+        message = f"internal error at {place}: {type(error).__name__}: {error}; please report it"
+        code = _complain(coded(message, "internal-error"), ExitCode.INTERNAL)
     return int(code or ExitCode.OK)
 
 

@@ -133,7 +133,7 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
         message = "is no design; give the path of a gains file, or Gains(...) and Coupling(...) or SpringDamper(...)"
         raise InputError.of("design", "bad-option", message)
     if not isinstance(coupling, kind.coupling):
-        kind = next(each for each in KINDS.values() if isinstance(coupling, each.coupling))
+        kind = next(display for display in KINDS.values() if isinstance(coupling, display.coupling))
     stated = {"gains": plain(gains), "coupling": plain(coupling)}
     for key in kind.absent:
         table, _, name = key.partition(".")
@@ -161,9 +161,9 @@ def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | N
     InputError
         See `design`; also if the design is for another kind of device than the problem's.
     """
-    given = design(gains, coupling, file.problem.device.kind)
-    require_gains_of(file, given)
-    return given
+    stated = design(gains, coupling, file.problem.device.kind)
+    require_gains_of(file, stated)
+    return stated
 
 
 def plain(value: Any) -> Any:

@@ -74,13 +74,13 @@ def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
     return LogMap(validated(LogDocument, text, str(path), _contradictions), str(path), text, servo)
 
 
-def read_log(path: Path, known: LogMap) -> Recording:
+def read_log(path: Path, log_map: LogMap) -> Recording:
     """Read a log.
 
     Parameters
     ----------
     path : path of a CSV file, plain or gzipped, with commas, semicolons or tabs and a line of headers
-    known : roles of the columns
+    log_map : roles of the columns
 
     Returns
     -------
@@ -94,9 +94,9 @@ def read_log(path: Path, known: LogMap) -> Recording:
     """
     table = read_table(path)
     headers = table.headers
-    columns = _columns(path, headers, known)
+    columns = _columns(path, headers, log_map)
     channels = {
-        role: _channel(table.numbers[:, headers.index(stated.column)], stated, known, role)
+        role: _channel(table.numbers[:, headers.index(stated.column)], stated, log_map, role)
         for role, stated in columns.items()
     }
     used = {stated.column for stated in columns.values()}
@@ -106,14 +106,14 @@ def read_log(path: Path, known: LogMap) -> Recording:
         first_line=table.first_line,
         channels=channels,
         ignored=tuple(header for header in headers if header not in used),
-        rotary=known.document.rotary,
+        rotary=log_map.document.rotary,
     )
 
 
-def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, ColumnTable]:
+def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, ColumnTable]:
     """Return the column of each role that the log contains."""
     stated = {
-        role: _table(entry) for role in known.roles if (entry := getattr(known.document.columns, role)) is not None
+        role: _table(entry) for role in log_map.roles if (entry := getattr(log_map.document.columns, role)) is not None
     }
     faults = [
         Mistake(
@@ -125,17 +125,19 @@ def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, ColumnT
         if table.column not in headers
     ]
     if faults:
-        raise InputError(known.source, faults)
-    taken = {table.column for table in stated.values()}
-    looked_for = [role for role in known.roles if role in stated or role not in _stood_for(stated)]
-    found = {
-        role: table for role in looked_for if (table := stated.get(role) or _usual(role, headers, taken)) is not None
+        raise InputError(log_map.source, faults)
+    used_headers = {table.column for table in stated.values()}
+    possible_roles = [role for role in log_map.roles if role in stated or role not in _unneeded_roles(stated)]
+    columns = {
+        role: table
+        for role in possible_roles
+        if (table := stated.get(role) or _column_by_header(role, headers, used_headers)) is not None
     }
-    _check_needed(path, headers, found, known)
-    return found
+    _check_needed(path, headers, columns, log_map)
+    return columns
 
 
-def _stood_for(stated: Mapping[str, ColumnTable]) -> tuple[str, ...]:
+def _unneeded_roles(stated: Mapping[str, ColumnTable]) -> tuple[str, ...]:
     """Return the roles that the log may lack. A servo receives only one of the two commands."""
     return SERVO_COMMANDS if set(SERVO_COMMANDS) & set(stated) else ()
 
@@ -144,70 +146,77 @@ def _table(entry: str | ColumnTable) -> ColumnTable:
     return entry if isinstance(entry, ColumnTable) else ColumnTable(column=entry)
 
 
-def _usual(role: str, headers: list[str], taken: set[str]) -> ColumnTable | None:
+def _column_by_header(role: str, headers: list[str], used_headers: set[str]) -> ColumnTable | None:
     """Return the column whose header states the role and a unit, unless the map assigns the role to another column."""
     ends = [f"{role}_{_in_header(unit)}" for unit in KINDS[KIND_OF.get(role, role)]]
-    return next((ColumnTable(column=header) for header in headers if header in ends and header not in taken), None)
+    return next(
+        (ColumnTable(column=header) for header in headers if header in ends and header not in used_headers), None
+    )
 
 
 def _in_header(unit: str) -> str:
     return unit.replace("/", "_")
 
 
-def _check_needed(path: Path, headers: list[str], found: dict[str, ColumnTable], known: LogMap) -> None:
+def _check_needed(path: Path, headers: list[str], columns: dict[str, ColumnTable], log_map: LogMap) -> None:
+    """Refuse a log without a position, without a force or command, or without times."""
     missing = []
-    if "position" not in found:
+    if "position" not in columns:
         missing.append(("columns.position", "without a position nothing can be identified; name its column"))
-    if known.servo:
-        missing += _servo_s_command(found)
-    elif not {"command", "force", "hand"} & set(found):
+    if log_map.servo:
+        missing += _servo_command_faults(columns)
+    elif not {"command", "force", "hand"} & set(columns):
         missing.append(("columns.command", "without a force nothing can be identified; name the column of the command"))
-    if "time" not in found and known.document.sample_time is None:
+    if "time" not in columns and log_map.document.sample_time is None:
         missing.append(("sample_time", "there is no column time; name it in [columns], or write sample_time"))
     if missing:
         here = f"{path} has the columns {', '.join(headers)}"
-        raise InputError(known.source, [Mistake("log-columns", key, f"{message} ({here})") for key, message in missing])
+        raise InputError(
+            log_map.source, [Mistake("log-columns", key, f"{message} ({here})") for key, message in missing]
+        )
 
 
-def _servo_s_command(found: Mapping[str, ColumnTable]) -> list[tuple[str, str]]:
+def _servo_command_faults(columns: Mapping[str, ColumnTable]) -> list[tuple[str, str]]:
     """Return the faults of a servo's command column."""
-    sent = [role for role in SERVO_COMMANDS if role in found]
+    sent = [role for role in SERVO_COMMANDS if role in columns]
     if len(sent) == 1:
         return []
     if sent:
-        both = " and ".join(found[role].column for role in sent)
+        both = " and ".join(columns[role].column for role in sent)
         return [
             ("columns", f"a servo is sent a velocity or a position, and {both} are there; name the one that is sent")
         ]
     return [("columns.velocity_command", "without a command nothing can be identified; name its column")]
 
 
-def _channel(values: Floats, stated: ColumnTable, known: LogMap, role: str) -> Channel:
-    scale = stated.scale if stated.scale is not None else UNITS[_unit(stated, known, role)]
+def _channel(values: Floats, stated: ColumnTable, log_map: LogMap, role: str) -> Channel:
+    """Return a column in SI units."""
+    scale = stated.scale if stated.scale is not None else UNITS[_unit(stated, log_map, role)]
     quantum = None if stated.quantum is None else stated.quantum * abs(scale)
     limit = None if stated.limit is None else stated.limit * abs(scale)
     return Channel(stated.column, values * scale, scale, quantum, limit)
 
 
-def _unit(stated: ColumnTable, known: LogMap, role: str) -> str:
+def _unit(stated: ColumnTable, log_map: LogMap, role: str) -> str:
     """Return the unit of a column: the stated unit, or the end of its header."""
     fitting = KINDS[KIND_OF.get(role, role)]
     if role != "time":
-        fitting = tuple(unit for unit in fitting if (unit in ANGLES) == known.document.rotary)
+        fitting = tuple(unit for unit in fitting if (unit in ANGLES) == log_map.document.rotary)
     ends = [unit for unit in fitting if stated.column.endswith(f"_{_in_header(unit)}")]
     unit: str = stated.unit or (ends or [stated.column.rpartition("_")[2]])[0]
     if unit in fitting:
         return unit
-    said = f"its unit {unit} is none" if stated.unit else "its header does not end with a unit"
+    fault = f"its unit {unit} is none" if stated.unit else "its header does not end with a unit"
     other = ""
-    if role != "time" and (unit in ANGLES) != known.document.rotary and unit in UNITS:
+    if role != "time" and (unit in ANGLES) != log_map.document.rotary and unit in UNITS:
         other = "; write rotary = true" if unit in ANGLES else "; or is the device not rotary?"
-    said = f"column {shown(stated.column)}: {said} of {', '.join(fitting)}"
-    message = f"{said}; write its unit, or scale = SI units per unit{other}"
-    raise InputError.of(known.source, "log-columns", message, key=f"columns.{role}")
+    fault = f"column {shown(stated.column)}: {fault} of {', '.join(fitting)}"
+    message = f"{fault}; write its unit, or scale = SI units per unit{other}"
+    raise InputError.of(log_map.source, "log-columns", message, key=f"columns.{role}")
 
 
 def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
+    """Return a column with two roles, a column with both unit and scale, and a delay without its value, as faults."""
     faults: list[Contradiction] = []
     columns, roles = raw.get("columns"), dict[str, str]()
     for role, entry in columns.items() if isinstance(columns, dict) else ():

@@ -72,6 +72,7 @@ def read_table(path: Path) -> LogTable:
 
 
 def _bytes(path: Path) -> bytes:
+    """Return the content of a file, or refuse it as unreadable or too long."""
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
@@ -91,6 +92,7 @@ def _check_text(path: Path, data: bytes) -> None:
 
 
 def _unpacked(path: Path, packed: bytes) -> bytes:
+    """Return unpacked data; the limit on its size also stops a small file that unpacks to a huge one."""
     try:
         unpacker = zlib.decompressobj(wbits=31)
         data = unpacker.decompress(packed, MAX_BYTES + 1)
@@ -108,7 +110,7 @@ def _headers(path: Path, data: bytes) -> tuple[list[str], str, int]:
     try:
         for number, line in enumerate(_stream(data), 1):
             if line.strip() and not line.startswith("#"):
-                separator = next((each for each in SEPARATORS if each in line), SEPARATORS[0])
+                separator = next((candidate for candidate in SEPARATORS if candidate in line), SEPARATORS[0])
                 headers = [header.strip().strip('"') for header in line.split(separator)]
                 _check_headers(path, headers, number)
                 return headers, separator, number + 1
@@ -122,6 +124,7 @@ def _stream(data: bytes) -> TextIOWrapper:
 
 
 def _decoded(path: Path, data: bytes) -> str:
+    """Return data as text. A byte that is not UTF-8 is refused with its line."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -131,6 +134,7 @@ def _decoded(path: Path, data: bytes) -> str:
 
 
 def _check_headers(path: Path, headers: list[str], line: int) -> None:
+    """Refuse headers that are numbers, and headers that appear twice."""
     numbers = [header for header in headers if _is_number(header)]
     if numbers:
         message = f"{shown(numbers[0])} is a number where a header should be; give the columns a line of names"
@@ -197,6 +201,7 @@ def _check_point(path: Path, lines: list[str], separator: str, columns: int, fir
 
 
 def _faults(lines: list[str], separator: str, headers: list[str], first_line: int) -> Iterable[Mistake]:
+    """Yield the faults of the rows: a wrong number of cells, and cells without a finite number."""
     for number, line in enumerate(lines, first_line):
         cells = [cell.strip() for cell in line.split(separator)]
         if len(cells) != len(headers):

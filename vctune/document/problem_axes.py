@@ -19,7 +19,7 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
-OWN = ("name", "description", "experiment", "axis")
+NOT_OVERRIDDEN = ("name", "description", "experiment", "axis")
 """Keys that an axis cannot override."""
 
 
@@ -118,28 +118,30 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
     raw, source = toml.parse(text, str(path)), str(path)
     if "axis" not in raw:
         return None
-    tables, faults = raw["axis"], [*_misstated(raw["axis"])]
+    tables, faults = raw["axis"], [*_faults_of_list(raw["axis"])]
     if faults:
         raise refusal(faults, text, source)
     shared = {key: value for key, value in raw.items() if key != "axis"}
     name = raw.get("name") if isinstance(raw.get("name"), str) else path.stem
     lines, axes = toml.Lines(text), []
-    found: list[list[Fault]] = []
+    faults_of_axes: list[list[Fault]] = []
     for index, table in enumerate(tables):
-        own = {key: value for key, value in table.items() if key != "name"}
-        stated = merged(shared, own) | {"name": f"{name} {table['name']}"}
-        problem, wrong = pose(stated, path.stem)
-        found.append([_at(fault, shared, own, index) for fault in wrong])
+        axis_tables = {key: value for key, value in table.items() if key != "name"}
+        axis_document = merged(shared, axis_tables) | {"name": f"{name} {table['name']}"}
+        problem, axis_faults = pose(axis_document, path.stem)
+        faults_of_axes.append([_placed(fault, shared, axis_tables, index) for fault in axis_faults])
         if problem is not None:
             line = lines.locate(("axis", index, "name")) or 1
-            axes.append(AxisProblem(table["name"], ProblemFile(problem, toml_text(stated), source), line))
-    if any(found):
-        everywhere = set(pose(shared, path.stem)[1]) | set.intersection(*map(set, found))
-        raise refusal(_named(found, [table["name"] for table in tables], everywhere), text, source)
+            axes.append(AxisProblem(table["name"], ProblemFile(problem, toml_text(axis_document), source), line))
+    if any(faults_of_axes):
+        common_faults = set(pose(shared, path.stem)[1]) | set.intersection(*map(set, faults_of_axes))
+        raise refusal(
+            _with_axis_names(faults_of_axes, [table["name"] for table in tables], common_faults), text, source
+        )
     return AxesFile(str(name), tuple(axes))
 
 
-def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+def merged(shared: Mapping[str, Any], axis_tables: Mapping[str, Any]) -> dict[str, Any]:
     """Return the shared tables with the tables of an axis merged into them.
 
     Tables merge key by key; the axis replaces all other values.
@@ -147,21 +149,21 @@ def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     shared : tables of the file that its axes share
-    own : tables of one axis
+    axis_tables : tables of one axis
     """
-    found = deepcopy(dict(shared))
-    for key, value in own.items():
-        both = isinstance(value, Mapping) and isinstance(found.get(key), Mapping)
-        found[key] = merged(found[key], value) if both else deepcopy(value)
-    return found
+    tables = deepcopy(dict(shared))
+    for key, value in axis_tables.items():
+        both = isinstance(value, Mapping) and isinstance(tables.get(key), Mapping)
+        tables[key] = merged(tables[key], value) if both else deepcopy(value)
+    return tables
 
 
-def _misstated(tables: Any) -> Iterator[Fault]:
+def _faults_of_list(tables: Any) -> Iterator[Fault]:
     """Yield the faults in the list of axes and in their names."""
     if not isinstance(tables, list) or not tables or not all(isinstance(table, Mapping) for table in tables):
         yield Fault(("axis",), "is no list of tables; write [[axis]] and a name for each axis", "wrong-type")
         return
-    seen: dict[str, int] = {}
+    index_of_name: dict[str, int] = {}
     for index, table in enumerate(tables):
         path: KeyPath = ("axis", index, "name")
         name = table.get("name")
@@ -171,25 +173,28 @@ def _misstated(tables: Any) -> Iterator[Fault]:
                 yield Fault(path, f"is missing; write one {message}", "missing-key")
             else:
                 yield Fault(path, f"{shown(name)} is no name; write one {message}", "wrong-type")
-        elif name.lower() in seen:
-            yield Fault(path, f"{name!r} is the name of axis[{seen[name.lower()]}] too; write another", "contradiction")
+        elif name.lower() in index_of_name:
+            yield Fault(
+                path, f"{name!r} is the name of axis[{index_of_name[name.lower()]}] too; write another", "contradiction"
+            )
         else:
-            seen[name.lower()] = index
-        for key in OWN[1:]:
+            index_of_name[name.lower()] = index
+        for key in NOT_OVERRIDDEN[1:]:
             if key in table:
                 message = "is of the file, and no axis has its own; write it at the top of the file, or leave it out"
                 yield Fault(("axis", index, key), message, "contradiction")
 
 
-def _at(fault: Fault, shared: Mapping[str, Any], own: Mapping[str, Any], index: int) -> Fault:
+def _placed(fault: Fault, shared: Mapping[str, Any], axis_tables: Mapping[str, Any], index: int) -> Fault:
     """Return a fault of the merged tables with its place in the file."""
     path: KeyPath = ("axis", index, *fault.path)
-    if _has(own, fault.path) or (not _has(shared, fault.path) and fault.path[0] in own):
+    if _has(axis_tables, fault.path) or (not _has(shared, fault.path) and fault.path[0] in axis_tables):
         return fault._replace(path=path)
     return fault
 
 
 def _has(tables: Any, path: KeyPath) -> bool:
+    """Return whether tables have a key."""
     for step in path:
         try:
             tables = tables[step]
@@ -198,14 +203,16 @@ def _has(tables: Any, path: KeyPath) -> bool:
     return True
 
 
-def _named(found: Sequence[Sequence[Fault]], names: Sequence[str], own: set[Fault]) -> list[Fault]:
+def _with_axis_names(
+    faults_of_axes: Sequence[Sequence[Fault]], names: Sequence[str], common_faults: set[Fault]
+) -> list[Fault]:
     """Return the faults of all axes without duplicates.
 
     If one axis causes a fault in a shared table, the message names the axis.
     """
-    told = []
-    for faults, name in zip(found, names, strict=True):
+    named_faults = []
+    for faults, name in zip(faults_of_axes, names, strict=True):
         for fault in faults:
-            known = fault in own or fault.path[:1] == ("axis",)
-            told.append(fault if known else fault._replace(message=f"of axis {name}: {fault.message}"))
-    return list(dict.fromkeys(told))
+            needs_no_name = fault in common_faults or fault.path[:1] == ("axis",)
+            named_faults.append(fault if needs_no_name else fault._replace(message=f"of axis {name}: {fault.message}"))
+    return list(dict.fromkeys(named_faults))

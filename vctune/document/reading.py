@@ -259,6 +259,7 @@ def _other_display(raw: dict[str, Any]) -> list[Contradiction]:
 
 
 def _empty_default_band(problem: Problem) -> Fault:
+    """Return the fault of a stated transparency band that leaves the default stability band empty."""
     low, high = problem.transparency.band.min / (2 * pi), problem.stability.band.max / (2 * pi)
     message = (
         f"with the lower edge {low:g} Hz the default stability band, from there to 0.05/tau with tau = "

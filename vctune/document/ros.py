@@ -88,7 +88,7 @@ FORWARD_DYNAMICS = (
     "every cycle, has no mass, and acts on the rate of the force; vctune does not prove it; name the parameters of an "
     "admittance_controller"
 )
-"""Message about a controller whose law is not that of a mass with drag."""
+"""Message about a controller that does not render a mass with drag."""
 
 
 def is_admittance(path: Path) -> bool:
@@ -123,14 +123,14 @@ def read_admittance(path: Path) -> AdmittanceFile:
         raise InputError.of(source, "not-yaml", message, line=None if mark is None else mark.line + 1) from None
     except (ValueError, RecursionError) as error:
         raise InputError.of(source, "not-yaml", f"not valid YAML: {error or 'nested too deeply'}") from None
-    found = list(_controllers(value, ()))
-    if not found and any(_controllers(value, (), "pd_gains")):
+    matches = list(_controllers(value, ()))
+    if not matches and any(_controllers(value, (), "pd_gains")):
         raise InputError.of(source, "ros-other-law", FORWARD_DYNAMICS)
-    if len(found) != 1:
-        known = ", ".join(".".join(place) for place, _ in found)
-        message = f"states {len(found)} controllers with ros__parameters.admittance{f' ({known})' if known else ''}"
+    if len(matches) != 1:
+        known = ", ".join(".".join(place) for place, _ in matches)
+        message = f"states {len(matches)} controllers with ros__parameters.admittance{f' ({known})' if known else ''}"
         raise InputError.of(source, "ambiguous-files", f"{message}; name a file with one")
-    return _Reader(source, *found[0], root).read()
+    return _Reader(source, *matches[0], root).read()
 
 
 def _controllers(
@@ -185,20 +185,22 @@ class _Reader:
         return AdmittanceFile(tuple(axes), coefficient, selection, lines)
 
     def _list(self, name: str, *, least: float = 0.0, most: float = inf, flags: bool = False) -> list[Any]:
+        """Return one value for each axis; record a fault for each value that is missing or out of range."""
         key, values = f"admittance.{name}", self._table("admittance").get(name)
         kind = "true or false" if flags else "numbers"
         if not isinstance(values, list) or len(values) != len(AXES):
             self._wrong(key, f"must be a list of {len(AXES)} {kind}, of {', '.join(AXES)}; it is {_shown(values)}")
             return [0.0] * len(AXES)
-        for axis, each in zip(AXES, values, strict=True):
-            if flags and not isinstance(each, bool):
-                self._wrong(key, f"of {axis} is {_shown(each)}: must be true or false")
-            elif not flags and not (_is_number(each) and least <= each <= most):
+        for axis, element in zip(AXES, values, strict=True):
+            if flags and not isinstance(element, bool):
+                self._wrong(key, f"of {axis} is {_shown(element)}: must be true or false")
+            elif not flags and not (_is_number(element) and least <= element <= most):
                 limit = f" and at most {most:g}" if most < inf else ""
-                self._wrong(key, f"of {axis} is {_shown(each)}: must be a number of at least {least:g}{limit}")
-        return [each if flags or not _is_number(each) else float(each) for each in values]
+                self._wrong(key, f"of {axis} is {_shown(element)}: must be a number of at least {least:g}{limit}")
+        return [element if flags or not _is_number(element) else float(element) for element in values]
 
     def _number(self, table: str, name: str, default: float, most: float) -> float:
+        """Return a number or its default; record a fault if it is out of range."""
         value = self._table(table).get(name, default)
         if not (_is_number(value) and 0 <= value <= most):
             self._wrong(f"{table}.{name}", f"is {_shown(value)}: must be a number from 0 to {most:g}")
@@ -220,10 +222,10 @@ class _Reader:
         node, line = self._root, None
         for step in (*self._place, *key.split(".")):
             pairs = node.value if hasattr(node, "value") and isinstance(node.value, list) else []
-            found = [(name, entry) for name, entry in pairs if str(name.value) == step]
-            if not found:
+            matches = [(name, entry) for name, entry in pairs if str(name.value) == step]
+            if not matches:
                 return line
-            line, node = found[0][0].start_mark.line + 1, found[0][1]
+            line, node = matches[0][0].start_mark.line + 1, matches[0][1]
         return line
 
 

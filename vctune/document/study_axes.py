@@ -111,14 +111,15 @@ def _not_whole(at: KeyPath, scale: Scale, numbers: list[Any]) -> list[Contradict
 
 
 def _unknown(key: str, value: Any) -> str:
+    """Return the message on a key that is not a number of a problem, with the key that was probably meant."""
     if isinstance(value, dict) and any(isinstance(step, str) and step.startswith(f"{key}.") for step in number_keys()):
         inner = next(iter(value), "")
         return f'is a table of the problem; write the whole key in quotes, "{key}.{inner}" = ...'
-    elements = [known for known in number_keys() if known.startswith(f"{key}[")]
+    elements = [key_of_element for key_of_element in number_keys() if key_of_element.startswith(f"{key}[")]
     if elements:
         return f'is a list; write "{elements[0]}" or "{elements[-1]}"'
-    meant = get_close_matches(key, number_keys(), n=1, cutoff=0.6)
-    hint = f'; did you mean "{meant[0]}"?' if meant else "; `vctune schema` lists the keys"
+    similar = get_close_matches(key, number_keys(), n=1, cutoff=0.6)
+    hint = f'; did you mean "{similar[0]}"?' if similar else "; `vctune schema` lists the keys"
     return f"is no number of a problem file{hint}"
 
 

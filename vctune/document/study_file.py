@@ -75,8 +75,8 @@ class Study:
 
         The digest covers the problem and the keys that vary, but not their values.
         """
-        said = {key: value for key, value in self.document.items() if key not in ("name", "description")}
-        text = json.dumps([said, [axis.key for axis in self.axes]], sort_keys=True, default=str)
+        content = {key: value for key, value in self.document.items() if key not in ("name", "description")}
+        text = json.dumps([content, [axis.key for axis in self.axes]], sort_keys=True, default=str)
         return sha256(text.encode()).hexdigest()
 
     def posed(self, values: Iterable[float]) -> dict[str, Any]:
@@ -124,9 +124,9 @@ def read_study(path: Path) -> Study:
     homeless = [fault for axis in axes for fault in _homeless(problem, axis)]
     if homeless:
         raise refusal(homeless, text, str(path))
-    own = _problem_faults(problem, axes)
-    if own:
-        raise refusal(own, problem_text, str(target))
+    problem_faults = _problem_faults(problem, axes)
+    if problem_faults:
+        raise refusal(problem_faults, problem_text, str(target))
     yardstick, faults = _yardstick(problem, axes)
     if yardstick is None:
         raise refusal(faults, text, str(path))
@@ -196,9 +196,14 @@ def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
         axis, found = read_axis(key, value, sampled=kind == "lhs")
         faults += found
         axes += [axis] if axis else []
-    for one, other in combinations(axes, 2):
-        if one.path == other.path[: len(one.path)] or other.path == one.path[: len(other.path)]:
-            faults.append((("axes", other.key), f"varies the same number as {one.key}; leave one of them out"))
+    for first_axis, second_axis in combinations(axes, 2):
+        if (
+            first_axis.path == second_axis.path[: len(first_axis.path)]
+            or second_axis.path == first_axis.path[: len(second_axis.path)]
+        ):
+            faults.append(
+                (("axes", second_axis.key), f"varies the same number as {first_axis.key}; leave one of them out")
+            )
     if kind == "list":
         lists = [axis for axis in axes if axis.scale == "list"]
         faults += [
@@ -236,7 +241,7 @@ def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
 
 def _is_default(document: dict[str, Any], path: KeyPath, varied: Mapping[KeyPath, float]) -> bool:
     """Return whether a path leads to an end of a band or range that the document leaves at its default."""
-    siblings = {other[-1] for other in varied if other[:-1] == path[:-1]}
+    siblings = {second_axis[-1] for second_axis in varied if second_axis[:-1] == path[:-1]}
     return path[-1] in FORM_OF and len(siblings) == 1 and _at(document, path[:-1]) is None
 
 
@@ -258,7 +263,10 @@ def _first(problem: dict[str, Any], axes: Sequence[Axis]) -> dict[str, Any]:
 
 
 def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Problem | None, list[Fault]]:
-    """Return the problem without axes. If axes give numbers that it lacks, it has their first values."""
+    """Return the problem without axes.
+
+    If the problem lacks numbers that only axes give, those numbers have the first values of the axes.
+    """
     for document in (problem, _first(problem, axes)):
         found, faults = pose(document, "study")
         if found is not None:

@@ -30,24 +30,24 @@ WIDTH = 118
 """Greatest width of a line of C, characters."""
 
 
-def c_source(made: Firmware) -> dict[str, str]:
+def c_source(firmware: Firmware) -> dict[str, str]:
     """Return the texts of vctune_controller.h and vctune_controller.c.
 
     Parameters
     ----------
-    made : the design as firmware
+    firmware : the design as firmware
     """
-    given = {**names_and_numbers(made), **_code(made)}
-    return {name: rendered_template(name, given) for name in ("vctune_controller.h", "vctune_controller.c")}
+    variables = {**names_and_numbers(firmware), **_code(firmware)}
+    return {name: rendered_template(name, variables) for name in ("vctune_controller.h", "vctune_controller.c")}
 
 
-def rendered_template(name: str, given: dict[str, Any]) -> str:
+def rendered_template(name: str, variables: dict[str, Any]) -> str:
     """Return a text of the folder templates/ with its variables filled in.
 
     Parameters
     ----------
     name : name of the template without .j2
-    given : variables of the template
+    variables : variables of the template
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -59,30 +59,30 @@ def rendered_template(name: str, given: dict[str, Any]) -> str:
         keep_trailing_newline=True,
         autoescape=False,
     )
-    return templates.get_template(f"{name}.j2").render(given)
+    return templates.get_template(f"{name}.j2").render(variables)
 
 
-def names_and_numbers(made: Firmware) -> dict[str, Any]:
+def names_and_numbers(firmware: Firmware) -> dict[str, Any]:
     """Return the data of a design for the templates, except for the equations."""
-    double = made.precision == "double"
-    top = "\n".join(f" * {line}".rstrip() for text in statement(made) for line in comment(text) or [""])
-    T, numbers = made.device.sample_time, (*astuple(made.coupling), *astuple(made.gains))
-    keys = [key for key in made.device.kind.stated if key.startswith("coupling")]
-    keys += [key for key in made.device.kind.stated if key.startswith("gains")]
+    double = firmware.precision == "double"
+    top = "\n".join(f" * {line}".rstrip() for text in statement(firmware) for line in comment(text) or [""])
+    T, numbers = firmware.device.sample_time, (*astuple(firmware.coupling), *astuple(firmware.gains))
+    keys = [key for key in firmware.device.kind.stated if key.startswith("coupling")]
+    keys += [key for key in firmware.device.kind.stated if key.startswith("gains")]
     stated = [
-        (SYMBOLS[key], number, made.units.of(QUANTITIES[key])) for key, number in zip(keys, numbers, strict=False)
+        (SYMBOLS[key], number, firmware.units.of(QUANTITIES[key])) for key, number in zip(keys, numbers, strict=False)
     ]
     stated.append(("T", T, "s"))
-    command, reads = COMMANDS[made.parts.command], reads_of(made)
+    command, reads = COMMANDS[firmware.parts.command], reads_of(firmware)
     design = [
-        (name.upper(), made.coefficients[name], COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit(made.units))
+        (name.upper(), firmware.coefficients[name], COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit(firmware.units))
         for name in GAINS
-        if name in made.coefficients
+        if name in firmware.coefficients
     ]
     constants = [
-        (name.upper(), number, COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit(made.units))
-        for name, number in made.coefficients.items()
-        if name not in GAINS and (name != "smoothing" or made.parts.low_passes)
+        (name.upper(), number, COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit(firmware.units))
+        for name, number in firmware.coefficients.items()
+        if name not in GAINS and (name != "smoothing" or firmware.parts.low_passes)
     ]
     return {
         "top": top,
@@ -90,50 +90,50 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
         "sample_time": repr(T),
         "double": double,
         "real": "double" if double else "float",
-        "zero": literal(0.0, made.precision),
-        "one": literal(1.0, made.precision),
-        "two": literal(2.0, made.precision),
-        "problem_sha256": made.problem_sha256,
-        "design_sha256": made.design_sha256,
-        "proved": certified(made),
-        "integrator": made.gains.position > 0,
-        "force": not made.parts.spring,
-        "units": made.units,
-        "system": SYSTEM[made.device.units],
-        "limited": limiting(made),
-        "difference": made.parts.difference,
-        "start_head": _start_head(made),
+        "zero": literal(0.0, firmware.precision),
+        "one": literal(1.0, firmware.precision),
+        "two": literal(2.0, firmware.precision),
+        "problem_sha256": firmware.problem_sha256,
+        "design_sha256": firmware.design_sha256,
+        "proved": certified(firmware),
+        "integrator": firmware.gains.position > 0,
+        "force": not firmware.parts.spring,
+        "units": firmware.units,
+        "system": SYSTEM[firmware.device.units],
+        "limited": limiting(firmware),
+        "difference": firmware.parts.difference,
+        "start_head": _start_head(firmware),
         "reads": reads,
-        "reads_in_words": _listed([made.units.force_name if name == "force" else name for name in reads]),
-        "columns": {_short(one): column for column, one in enumerate(INPUTS)},
-        "command": made.parts.command,
-        "command_unit": command.unit(made.units),
-        "law_told": made.units.translated(_law_told(made)),
+        "reads_in_words": _listed([firmware.units.force_name if name == "force" else name for name in reads]),
+        "columns": {_short(quantity): column for column, quantity in enumerate(INPUTS)},
+        "command": firmware.parts.command,
+        "command_unit": command.unit(firmware.units),
+        "law_told": firmware.units.translated(_law_comment(firmware)),
         "design": [
             *(f"/* {name} = {number!r} {unit} */" for name, number, unit in stated),
-            *_defined(made, design),
+            *_defined(firmware, design),
         ],
-        "constants": _defined(made, constants),
+        "constants": _defined(firmware, constants),
     }
 
 
-def _start_head(made: Firmware) -> str:
+def _start_head(firmware: Firmware) -> str:
     """Return the head of the function vctune_start.
 
     Only a differenced velocity needs the start position of the motor.
     """
-    first = "vctune_real position, " if made.parts.difference else ""
-    last = ", vctune_real limit" if limiting(made) else ""
+    first = "vctune_real position, " if firmware.parts.difference else ""
+    last = ", vctune_real limit" if limiting(firmware) else ""
     indent = " " * len("vctune_state vctune_start(")
-    rest = f"{indent}vctune_environment_function render, void *environment)"
-    return f"vctune_state vctune_start({first}vctune_real reference{last},\n{rest}"
+    second_line = f"{indent}vctune_environment_function render, void *environment)"
+    return f"vctune_state vctune_start({first}vctune_real reference{last},\n{second_line}"
 
 
-def _law_told(made: Firmware) -> str:
+def _law_comment(firmware: Firmware) -> str:
     """Return comments on the last equations of a step."""
-    if not made.parts.limit:
-        return f"The coupling, and the {made.parts.command} that the servo is to follow."
-    return "The force against the coupling." if made.parts.spring else "The law on the velocity error."
+    if not firmware.parts.limit:
+        return f"The coupling, and the {firmware.parts.command} that the servo is to follow."
+    return "The force against the coupling." if firmware.parts.spring else "The law on the velocity error."
 
 
 def _listed(words: list[str]) -> str:
@@ -142,57 +142,60 @@ def _listed(words: list[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def _defined(made: Firmware, constants: list[tuple[str, float, str, str]]) -> list[str]:
+def _defined(firmware: Firmware, constants: list[tuple[str, float, str, str]]) -> list[str]:
+    """Return constants as aligned lines of the C preprocessor, each with its meaning and unit."""
     rows = [
-        (f"#define VCTUNE_{name} ({literal(number, made.precision)})", told, unit)
-        for name, number, told, unit in constants
+        (f"#define VCTUNE_{name} ({literal(number, firmware.precision)})", meaning, unit)
+        for name, number, meaning, unit in constants
     ]
     width = max((len(row[0]) for row in rows), default=0)
-    return [f"{text:<{width}} /* {told}, {unit} */" for text, told, unit in rows]
+    return [f"{text:<{width}} /* {meaning}, {unit} */" for text, meaning, unit in rows]
 
 
-def _code(made: Firmware) -> dict[str, Any]:
-    blocks, step = _blocks(made.parts), ("estimate", "drive", "law")
-    kept = [name for name in state_names(made) if name != "desired"]
-    names = _names(made, blocks)
+def _code(firmware: Firmware) -> dict[str, Any]:
+    """Return the equations of a design as C, by the blocks of the templates."""
+    blocks, step = _blocks(firmware.parts), ("estimate", "drive", "law")
+    kept = [name for name in state_names(firmware) if name != "desired"]
+    names = _names(firmware, blocks)
     counted = operations(equation for block in blocks.values() for equation in block)
     return {
-        **{name: _lines(blocks[name], names, made) for name in step},
-        "render": _lines(blocks["environment"], _environment_names(names), made),
+        **{name: _lines(blocks[name], names, firmware) for name in step},
+        "render": _lines(blocks["environment"], _environment_names(names), firmware),
         "counted": ", ".join(
             f"{counted[kind]} {kind}" for kind in ("additions", "multiplications", "divisions", "comparisons")
         ),
-        "measurement": _fields({_short(one): one for one in inputs_of(made)}, made.units),
-        "built_in": _fields({name: (COEFFICIENTS | STATE)[name] for name in (*BUILT_IN, "inertia")}, made.units),
+        "measurement": _fields({_short(quantity): quantity for quantity in inputs_of(firmware)}, firmware.units),
+        "built_in": _fields({name: (COEFFICIENTS | STATE)[name] for name in (*BUILT_IN, "inertia")}, firmware.units),
         "state": _fields(
-            {name: (STATE | COEFFICIENTS)[name] for name in (*state_names(made), *limiting(made))}, made.units
+            {name: (STATE | COEFFICIENTS)[name] for name in (*state_names(firmware), *limiting(firmware))},
+            firmware.units,
         ),
-        "start": [f"state.{name} = {_begin(name, made)};" for name in state_names(made)],
+        "start": [f"state.{name} = {_start_value(name, firmware)};" for name in state_names(firmware)],
         "remember": [f"state->{name} = {name};" for name in ("desired", *kept)],
     }
 
 
-def state_names(made: Firmware) -> list[str]:
+def state_names(firmware: Firmware) -> list[str]:
     """Return the names of a firmware's state variables, without those of an environment's mass."""
-    return [name for name in equations.remembered(made.parts) if name != "inertia"]
+    return [name for name in equations.remembered(firmware.parts) if name != "inertia"]
 
 
-def limiting(made: Firmware) -> tuple[str, ...]:
+def limiting(firmware: Firmware) -> tuple[str, ...]:
     """Return the names of the coefficients with which a firmware limits its force."""
-    if not made.parts.limit:
+    if not firmware.parts.limit:
         return ()
-    return LIMITING[:1] if made.parts.spring else LIMITING
+    return LIMITING[:1] if firmware.parts.spring else LIMITING
 
 
-def inputs_of(made: Firmware) -> list[Quantity]:
+def inputs_of(firmware: Firmware) -> list[Quantity]:
     """Return the inputs of a firmware."""
-    known = _used(_blocks(made.parts))
-    return [one for one in INPUTS if one.name in known]
+    used_names = _used(_blocks(firmware.parts))
+    return [quantity for quantity in INPUTS if quantity.name in used_names]
 
 
-def reads_of(made: Firmware) -> list[str]:
+def reads_of(firmware: Firmware) -> list[str]:
     """Return the inputs of a firmware, by the field names of the measurement."""
-    return [_short(one) for one in inputs_of(made)]
+    return [_short(quantity) for quantity in inputs_of(firmware)]
 
 
 def _blocks(parts: Parts) -> dict[str, list[Equation]]:
@@ -201,41 +204,42 @@ def _blocks(parts: Parts) -> dict[str, list[Equation]]:
 
 def _used(blocks: dict[str, list[Equation]]) -> set[str]:
     """Return the names that occur on the right-hand sides of equations."""
-    found, terms = set(), [equation.right for block in blocks.values() for equation in block]
+    names, terms = set(), [equation.right for block in blocks.values() for equation in block]
     while terms:
         term = terms.pop()
         if isinstance(term, Symbol):
-            found.add(term.name)
+            names.add(term.name)
         else:
             terms += getattr(term, "operands", ())
-    return found
+    return names
 
 
 def _short(quantity: Quantity) -> str:
     return quantity.name.removeprefix("measured_")
 
 
-def _begin(name: str, made: Firmware) -> str:
-    return {"reference": "reference", "measured": "position"}.get(name, literal(0.0, made.precision))
+def _start_value(name: str, firmware: Firmware) -> str:
+    return {"reference": "reference", "measured": "position"}.get(name, literal(0.0, firmware.precision))
 
 
 def _fields(quantities: dict[str, Quantity], units: Units) -> list[str]:
     """Return quantities as fields of a struct, with aligned comments."""
     width = max(len(name) for name in quantities)
     return [
-        f"vctune_real {name};{' ' * (width - len(name))} /* {_told(one, units)} */" for name, one in quantities.items()
+        f"vctune_real {name};{' ' * (width - len(name))} /* {_meaning(quantity, units)} */"
+        for name, quantity in quantities.items()
     ]
 
 
-def _told(quantity: Quantity, units: Units) -> str:
+def _meaning(quantity: Quantity, units: Units) -> str:
     return f"{quantity.symbol}, {quantity.unit(units)}: {units.translated(quantity.meaning)}"
 
 
-def _names(made: Firmware, blocks: dict[str, list[Equation]]) -> dict[Symbol, str]:
+def _names(firmware: Firmware, blocks: dict[str, list[Equation]]) -> dict[Symbol, str]:
     """Return the C names of symbols in vctune_step."""
     local = {Symbol(equation.quantity.name): equation.quantity.name for block in blocks.values() for equation in block}
     return {
-        **{Symbol(name): f"VCTUNE_{name.upper()}" for name in made.coefficients},
+        **{Symbol(name): f"VCTUNE_{name.upper()}" for name in firmware.coefficients},
         **{Symbol(quantity.name): f"measurement->{_short(quantity)}" for quantity in INPUTS},
         **{Symbol(name, before=True): f"state->{name}" for name in STATE},
         **{Symbol(name): f"state->{name}" for name in LIMITING},
@@ -254,14 +258,14 @@ def _environment_names(names: dict[Symbol, str]) -> dict[Symbol, str]:
     }
 
 
-def _lines(block: Iterable[Equation], names: dict[Symbol, str], made: Firmware) -> list[str]:
+def _lines(block: Iterable[Equation], names: dict[Symbol, str], firmware: Firmware) -> list[str]:
     """Return equations as declarations, each with a comment on its meaning."""
     lines = []
     for equation in block:
         quantity = equation.quantity
-        line = f"const vctune_real {quantity.name} = {code(equation.right, names, made.precision)};"
-        told = f"/* {_told(quantity, made.units)} */"
-        lines += [f"{line} {told}"] if len(line) + len(told) + 5 <= WIDTH else [told, *_wrapped(line)]
+        line = f"const vctune_real {quantity.name} = {code(equation.right, names, firmware.precision)};"
+        meaning = f"/* {_meaning(quantity, firmware.units)} */"
+        lines += [f"{line} {meaning}"] if len(line) + len(meaning) + 5 <= WIDTH else [meaning, *_wrapped(line)]
     return lines
 
 

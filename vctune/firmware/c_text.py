@@ -79,10 +79,10 @@ def _written(
     operands = [_written(operand, name, number, called) for operand in term.operands]
     if term.operator not in BINDING:
         return called(term.operator, operands)
-    own = BINDING[term.operator]
+    precedence = BINDING[term.operator]
     if term.operator == "negative":
-        return f"-{_held(operands[0], term.operands[0], own)}"
-    left, right = (_held(operands[side], term.operands[side], own + side) for side in (0, 1))
+        return f"-{_bracketed(operands[0], term.operands[0], precedence)}"
+    left, right = (_bracketed(operands[side], term.operands[side], precedence + side) for side in (0, 1))
     return f"{left} {term.operator} {right}"
 
 
@@ -117,7 +117,7 @@ def comment(text: str, width: int = 110) -> list[str]:
     return [*lines, line] if line else lines
 
 
-def _held(text: str, term: Term, binding: int) -> str:
+def _bracketed(text: str, term: Term, binding: int) -> str:
     """Return an operand, in parentheses if its precedence is lower than that of the operator around it."""
-    own = HOLDING.get(term.operator, 9) if isinstance(term, Operation) else 9
-    return f"({text})" if own < binding else text
+    precedence = HOLDING.get(term.operator, 9) if isinstance(term, Operation) else 9
+    return f"({text})" if precedence < binding else text

@@ -26,15 +26,15 @@ FORMULAS = {
     "limit": "the greatest force, infinity for none",
     "position_reach": "limit / position_gain, infinity for none",
 }
-"""Formulas of the coefficients that the user sets at run time. Such coefficients are no constants of the design."""
+"""Formulas of the coefficients that the user sets at run time. Such coefficients are not constants of the design."""
 
 
-def controller_record(made: Firmware) -> dict[str, Any]:
+def controller_record(firmware: Firmware) -> dict[str, Any]:
     """Return the object of controller.json.
 
     Parameters
     ----------
-    made : the design as firmware
+    firmware : the design as firmware
 
     Returns
     -------
@@ -43,41 +43,47 @@ def controller_record(made: Firmware) -> dict[str, Any]:
         `before.NAME` is the
             value of NAME after the previous sample; `choice(a, b, c, d)` is c if a > b, else d.
     """
-    units = made.units
+    units = firmware.units
     coefficients = {
-        name: {**_told(COEFFICIENTS[name], units), "value": number} for name, number in made.coefficients.items()
+        name: {**_described(COEFFICIENTS[name], units), "value": number}
+        for name, number in firmware.coefficients.items()
     }
     settings = {
-        name: {**_told(COEFFICIENTS[name], units), "formula": units.translated(FORMULAS[name])}
-        for name in (*BUILT_IN, *limiting(made))
+        name: {**_described(COEFFICIENTS[name], units), "formula": units.translated(FORMULAS[name])}
+        for name in (*BUILT_IN, *limiting(firmware))
     }
     blocks = ("estimate", "drive", "environment", "law")
-    assert all(isfinite(number) for number in made.coefficients.values())
+    assert all(isfinite(number) for number in firmware.coefficients.values())
     return {
-        **({} if certified(made) else {"not_proved": not_proved(made)}),
+        **({} if certified(firmware) else {"not_proved": not_proved(firmware)}),
         "schema": SCHEMA,
-        "name": made.name,
-        "problem_sha256": made.problem_sha256,
-        "design_sha256": made.design_sha256,
-        "status": made.record.status,
-        "proved": made.record.promise,
-        "assumed": assumptions(made),
-        "precision": made.precision,
-        **({"gains": asdict(made.gains)} if made.device.kind.own_loop else {}),
-        "coupling": asdict(made.coupling),
-        "inputs": {one.name: _told(one, units) for one in inputs_of(made)},
+        "name": firmware.name,
+        "problem_sha256": firmware.problem_sha256,
+        "design_sha256": firmware.design_sha256,
+        "status": firmware.record.status,
+        "proved": firmware.record.promise,
+        "assumed": assumptions(firmware),
+        "precision": firmware.precision,
+        **({"gains": asdict(firmware.gains)} if firmware.device.kind.own_loop else {}),
+        "coupling": asdict(firmware.coupling),
+        "inputs": {quantity.name: _described(quantity, units) for quantity in inputs_of(firmware)},
         "coefficients": coefficients,
         "settings": settings,
-        "state": {name: _told(STATE[name], units) for name in (*state_names(made), "inertia")},
+        "state": {name: _described(STATE[name], units) for name in (*state_names(firmware), "inertia")},
         "equations": [
-            {"block": block, "name": one.quantity.name, **_told(one.quantity, units), "is": plain(one.right)}
+            {
+                "block": block,
+                "name": equation.quantity.name,
+                **_described(equation.quantity, units),
+                "is": plain(equation.right),
+            }
             for block in blocks
-            for one in getattr(equations, block)(made.parts)
+            for equation in getattr(equations, block)(firmware.parts)
         ],
         "output": "command",
         "versions": {"vctune": __version__},
     }
 
 
-def _told(quantity: Quantity, units: Units) -> dict[str, str]:
+def _described(quantity: Quantity, units: Units) -> dict[str, str]:
     return {"symbol": quantity.symbol, "unit": quantity.unit(units), "meaning": units.translated(quantity.meaning)}

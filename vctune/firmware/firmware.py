@@ -163,9 +163,9 @@ def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, 
     return again, (gains, coupling_of(coefficients, T))
 
 
-def certified(made: Firmware) -> bool:
+def certified(firmware: Firmware) -> bool:
     """Return whether all claims about a firmware are proved."""
-    return made.record.status == Status.CERTIFIED.value
+    return firmware.record.status == Status.CERTIFIED.value
 
 
 def _place(hz: float | None) -> str:

@@ -90,21 +90,21 @@ ABSENT = {
 """Functions that the standard requires but that a controller does not use, with their arguments."""
 
 
-def fmu(made: Firmware) -> bytes:
+def fmu(firmware: Firmware) -> bytes:
     """Return the FMU of a design as a zip archive. The same design and compiler give the same bytes.
 
     Parameters
     ----------
-    made : the design as firmware
+    firmware : the design as firmware
 
     Raises
     ------
     InputError
         If there is no C compiler, or this machine does not run 64-bit Linux.
     """
-    sources = {**c_source(made), "vctune_fmu.c": rendered_template("vctune_fmu.c", _given(made))}
+    sources = {**c_source(firmware), "vctune_fmu.c": rendered_template("vctune_fmu.c", _given(firmware))}
     packed: dict[str, str | bytes] = {
-        "modelDescription.xml": rendered_template("modelDescription.xml", _described(made)),
+        "modelDescription.xml": rendered_template("modelDescription.xml", _described(firmware)),
         **{f"sources/{name}": text for name, text in sources.items()},
         "binaries/linux64/vctune_fmu.so": _compiled(sources),
     }
@@ -117,21 +117,22 @@ def fmu(made: Firmware) -> bytes:
     return archive.getvalue()
 
 
-def _reals(made: Firmware) -> list[tuple[str, str, str, str]]:
+def _reals(firmware: Firmware) -> list[tuple[str, str, str, str]]:
     """Return the variables of a controller: name, quantity, causality and meaning."""
-    given, servo = COMMANDS[made.parts.command], made.parts.command != "force"
-    known = [one for one in REALS if not (servo and one[0] in ABSENT_OF_SERVO)]
-    command = ("command", given.of, "output", given.meaning)
-    return [command if one[0] == "command" else one for one in known]
+    quantity, servo = COMMANDS[firmware.parts.command], firmware.parts.command != "force"
+    variables_of_command = [real for real in REALS if not (servo and real[0] in ABSENT_OF_SERVO)]
+    command = ("command", quantity.of, "output", quantity.meaning)
+    return [command if real[0] == "command" else real for real in variables_of_command]
 
 
-def _guid(made: Firmware) -> str:
+def _guid(firmware: Firmware) -> str:
     """Return the FMU's identifier. The identifier depends only on design, precision and version."""
-    known = f"{made.design_sha256} {made.precision} {__version__}"
-    return f"{{{UUID(bytes=sha256(known.encode()).digest()[:16])}}}"
+    content = f"{firmware.design_sha256} {firmware.precision} {__version__}"
+    return f"{{{UUID(bytes=sha256(content.encode()).digest()[:16])}}}"
 
 
-def _given(made: Firmware) -> dict[str, Any]:
+def _given(firmware: Firmware) -> dict[str, Any]:
+    """Return the variables of the templates of an FMU."""
     absent = [
         {
             "name": name,
@@ -142,15 +143,16 @@ def _given(made: Firmware) -> dict[str, Any]:
         for name, takes in ABSENT.items()
     ]
     return {
-        **names_and_numbers(made),
-        "reals": [name.upper() for name, *_ in _reals(made)],
-        "guid": _guid(made),
+        **names_and_numbers(firmware),
+        "reals": [name.upper() for name, *_ in _reals(firmware)],
+        "guid": _guid(firmware),
         "absent": absent,
     }
 
 
-def _described(made: Firmware) -> dict[str, Any]:
-    units = made.units
+def _described(firmware: Firmware) -> dict[str, Any]:
+    """Return the variables of the template of modelDescription.xml."""
+    units = firmware.units
     variables = [
         {
             "name": name,
@@ -160,9 +162,9 @@ def _described(made: Firmware) -> dict[str, Any]:
             "meaning": units.translated(meaning),
             "type": f'<Real unit="{_dotted(units.of(quantity))}" start="0"/>',
         }
-        for reference, (name, quantity, causality, meaning) in enumerate(_reals(made))
+        for reference, (name, quantity, causality, meaning) in enumerate(_reals(firmware))
     ]
-    outputs = [number for number, one in enumerate(variables, 1) if one["causality"] == "output"]
+    outputs = [number for number, variable in enumerate(variables, 1) if variable["causality"] == "output"]
     variables += [
         {
             "name": name,
@@ -175,13 +177,13 @@ def _described(made: Firmware) -> dict[str, Any]:
         for reference, (name, meaning) in enumerate(BOOLEANS)
     ]
     return {
-        "name": printable(made.name),
-        "guid": _guid(made),
+        "name": printable(firmware.name),
+        "guid": _guid(firmware),
         "version": __version__,
-        "description": printable(" ".join(line for line in statement(made) if line)),
-        "doubt": "" if certified(made) else printable(not_proved(made)).replace("--", "- -"),
-        "sample_time": repr(made.device.sample_time),
-        "units": [(_dotted(units.of(quantity)), of) for quantity, of in DIMENSIONS[made.device.units].items()],
+        "description": printable(" ".join(line for line in statement(firmware) if line)),
+        "doubt": "" if certified(firmware) else printable(not_proved(firmware)).replace("--", "- -"),
+        "sample_time": repr(firmware.device.sample_time),
+        "units": [(_dotted(units.of(quantity)), of) for quantity, of in DIMENSIONS[firmware.device.units].items()],
         "variables": variables,
         "outputs": outputs,
     }
@@ -194,7 +196,7 @@ def _dotted(unit: str) -> str:
 
 def _compiled(sources: dict[str, str]) -> bytes:
     """Return the shared library compiled from sources."""
-    compiler = next((found for name in COMPILERS if (found := shutil.which(name))), None)
+    compiler = next((path for name in COMPILERS if (path := shutil.which(name))), None)
     if compiler is None or (platform.system(), platform.machine()) != ("Linux", "x86_64"):
         message = "an FMU is built by a C compiler on 64-bit Linux: install gcc or clang there, or take --to c"
         raise InputError.of("fmu", "no-compiler", message)
@@ -202,9 +204,9 @@ def _compiled(sources: dict[str, str]) -> bytes:
         for name, text in sources.items():
             (Path(place) / name).write_text(text)
         command = [compiler, *OPTIONS, "-o", "out.so", "vctune_fmu.c", "-lm"]
-        done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            complaint = (done.stderr.strip().splitlines() or ["says nothing"])[0]
+        completed = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+        if completed.returncode != 0:
+            complaint = (completed.stderr.strip().splitlines() or ["says nothing"])[0]
             raise InputError.of(
                 "fmu", "no-compiler", f"{compiler} cannot compile it: {complaint}; take another compiler"
             )

@@ -16,38 +16,40 @@ from vctune.version import __version__
 RUN = "environments are passive as they run"
 
 
-def statement(made: Firmware) -> list[str]:
+def statement(firmware: Firmware) -> list[str]:
     """Return the head of every file: its kind, its design, and the proved claims.
 
     Parameters
     ----------
-    made : the design as firmware
+    firmware : the design as firmware
     """
-    doubt = [] if certified(made) else [not_proved(made), ""]
-    proved = f"Proved: {made.record.promise}." if made.record.promise else "vctune proved nothing about this design."
+    doubt = [] if certified(firmware) else [not_proved(firmware), ""]
+    proved = (
+        f"Proved: {firmware.record.promise}." if firmware.record.promise else "vctune proved nothing about this design."
+    )
     single = "Proved again with the constants below, rounded to single precision, and with their sample time."
     return [
         *doubt,
-        f"Controller of {made.name}, written by vctune {__version__}; {made.precision} precision.",
-        f"problem sha256 {made.problem_sha256}",
-        f"design sha256 {made.design_sha256}",
+        f"Controller of {firmware.name}, written by vctune {__version__}; {firmware.precision} precision.",
+        f"problem sha256 {firmware.problem_sha256}",
+        f"design sha256 {firmware.design_sha256}",
         "",
         proved,
-        *([single] if certified(made) and made.precision == "single" else []),
-        *assumptions(made),
+        *([single] if certified(firmware) and firmware.precision == "single" else []),
+        *assumptions(firmware),
     ]
 
 
-def not_proved(made: Firmware) -> str:
+def not_proved(firmware: Firmware) -> str:
     """Return the warning at the top of the files of a design that is not certified."""
-    return f"NOT PROVED. {made.record.status}: {made.doubt}"
+    return f"NOT PROVED. {firmware.record.status}: {firmware.doubt}"
 
 
-def assumptions(made: Firmware) -> list[str]:
+def assumptions(firmware: Firmware) -> list[str]:
     """Return the assumptions of the certificate, in words."""
-    device, units = made.device, made.units
-    box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
-    certificate = made.record.certificate
+    device, units = firmware.device, firmware.units
+    box = ", and any other of the problem's [uncertainty]" if firmware.record.uncertainty is not None else ""
+    certificate = firmware.record.certificate
     hands = None if certificate is None else certificate.hands
     rendered = RUN if hands is None or hands.worlds is None else f"environments are those of the box{_stepped(hands)}"
     built = f"{_mechanics(device, units)}{box}; a step every {device.sample_time!r} s"
@@ -57,7 +59,7 @@ def assumptions(made: Firmware) -> list[str]:
             "The proof does not cover a limited speed or acceleration, a lost or late command, "
             "and the rounding of each operation.",
         ]
-    sampled = "" if made.parts.spring else f"; the {units.force_name} is sampled just before"
+    sampled = "" if firmware.parts.spring else f"; the {units.force_name} is sampled just before"
     return [
         f"Assumed: {built}; the command acts {device.delay!r} s after the "
         f"sample and is held{sampled}; {rendered}. The "
@@ -67,7 +69,7 @@ def assumptions(made: Firmware) -> list[str]:
 
 
 def _stepped(hands: HandsRecord) -> str:
-    """Return the words on the integration rule of a claim's environments, which follow their name."""
+    """Return a phrase on the integration rule of a claim's environments, to be put after their name."""
     stepped = in_time_in_words(hands.worlds_rule or "trapezoid", hands.worlds_late or 0)
     if hands.worlds_rule is None:
         stepped = f", by the trapezoidal rule{stepped}"
@@ -78,19 +80,19 @@ def _stepped(hands: HandsRecord) -> str:
 def _mechanics(device: Device, units: Units) -> str:
     """Return the device in words."""
     servo = device.servo
-    known = ", ".join(
+    listed = ", ".join(
         f"{units.translated(part.label)} ({_numbers(getattr(device, key))})"
         for key, part in PARTS.items()
         if key != "servo" and getattr(device, key) is not None
     )
     if servo is None:
-        own = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
-        return f"a linear device of {own} with {known or 'ideal parts'}"
-    held = "held over a sample" if servo.command == "velocity" else "interpolated linearly over a sample"
+        mass_and_damping = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
+        return f"a linear device of {mass_and_damping} with {listed or 'ideal parts'}"
+    between_samples = "held over a sample" if servo.command == "velocity" else "interpolated linearly over a sample"
     return (
-        f"a servo that follows the commanded {servo.command}, {held}, {servo.delay!r} s late through a low-pass of "
-        f"order {servo.order} and {servo.bandwidth_hz!r} Hz, and that the hand cannot push, with "
-        f"{known or f'an ideal {units.force_name} sensor'}"
+        f"a servo that follows the commanded {servo.command}, {between_samples}, {servo.delay!r} s late through a "
+        f"low-pass of order {servo.order} and {servo.bandwidth_hz!r} Hz, and that the hand cannot push, with "
+        f"{listed or f'an ideal {units.force_name} sensor'}"
     )
 
 

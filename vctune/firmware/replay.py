@@ -16,26 +16,26 @@ ALLOWED_ULP = 0
 every operation in the same way."""
 
 
-def replay_files(made: Firmware, simulated: list[Replay]) -> dict[str, str]:
+def replay_files(firmware: Firmware, simulated: list[Replay]) -> dict[str, str]:
     """Return the texts of vectors.csv, replay.c, vctune_bridge.c and Makefile.
 
     Parameters
     ----------
-    made : the design as firmware
+    firmware : the design as firmware
     simulated : the simulated runs to replay
     """
     given: dict[str, Any] = {
-        **names_and_numbers(made),
-        "experiments": [experiment_line(one, made.parts) for one in simulated],
+        **names_and_numbers(firmware),
+        "experiments": [experiment_line(one, firmware.parts) for one in simulated],
         "ulp": ALLOWED_ULP,
-        "hash_top": commented(statement(made)),
+        "hash_top": commented(statement(firmware)),
     }
-    if made.precision == "single":
-        measured = greatest_difference(made, simulated)
+    if firmware.precision == "single":
+        measured = greatest_difference(firmware, simulated)
         given |= {"measured": f"{measured:.3g}", "allowed": f"{2 * measured:.3g}"}
     written = {name: rendered_template(name, given) for name in ("replay.c", "vctune_bridge.c", "Makefile")}
-    doubt = "" if certified(made) else commented([not_proved(made)]) + "\n"
-    return {"vectors.csv": doubt + vectors_text(simulated, made.units, made.parts.command), **written}
+    doubt = "" if certified(firmware) else commented([not_proved(firmware)]) + "\n"
+    return {"vectors.csv": doubt + vectors_text(simulated, firmware.units, firmware.parts.command), **written}
 
 
 def commented(texts: list[str]) -> str:

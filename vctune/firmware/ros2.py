@@ -55,47 +55,51 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
     """
     for axis in axes:
         _require_servo(axis)
-    given, done = _parameters(axes), dict[str, Firmware]()
-    made = []
-    for axis, rendered in zip(axes, given.axes, strict=True):
+    parameters, proved_law = _parameters(axes), dict[str, Firmware]()
+    designs = []
+    for axis, rendered_axis in zip(axes, parameters.axes, strict=True):
         tables = {"name": axis.file.problem.name, **device_tables(axis.file.document)}
-        text = toml_text(as_problem(document_of_both(tables, given, rendered)))
-        if text not in done:
-            law = problem_file(text, Path(axis.file.source))
-            done[text] = firmware(law, *law.problem.fixed_design, "double")
+        text = toml_text(as_problem(document_of_both(tables, parameters, rendered_axis)))
+        if text not in proved_law:
+            law_file = problem_file(text, Path(axis.file.source))
+            proved_law[text] = firmware(law_file, *law_file.problem.fixed_design, "double")
         sha256 = axis.file.sha256
         design = digest([sha256, asdict(axis.gains), asdict(axis.coupling)])
-        decimals = replace(done[text], gains=axis.gains, coupling=axis.coupling)
-        made.append(replace(decimals, problem_sha256=sha256, design_sha256=design))
-    return made
+        decimals = replace(proved_law[text], gains=axis.gains, coupling=axis.coupling)
+        designs.append(replace(decimals, problem_sha256=sha256, design_sha256=design))
+    return designs
 
 
-def ros2_files(name: str, axes: Sequence[RosAxis], made: Sequence[Firmware]) -> dict[str, str]:
+def ros2_files(name: str, axes: Sequence[RosAxis], controllers: Sequence[Firmware]) -> dict[str, str]:
     """Return the parameter file, with the proved claims as comments.
 
     Parameters
     ----------
     name : name of the problem
     axes : designs of the axes
-    made : result of `ros2_firmware`
+    controllers : result of `ros2_firmware`
     """
-    told: dict[str, list[str]] = {}
-    for axis, one in zip(axes, made, strict=True):
-        own = [line for line in statement(one) if line and not line.startswith("Controller of ")]
-        told.setdefault("\n".join([*own, _least(one)]), []).append(axis.axis)
+    axes_of_line: dict[str, list[str]] = {}
+    for axis, controller in zip(axes, controllers, strict=True):
+        statement_lines = [line for line in statement(controller) if line and not line.startswith("Controller of ")]
+        axes_of_line.setdefault("\n".join([*statement_lines, _least_ratio(controller)]), []).append(axis.axis)
     comments = [f"Parameters of {name} for an admittance_controller of ROS 2, written by vctune {__version__}.", ""]
-    comments += [line for text, names in told.items() for line in (f"{', '.join(names)}:", *text.split("\n"), "")]
+    comments += [
+        line for text, names in axes_of_line.items() for line in (f"{', '.join(names)}:", *text.split("\n"), "")
+    ]
     again = f"vctune check {Path(axes[0].file.source).name} {PARAMETERS} proves it again."
     return {PARAMETERS: admittance_text(_parameters(axes), [*comments, again])}
 
 
-def _least(made: Firmware) -> str:
-    certificate = made.record.certificate
+def _least_ratio(controller: Firmware) -> str:
+    """Return the sentence on the least Re Z_c / R in hands; "" without such a claim."""
+    certificate = controller.record.certificate
     hands = None if certificate is None else certificate.hands
     return "" if hands is None else f"Least Re Z_c / R {hands.min_ratio:.6g}, as the controller steps it."
 
 
 def _require_servo(axis: RosAxis) -> None:
+    """Refuse an axis whose device is no servo, or whose motion is of the other kind."""
     device = axis.file.problem.device
     if device.kind.own_loop:
         message = "is no servo, and an admittance_controller commands one; write [device.servo], or export to C"
@@ -107,5 +111,5 @@ def _require_servo(axis: RosAxis) -> None:
 
 
 def _parameters(axes: Sequence[RosAxis]) -> AdmittanceFile:
-    rendered = [RenderedAxis(one.axis, one.file.problem.device, series_coupling(one.coupling)) for one in axes]
+    rendered = [RenderedAxis(axis.axis, axis.file.problem.device, series_coupling(axis.coupling)) for axis in axes]
     return parameters_of(rendered, axes[0].file.source)

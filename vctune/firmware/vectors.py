@@ -44,7 +44,7 @@ class Replay:
     command: Floats
 
 
-def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
+def replays(file: ProblemFile, replays: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
     """Simulate a design in those experiments of its problem that the C code can render.
 
     Without any, use default experiments.
@@ -52,7 +52,7 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
     Parameters
     ----------
     file : the problem
-    made : the design as firmware; the function simulates its decimals in double precision
+    replays : the design as firmware; the function simulates its decimals in double precision
     progress : function that receives the current stage
 
     Returns
@@ -61,8 +61,8 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
         One replay for each experiment.
     """
     stated = file.problem.experiments
-    experiments = [each for each in stated if each.environment.built_in] or usual(file.problem)
-    return [_replay(made, experiment, progress) for experiment in experiments]
+    experiments = [sample for sample in stated if sample.environment.built_in] or usual(file.problem)
+    return [_replay(replays, experiment, progress) for experiment in experiments]
 
 
 def usual(problem: Problem) -> tuple[Experiment, ...]:
@@ -77,30 +77,31 @@ def usual(problem: Problem) -> tuple[Experiment, ...]:
     limit = 3.0 * share if device.commanded == "force" else None
     spring = Environment(0.0, 0.0, 200.0 * share, 0.0, False, "backward")
     wall = Environment(0.1 * share, 5.0 * share, 20000.0 * share, 0.005, True, "backward")
-    known = Sensors(0.0, 0.0, 0)
+    ideal_sensors = Sensors(0.0, 0.0, 0)
     return (
-        Experiment("spring", spring, hand, None, known, None, None),
-        Experiment("wall", wall, replace(hand, mass=0.1 * share), None, known, limit, None),
+        Experiment("spring", spring, hand, None, ideal_sensors, None, None),
+        Experiment("wall", wall, replace(hand, mass=0.1 * share), None, ideal_sensors, limit, None),
     )
 
 
-def _replay(made: Firmware, experiment: Experiment, progress: Callable[[str], None]) -> Replay:
-    scene = designed_scene(made.device, made.gains, made.coupling, experiment)
+def _replay(replays: Firmware, experiment: Experiment, progress: Callable[[str], None]) -> Replay:
+    """Simulate an experiment, and return what the firmware reads and commands."""
+    scene = designed_scene(replays.device, replays.gains, replays.coupling, experiment)
     traces = run(scene, lambda share: progress(f"{experiment.name} {share:.0%}"))
     begin = equilibrium(scene)
     position = traces.position if traces.motor_position is None else traces.motor_position
     velocity = traces.velocity if traces.motor_velocity is None else traces.motor_velocity
-    read = [encoded(scene.law, float(each), FLOATS) for each in position]
+    read = [encoded(scene.law, float(sample), FLOATS) for sample in position]
     measured = np.column_stack([read, velocity, traces.sensed])
     return Replay(experiment, encoded(scene.law, begin.position, FLOATS), begin.reference, measured, traces.motor)
 
 
-def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
+def vectors_text(replays: list[Replay], units: Units, commanded: Commanded) -> str:
     """Return the text of vectors.csv, with every number in its shortest exact decimals.
 
     Parameters
     ----------
-    made : the replays
+    replays : the replays
     units : units of the device, for the names of the columns
     commanded : quantity in the last column
     """
@@ -112,13 +113,13 @@ def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
     }
     of = [f"{name}_{unit.lower().replace('/', '_per_').replace(' ', '_')}" for name, unit in measured.items()]
     lines = [",".join(["experiment", *of])]
-    for number, one in enumerate(made):
-        rows = np.column_stack([one.measured, one.command]).tolist()
+    for number, replay in enumerate(replays):
+        rows = np.column_stack([replay.measured, replay.command]).tolist()
         lines += [f"{number},{','.join(map(repr, row))}" for row in rows]
     return "\n".join(lines) + "\n"
 
 
-def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
+def greatest_difference(firmware: Firmware, replays: list[Replay]) -> float:
     """Return the greatest difference between a firmware's commands and the simulated ones.
 
     The firmware runs in its precision, without fused operations.
@@ -126,36 +127,36 @@ def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
     Parameters
     ----------
     firmware : firmware in single precision
-    made : the simulated runs to replay
+    replays : the simulated runs to replay
     """
-    return max(float(np.abs(commands(firmware, one) - one.command).max()) for one in made)
+    return max(float(np.abs(commands(firmware, replay) - replay.command).max()) for replay in replays)
 
 
-def commands(firmware: Firmware, one: Replay) -> Floats:
+def commands(firmware: Firmware, replay: Replay) -> Floats:
     """Return the commands of a firmware in its own precision for an experiment's measurements.
 
     Parameters
     ----------
     firmware : firmware with its coefficients
-    one : the replay of the experiment
+    replay : the replay of the experiment
     """
-    start = Start(one.experiment.environment, one.experiment.limit, one.position, one.reference)
+    start = Start(replay.experiment.environment, replay.experiment.limit, replay.position, replay.reference)
     stepped = SteppedFirmware(firmware.parts, firmware.coefficients, start, firmware.precision)
-    return np.array([stepped.command(row) for row in one.measured.tolist()])
+    return np.array([stepped.command(row) for row in replay.measured.tolist()])
 
 
-def experiment_line(one: Replay, parts: Parts) -> str:
+def experiment_line(replay: Replay, parts: Parts) -> str:
     """Return an experiment as an element of the table in replay.c.
 
     Parameters
     ----------
-    one : the replay of the experiment
+    replay : the replay of the experiment
     parts : parts of the firmware, which determine its start values: a position for a differenced velocity, and a limit
     """
-    rendered = one.experiment.environment
+    rendered = replay.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]
     flags = ["true" if flag else "false" for flag in (rendered.wall, rendered.rule == "trapezoid")]
-    limit = [one.experiment.limit or 0.0] if parts.limit else []
-    begin = [*([one.position] if parts.difference else []), one.reference, *limit]
-    fields = [f'"{one.experiment.name}"', *map(repr, numbers), *flags, *map(repr, begin), str(len(one.command))]
+    limit = [replay.experiment.limit or 0.0] if parts.limit else []
+    begin = [*([replay.position] if parts.difference else []), replay.reference, *limit]
+    fields = [f'"{replay.experiment.name}"', *map(repr, numbers), *flags, *map(repr, begin), str(len(replay.command))]
     return f"{{{', '.join(fields)}}},"

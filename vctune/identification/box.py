@@ -65,7 +65,7 @@ class Bounded:
     key : key of the number in the device's table
     value : middle of the interval
     low, high : ends of the interval
-    sampled : half-width that the sigma of the least certain estimate alone would give
+    sampled : half-width from the standard deviation of the least certain estimate alone
     limits : reasons for the interval's ends
     estimates : estimates that the interval contains
     """
@@ -99,17 +99,22 @@ def box(estimates: Sequence[Estimate], sample_time: float) -> tuple[Bounded, ...
     """
     keys = list(dict.fromkeys(estimate.key for estimate in estimates))
     factor = joint_factor(len(keys))
-    return tuple(_bounded(key, [each for each in estimates if each.key == key], factor, sample_time) for key in keys)
+    return tuple(
+        _bounded(key, [estimate for estimate in estimates if estimate.key == key], factor, sample_time) for key in keys
+    )
 
 
 def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: float) -> Bounded:
-    low = min(each.value - factor * each.sigma - each.excess[0] for each in estimates)
-    high = max(each.value + factor * each.sigma + each.excess[1] for each in estimates)
-    sampled = factor * max(each.sigma for each in estimates)
+    """Return the interval of a number, which contains all estimates and is at least as wide as the floor."""
+    low = min(estimate.value - factor * estimate.sigma - estimate.excess[0] for estimate in estimates)
+    high = max(estimate.value + factor * estimate.sigma + estimate.excess[1] for estimate in estimates)
+    sampled = factor * max(estimate.sigma for estimate in estimates)
     limit = _widest(key, estimates, sampled)
     low, high = max(low, 0.0), max(high, 0.0)
     if high == 0 and not key.endswith("delay"):
-        high = max(abs(each.value) for each in estimates)  # the error of a negative value is at least its magnitude
+        high = max(
+            abs(estimate.value) for estimate in estimates
+        )  # the error of a negative value is at least its magnitude
     middle = 0.5 * (low + high)
     least = DELAY_FLOOR * sample_time if key.endswith("delay") else FLOORS.get(key, 0.0) * middle
     if high - low < 2 * least:
@@ -121,12 +126,12 @@ def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: fl
 
 def _widest(key: str, estimates: list[Estimate], sampled: float) -> Note:
     """Return the reason that widens an interval the most."""
-    spread = max(each.value for each in estimates) - min(each.value for each in estimates)
-    excess = max(max(each.excess) for each in estimates)
-    if all(each.stated for each in estimates):
+    spread = max(estimate.value for estimate in estimates) - min(estimate.value for estimate in estimates)
+    excess = max(max(estimate.excess) for estimate in estimates)
+    if all(estimate.stated for estimate in estimates):
         return Note("limit-stated", "what was stated")
     if spread / 2 > max(sampled, excess):
         return Note("limit-differ", "records, directions or models differ")
     if excess <= sampled:
         return Note("limit-residuals", "residuals")
-    return max(estimates, key=lambda each: max(each.excess)).reason
+    return max(estimates, key=lambda estimate: max(estimate.excess)).reason

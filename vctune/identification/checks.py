@@ -41,8 +41,8 @@ class Evenness:
 
 
 LOOP, LINK = Evenness(0.05, 1.5), Evenness(0.25, 1.9)
-"""Limits for a loop that an interrupt runs, and for a robot's link. The link may be less even because the fit of a
-servo uses the instants of the log."""
+"""Limits for a loop that an interrupt runs, and for a robot's link. Samples over a link may be less even, because the
+fit of a servo uses the times that the log states."""
 
 
 def check(recording: Recording, sample_time: float | None, *, servo: bool = False) -> float:
@@ -68,16 +68,16 @@ def check(recording: Recording, sample_time: float | None, *, servo: bool = Fals
 
 def remarks(recording: Recording) -> list[Note]:
     """Return remarks on a usable recording."""
-    said = []
+    remarks = []
     for role in ("command", "force"):
         if role in recording.channels and (share := _at_limit(recording.channels[role])) > 0:
             header = recording.channels[role].header
             text = f"{header} is at its greatest value in {share:.1%} of the samples: it may be saturated"
-            said.append(Note("remark-saturated", f"{recording.name}: {text}"))
+            remarks.append(Note("remark-saturated", f"{recording.name}: {text}"))
     if recording.ignored:
         text = f"{recording.name}: columns that were not used: {', '.join(recording.ignored)}"
-        said.append(Note("remark-unused", text))
-    return said
+        remarks.append(Note("remark-unused", text))
+    return remarks
 
 
 def _refuse(recording: Recording, faults: list[Mistake]) -> None:
@@ -86,6 +86,7 @@ def _refuse(recording: Recording, faults: list[Mistake]) -> None:
 
 
 def _too_short(recording: Recording) -> list[Mistake]:
+    """Return the fault of a recording with too few samples."""
     if len(recording) >= LEAST_SAMPLES:
         return []
     return [
@@ -96,6 +97,7 @@ def _too_short(recording: Recording) -> list[Mistake]:
 
 
 def _sample_time(recording: Recording, stated: float | None, even: Evenness) -> tuple[float, list[Mistake]]:
+    """Return the sample time, s, and the fault of the time column."""
     time = recording.channels.get("time")
     if time is None:
         assert stated is not None
@@ -107,6 +109,7 @@ def _sample_time(recording: Recording, stated: float | None, even: Evenness) -> 
 
 
 def _backwards(recording: Recording, time: Channel) -> Mistake | None:
+    """Return the fault of a time that does not increase; None if it increases."""
     back = np.flatnonzero(np.diff(time.values) <= 0)
     if not back.size:
         return None
@@ -118,6 +121,7 @@ def _backwards(recording: Recording, time: Channel) -> Mistake | None:
 
 
 def _implausible(time: Channel, T: float, stated: float | None) -> Mistake | None:
+    """Return the fault of a sample time that no haptic loop has, or that contradicts the stated one; else None."""
     if not SAMPLE_TIMES[0] <= T <= SAMPLE_TIMES[1]:
         likely = [unit for unit, scale in (("ms", 1e-3), ("us", 1e-6)) if 1e-5 <= T * scale <= 0.02]
         remedy = (
@@ -136,6 +140,7 @@ def _implausible(time: Channel, T: float, stated: float | None) -> Mistake | Non
 
 
 def _uneven(recording: Recording, time: Channel, T: float, even: Evenness) -> Mistake | None:
+    """Return the fault of a log whose time has gaps or too much jitter; None if its time is even."""
     steps = np.diff(time.values)
     row = int(np.argmax(np.abs(steps - T)))
     gaps = np.flatnonzero(steps > even.gap * T)
@@ -150,6 +155,7 @@ def _uneven(recording: Recording, time: Channel, T: float, even: Evenness) -> Mi
 
 
 def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
+    """Yield the faults of a column: it never changes, changes too rarely, or stays at a limit."""
     channel = recording.channels[role]
     if role == "time":
         return
@@ -162,9 +168,11 @@ def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
                 f"is {channel.values[0]:g} in every row; record it, or leave the column out",
             )
         return
-    held = _held_for(channel.values)
-    if held > 1 and role not in SERVO_COMMANDS:
-        message = f"changes only in every {held}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
+    repeats = _rows_per_change(channel.values)
+    if repeats > 1 and role not in SERVO_COMMANDS:
+        message = (
+            f"changes only in every {repeats}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
+        )
         yield Mistake("log-signal", channel.header, message)
     unit = recording.units.force.replace(" ", "")  # spelled as in headers
     if role in ("position", "handle", "reference", "position_command"):
@@ -182,6 +190,7 @@ def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
 
 
 def _place(recording: Recording, channel: Channel, role: str, T: float) -> Iterator[Mistake]:
+    """Yield the faults of a position: it contains counts, or its motion is impossible."""
     raw = channel.values / channel.scale
     units = recording.units
     speed = float(np.abs(np.diff(channel.values)).max()) / T
@@ -207,6 +216,7 @@ def _place(recording: Recording, channel: Channel, role: str, T: float) -> Itera
 
 
 def _speed(recording: Recording, channel: Channel) -> Iterator[Mistake]:
+    """Yield the fault of a commanded velocity that no device has."""
     peak, unit = float(np.abs(channel.values).max()), recording.units.speed
     if peak > SPEEDS[recording.rotary]:
         yield Mistake(
@@ -214,7 +224,7 @@ def _speed(recording: Recording, channel: Channel) -> Iterator[Mistake]:
         )
 
 
-def _held_for(values: Floats) -> int:
+def _rows_per_change(values: Floats) -> int:
     """Return the number of rows after which a column usually changes."""
     changes = np.flatnonzero(np.diff(values))
     if changes.size < 50:

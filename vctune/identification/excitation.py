@@ -55,22 +55,22 @@ class Excitation:
     reasons: tuple[str, ...]
 
 
-def excitation(found: Identified) -> Excitation:
+def excitation(identified: Identified) -> Excitation:
     """Return a multisine for an identified device.
 
     Parameters
     ----------
-    found : the identification so far
+    identified : the identification so far
     """
-    device, T = found.device, float(found.device.sample_time)
+    device, T = identified.device, float(identified.device.sample_time)
     low = min(max(float(device.damping / device.mass) / (2 * pi), 8 / LONGEST), 0.1 * HIGHEST / T)
     period = 2 ** ceil(log2(min(LONGEST, 8 / low) / T))
-    lines = _lines(found, low, period, T)
+    lines = _lines(identified, low, period, T)
     hertz = lines / (period * T)
     motor = np.abs(compliances(device, 2 * pi * hertz)[0])
     force = _wave(lines, period)
-    scale = _scale(found, force, motor, hertz)
-    noise = _noise(found) * np.sqrt(2 / period) / (motor * scale)
+    scale = _scale(identified, force, motor, hertz)
+    noise = _noise(identified) * np.sqrt(2 / period) / (motor * scale)
     worst = float(noise.max())
     periods = int(np.clip(ceil((worst / SPREAD) ** 2) + 1, *PERIODS))
     return Excitation(
@@ -81,17 +81,18 @@ def excitation(found: Identified) -> Excitation:
         peak=float(np.abs(force).max() * scale),
         speed=float(np.linalg.norm(2 * pi * hertz * motor * scale) / np.sqrt(2)),
         spread=worst / np.sqrt(periods - 1),
-        reasons=_reasons(found),
+        reasons=_reasons(identified),
     )
 
 
-def _lines(found: Identified, low: float, period: int, T: float) -> Floats:
+def _lines(identified: Identified, low: float, period: int, T: float) -> Floats:
+    """Return the numbers of the excited lines, with more of them near resonance and antiresonance."""
     resolution = 1 / (period * T)
     spread = np.exp(np.linspace(np.log(low), np.log(HIGHEST / T), LINES))
     places = [spread]
-    structure = found.device.structure
+    structure = identified.device.structure
     if structure is not None:
-        for hertz in (structure.frequency_hz, antiresonance_hz(found.device)):
+        for hertz in (structure.frequency_hz, antiresonance_hz(identified.device)):
             places.append(np.linspace(0.9 * float(hertz or 0.0), 1.1 * float(hertz or 0.0), NEAR))
     lines = np.unique(np.round(np.concatenate(places) / resolution))
     return lines[(lines >= 1) & (lines * resolution <= HIGHEST / T)]
@@ -105,10 +106,10 @@ def _wave(lines: Floats, period: int) -> Floats:
     return np.fft.irfft(spectrum)
 
 
-def _scale(found: Identified, force: Floats, motor: Floats, hertz: Floats) -> float:
+def _scale(identified: Identified, force: Floats, motor: Floats, hertz: Floats) -> float:
     """Return the amplitude of the wave: the greatest that the device reached in the logs."""
     forces, speeds = [], []
-    for study in found.records:
+    for study in identified.records:
         recording = study.recording
         columns = [recording.values(role) for role in ("command", "force", "hand")]
         forces.append(max(float(np.abs(column).max()) for column in columns if column is not None))
@@ -119,15 +120,21 @@ def _scale(found: Identified, force: Floats, motor: Floats, hertz: Floats) -> fl
     return min(PEAK * max(forces) / float(np.abs(force).max()), max(speeds) / speed)
 
 
-def _noise(found: Identified) -> float:
+def _noise(identified: Identified) -> float:
+    """Return the standard deviation of a position sample in the noisiest recording, m."""
     return max(
-        position_noise(each.recording.channels["position"].values, each.recording.channels["position"].quantum)
-        for each in found.records
+        position_noise(study.recording.channels["position"].values, study.recording.channels["position"].quantum)
+        for study in identified.records
     )
 
 
-def _reasons(found: Identified) -> tuple[str, ...]:
-    said = [f"{each.key}: within {each.share:.0%}, by {each.limit}" for each in found.bounds if each.share > 0.05]
-    if not found.unmodelled:
-        said.append(coded("resonances and unmodelled dynamics: the logs do not show them", "remark-slow-motion"))
-    return tuple(said)
+def _reasons(identified: Identified) -> tuple[str, ...]:
+    """Return the numbers that the multisine would determine better, each with its half-width."""
+    reasons = [
+        f"{bounded.key}: within {bounded.share:.0%}, by {bounded.limit}"
+        for bounded in identified.bounds
+        if bounded.share > 0.05
+    ]
+    if not identified.unmodelled:
+        reasons.append(coded("resonances and unmodelled dynamics: the logs do not show them", "remark-slow-motion"))
+    return tuple(reasons)

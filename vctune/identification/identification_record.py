@@ -35,36 +35,36 @@ from vctune.model.numbers.units import UNITS, Units, UnitSystem
 
 
 def identification_record(
-    found: Identified, description: str, versions: Mapping[str, str | None], next_one: Excitation | None
+    identified: Identified, description: str, versions: Mapping[str, str | None], next_one: Excitation | None
 ) -> IdentificationRecord:
     """Return the record of an identification.
 
     Parameters
     ----------
-    found : device, box and studies of the recordings
+    identified : device, box and studies of the recordings
     description : free text from the user
     versions : versions of all software that affects the result
     next_one : a multisine that would reduce the uncertainty; None if the user did not request it
     """
-    rotary = found.records[0].recording.rotary
+    rotary = identified.records[0].recording.rotary
     units: UnitSystem = "rotary" if rotary else "linear"
-    numbers = [_bounded(each, UNITS[units]) for each in found.bounds]
-    device = replace(found.device, units=units).with_numbers({each.key: each.value for each in numbers})
+    numbers = [_bounded_record(each, UNITS[units]) for each in identified.bounds]
+    device = replace(identified.device, units=units).with_numbers({each.key: each.value for each in numbers})
     return IdentificationRecord(
-        name=found.name,
+        name=identified.name,
         description=description,
         rotary=rotary,
         sample_time=float(device.sample_time),
         device=table_of(device),
-        assumed=["velocity"] if any(note.code == "remark-assumed-velocity" for note in found.remarks) else [],
+        assumed=["velocity"] if any(note.code == "remark-assumed-velocity" for note in identified.remarks) else [],
         numbers=numbers,
-        unmodelled=[list(point) for point in found.unmodelled],
-        friction=_friction(found),
-        force_noise=None if found.force_noise is None else float(f"{found.force_noise:.6g}"),
-        excitation=None if next_one is None else _excitation(next_one),
-        recordings=[_recording(study) for study in found.records],
-        warnings=[note.line for note in found.remarks if _is_warning(note)],
-        remarks=[note.line for note in found.remarks if not _is_warning(note)],
+        unmodelled=[list(point) for point in identified.unmodelled],
+        friction=_friction_record(identified),
+        force_noise=None if identified.force_noise is None else float(f"{identified.force_noise:.6g}"),
+        excitation=None if next_one is None else _excitation_record(next_one),
+        recordings=[_recording_record(study) for study in identified.records],
+        warnings=[note.line for note in identified.remarks if _is_warning(note)],
+        remarks=[note.line for note in identified.remarks if not _is_warning(note)],
         versions=dict(versions),
     )
 
@@ -73,53 +73,57 @@ def _is_warning(note: Note) -> bool:
     return note.code.startswith("warn-")
 
 
-def _bounded(found: Bounded, units: Units) -> BoundedRecord:
-    value, share = stated(found.value, found.low, found.high)
+def _bounded_record(bounded: Bounded, units: Units) -> BoundedRecord:
+    """Return a number of the device with its interval as a record."""
+    value, share = stated(bounded.value, bounded.low, bounded.high)
     return BoundedRecord(
-        key=found.key,
-        unit=unit_of(tuple(found.key.split(".")), units),
+        key=bounded.key,
+        unit=unit_of(tuple(bounded.key.split(".")), units),
         value=value,
-        low=float(found.low),
-        high=float(found.high),
+        low=float(bounded.low),
+        high=float(bounded.high),
         share=share,
-        limit=found.limit,
+        limit=bounded.limit,
         estimates=[
-            EstimateRecord(source=e.source, value=float(e.value), sigma=float(e.sigma)) for e in found.estimates
+            EstimateRecord(source=e.source, value=float(e.value), sigma=float(e.sigma)) for e in bounded.estimates
         ],
     )
 
 
-def _excitation(made: Excitation) -> ExcitationRecord:
+def _excitation_record(excitation: Excitation) -> ExcitationRecord:
     return ExcitationRecord(
-        period=made.force.size * made.sample_time,
-        periods=made.periods,
-        lines_hz=[float(hertz) for hertz in made.lines_hz],
-        peak=made.peak,
-        speed=made.speed,
-        spread=made.spread,
-        reasons=list(made.reasons),
+        period=excitation.force.size * excitation.sample_time,
+        periods=excitation.periods,
+        lines_hz=[float(hertz) for hertz in excitation.lines_hz],
+        peak=excitation.peak,
+        speed=excitation.speed,
+        spread=excitation.spread,
+        reasons=list(excitation.reasons),
     )
 
 
-def _friction(found: Identified) -> FrictionRecord | None:
-    if found.friction is None:
+def _friction_record(identified: Identified) -> FrictionRecord | None:
+    """Return the friction with six digits as a record; None if none was identified."""
+    if identified.friction is None:
         return None
-    kind = found.friction
-    rise = (kind.stiction, kind.stribeck_velocity)
-    stiction, speed = (None if each is None else float(f"{each:.6g}") for each in rise)
-    return FrictionRecord(coulomb=float(f"{kind.coulomb:.6g}"), stiction=stiction, stribeck_velocity=speed)
+    friction = identified.friction
+    rise = (friction.stiction, friction.stribeck_velocity)
+    stiction, speed = (None if number is None else float(f"{number:.6g}") for number in rise)
+    return FrictionRecord(coulomb=float(f"{friction.coulomb:.6g}"), stiction=stiction, stribeck_velocity=speed)
 
 
-def _recording(study: RecordStudy) -> RecordingRecord:
+def _recording_record(study: RecordStudy) -> RecordingRecord:
+    """Return the record of a recording by the kind of its study."""
     if study.motion is not None:
-        return _moved(study, study.motion)
+        return _any_motion_record(study, study.motion)
     if study.servo is not None:
-        return _followed(study, study.servo)
+        return _servo_record(study, study.servo)
     assert study.periodic is not None
-    return _repeated(study, study.periodic)
+    return _periodic_record(study, study.periodic)
 
 
-def _moved(study: RecordStudy, motion: MotionStudy) -> RecordingRecord:
+def _any_motion_record(study: RecordStudy, motion: MotionStudy) -> RecordingRecord:
+    """Return the record of a recording of any motion."""
     fit, classical = motion.directional, motion.classical
     others = [] if classical is None else list(classical.checks)
     both = motion.symmetric
@@ -149,7 +153,8 @@ def _moved(study: RecordStudy, motion: MotionStudy) -> RecordingRecord:
     )
 
 
-def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
+def _periodic_record(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
+    """Return the record of a recording of a periodic excitation."""
     fit, measured = periodic.fit, periodic.measured
     numbers = [_number(name, fit.numbers[name], fit.sigma(name)) for name in fit.names]
     if periodic.drive is not None:
@@ -183,7 +188,8 @@ def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
     )
 
 
-def _followed(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
+def _servo_record(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
+    """Return the record of a recording of a servo."""
     fit, T = servo.fit, study.sample_time
     numbers = [
         _number("delay", fit.delay.value, fit.delay.sigma),
@@ -200,9 +206,9 @@ def _followed(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
         source=study.recording.name,
         sha256=study.recording.sha256,
         samples=len(study.recording),
-        used=fit.left.size + 1,
+        used=fit.residual.size + 1,
         sample_time=T,
-        kind=f"a servo told its {'position' if servo.seen.is_position else 'velocity'}, order {fit.order}",
+        kind=f"a servo told its {'position' if servo.servo_log.is_position else 'velocity'}, order {fit.order}",
         cutoff_hz=None,
         residual=None,
         residual_share=study.residual_share,
@@ -215,7 +221,7 @@ def _followed(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
                 structure=f"order {each.order}",
                 chosen=each is fit,
                 chi2=servo.chi2_of(each, fit.noise),
-                model_error=[each.left_share],
+                model_error=[each.residual_share],
             )
             for each in (servo.fit, servo.other)
         ],
@@ -230,7 +236,7 @@ def _derived(fit: ResponseFit, units: Units) -> list[NumberRecord]:
     if structure is None or low is None:
         return []
     parts = mechanism(fit.device, structure, FLOATS)
-    found = {
+    identified = {
         "motor mass": parts.motor,
         "handle mass": parts.handle,
         "stiffness": parts.stiffness,
@@ -238,7 +244,7 @@ def _derived(fit: ResponseFit, units: Units) -> list[NumberRecord]:
         "resonance, Hz": structure.frequency_hz,
         f"damping between them, {units.damping}": parts.viscosity,
     }
-    return [_number(name, float(value), None) for name, value in found.items()]
+    return [_number(name, float(value), None) for name, value in identified.items()]
 
 
 def _number(name: str, value: float, sigma: float | None) -> NumberRecord:

@@ -68,16 +68,16 @@ class Identified:
 
     def bounded(self, key: str) -> Bounded | None:
         """Return a number of the device with its interval, by its key; None if it was not identified."""
-        return next((each for each in self.bounds if each.key == key), None)
+        return next((bounded for bounded in self.bounds if bounded.key == key), None)
 
 
-def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress: Progress) -> Identified:
+def identify(recordings: Sequence[Recording], log_map: LogMap, name: str, progress: Progress) -> Identified:
     """Identify a device.
 
     Parameters
     ----------
     recordings : recordings of one device, at least one
-    known : statements of the user about the recordings
+    log_map : statements of the user about the recordings
     name : name of the device
     progress : function that receives the current stage
 
@@ -91,18 +91,18 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     InputError
         If a recording cannot be used or has no information, or if the sample times differ.
     """
-    times = [check(recording, known.document.sample_time, servo=known.servo) for recording in recordings]
+    times = [check(recording, log_map.document.sample_time, servo=log_map.servo) for recording in recordings]
     T = times[0]
     _same_sample_time(recordings, times)
-    check_known(known, T)
+    check_known(log_map, T)
     studies = []
     for recording, step in zip(recordings, times, strict=True):
         progress(f"fitting {recording.source}")
-        studies.append(record_study(recording, step, known))
+        studies.append(record_study(recording, step, log_map))
     all_estimates = [estimate for study in studies for estimate in study.estimates]
-    estimates, remarks_on_known = with_known(all_estimates, known, T, recordings)
+    estimates, remarks_on_known = with_known(all_estimates, log_map, T, recordings)
     bounds = readable(box(estimates, T), recordings[0], T)
-    device = _servo(bounds, known, T, studies) if known.servo else _device(bounds, known, T)
+    device = _servo(bounds, log_map, T, studies) if log_map.servo else _device(bounds, log_map, T)
     progress("comparing the response with the box")
     line_distances = [_line_distances(study, device, bounds) for study in studies if study.motion is None]
     return Identified(
@@ -114,7 +114,7 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
         friction=_friction(studies),
         force_noise=next((s.motion.force_noise for s in studies if s.motion and s.motion.force_noise), None),
         records=tuple(studies),
-        remarks=(*remarks_on_known, *remarks_on_gaps(studies, bounds, known)),
+        remarks=(*remarks_on_known, *remarks_on_gaps(studies, bounds, log_map)),
     )
 
 
@@ -126,23 +126,23 @@ def _same_sample_time(recordings: Sequence[Recording], times: Sequence[float]) -
             raise InputError.of(recording.source, "log-samples", message)
 
 
-def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:
+def _device(bounds: Sequence[Bounded], log_map: LogMap, T: float) -> Device:
     """Return the device at the centre of the box, with the parts that the user states."""
-    value = {each.key: each.value for each in bounds}
+    value = {bounded.key: bounded.value for bounded in bounds}
     parts: dict[str, Any] = {}
     for key, part in PARTS.items():
-        numbers = {each.name: value[path] for each in part.numbers if (path := f"{key}.{each.name}") in value}
+        numbers = {number.name: value[path] for number in part.numbers if (path := f"{key}.{number.name}") in value}
         parts |= {key: part.record(**numbers)} if numbers else {}
-    return Device(value["mass"], value["damping"], T, value["delay"], **(parts | known_parts(known)))
+    return Device(value["mass"], value["damping"], T, value["delay"], **(parts | known_parts(log_map)))
 
 
-def _servo(bounds: Sequence[Bounded], known: LogMap, T: float, studies: Sequence[RecordStudy]) -> Device:
+def _servo(bounds: Sequence[Bounded], log_map: LogMap, T: float, studies: Sequence[RecordStudy]) -> Device:
     """Return the servo at the centre of the box. Its order is the likeliest one over all recordings."""
-    value = {each.key: each.value for each in bounds}
+    value = {bounded.key: bounded.value for bounded in bounds}
     servo_studies = [study.servo for study in studies if study.servo is not None]
-    command: Literal["velocity", "position"] = "position" if servo_studies[0].seen.is_position else "velocity"
+    command: Literal["velocity", "position"] = "position" if servo_studies[0].servo_log.is_position else "velocity"
     servo = Servo(value["servo.delay"], value["servo.bandwidth_hz"], likelier_order(servo_studies), command)
-    parts: dict[str, Any] = {SENSOR: known_sensor(known), "servo": servo}
+    parts: dict[str, Any] = {SENSOR: known_sensor(log_map), "servo": servo}
     return Device(1.0, 0.0, T, display="servo", **parts)
 
 
@@ -164,13 +164,13 @@ def _unmodelled(
     pairs += [
         off_other_order(device, bounds, study.servo)
         for study in studies
-        if study.servo is not None and not study.servo.told
+        if study.servo is not None and not study.servo.order_is_known
     ]
-    hertz, needed = (np.concatenate([each[i] for each in pairs] or [np.zeros(0)]) for i in (0, 1))
+    hertz, distances = (np.concatenate([pair[i] for pair in pairs] or [np.zeros(0)]) for i in (0, 1))
     if hertz.size < LEAST_RADII:
         return ()
     order = np.argsort(hertz, kind="stable")
-    return envelope(hertz[order], needed[order])
+    return envelope(hertz[order], distances[order])
 
 
 def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:

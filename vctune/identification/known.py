@@ -24,12 +24,12 @@ OF_OWN_LOOP = {"delay", "delay_uncertainty", "velocity", "actuator"}
 """Keys of [device] that apply only to a device with a velocity loop in the firmware."""
 
 
-def check_known(known: LogMap, sample_time: float) -> None:
+def check_known(log_map: LogMap, sample_time: float) -> None:
     """Check that the known numbers of the device are possible at its sample time.
 
     Parameters
     ----------
-    known : the log.toml with the numbers that the user states
+    log_map : the log.toml with the numbers that the user states
     sample_time : T, s
 
     Raises
@@ -37,70 +37,70 @@ def check_known(known: LogMap, sample_time: float) -> None:
     InputError
         If a number is impossible; the error names its line and key.
     """
-    raw: dict[str, Any] = toml.parse(known.text, known.source) if known.text else {}
+    raw: dict[str, Any] = toml.parse(log_map.text, log_map.source) if log_map.text else {}
     device = raw.get("device", {}) | {"sample_time": sample_time}
-    if known.servo and (own := sorted(set(device) & OF_OWN_LOOP)):
+    if log_map.servo and (own := sorted(set(device) & OF_OWN_LOOP)):
         faults = [
             Fault(("device", key), "a servo has none: its command is all that moves it", "contradiction") for key in own
         ]
-        raise refusal(faults, known.text, known.source)
+        raise refusal(faults, log_map.text, log_map.source)
     faults = [Fault(path, message, "contradiction") for path, message in impossible_parts({"device": device})]
     if faults:
-        raise refusal(faults, known.text, known.source)
+        raise refusal(faults, log_map.text, log_map.source)
 
 
-def known_actuator(known: LogMap) -> Actuator | None:
+def known_actuator(log_map: LogMap) -> Actuator | None:
     """Return the actuator that the user states; None without one."""
-    stated = known.document.device.actuator
+    stated = log_map.document.device.actuator
     return None if stated is None else Actuator(stated.bandwidth_hz, stated.order)
 
 
-def known_sensor(known: LogMap) -> ForceSensor | None:
+def known_sensor(log_map: LogMap) -> ForceSensor | None:
     """Return the force sensor that the user states; None without one."""
-    sensor: ForceSensor | None = stated_parts(known.document.device).get(SENSOR)
+    sensor: ForceSensor | None = stated_parts(log_map.document.device).get(SENSOR)
     return sensor
 
 
-def velocity_estimate(known: LogMap) -> VelocityEstimate:
+def velocity_estimate(log_map: LogMap) -> VelocityEstimate:
     """Return the source of the firmware's velocity: the difference of positions, unless the user states another."""
-    stated = known.document.device.velocity
+    stated = log_map.document.device.velocity
     if stated is None:
         return VelocityEstimate("difference")
     return VelocityEstimate(stated.source or "difference", stated.filter_hz, stated.filter_order)
 
 
-def known_parts(known: LogMap) -> dict[str, Any]:
+def known_parts(log_map: LogMap) -> dict[str, Any]:
     """Return the parts of the device that the user states, by their keys."""
-    return stated_parts(known.document.device) | {"velocity": velocity_estimate(known)}
+    return stated_parts(log_map.document.device) | {"velocity": velocity_estimate(log_map)}
 
 
-def velocity_assumed(known: LogMap) -> bool:
+def velocity_assumed(log_map: LogMap) -> bool:
     """Return whether the user does not state how the firmware obtains its velocity."""
-    stated = known.document.device.velocity
+    stated = log_map.document.device.velocity
     return stated is None or stated.source is None
 
 
-def known_delays(known: LogMap) -> dict[str, float]:
+def known_delays(log_map: LogMap) -> dict[str, float]:
     """Return the delays that the user states, s. A fit does not search for them."""
-    stated, found = known.document.device, {}
+    stated, delays = log_map.document.device, {}
     if stated.delay is not None:
-        found["delay"] = stated.delay
-    sensor = known_sensor(known)
+        delays["delay"] = stated.delay
+    sensor = known_sensor(log_map)
     if sensor is not None:
         through = sensor_response(sensor, 0.0, FLOATS)
-        found["sensor_delay"] = 0.0 if through is None else float(through.lag)
-    return found
+        delays["sensor_delay"] = 0.0 if through is None else float(through.lag)
+    return delays
 
 
 def with_known(
-    estimates: Sequence[Estimate], known: LogMap, T: float, recordings: Sequence[Recording]
+    estimates: Sequence[Estimate], log_map: LogMap, T: float, recordings: Sequence[Recording]
 ) -> tuple[list[Estimate], list[Note]]:
     """Return the estimates with the user's delay in place of the identified one, and remarks on it.
 
     Parameters
     ----------
     estimates : estimates of all recordings
-    known : the log.toml, which may state the delay
+    log_map : the log.toml, which may state the delay
     T : sample time, s
     recordings : recordings, whose names appear in messages
 
@@ -109,16 +109,16 @@ def with_known(
     InputError
         If no recording determines the delay.
     """
-    stated = known.document.device
-    if known.servo:
+    stated = log_map.document.device
+    if log_map.servo:
         return list(estimates), []
     if stated.delay is not None:
-        others = [each for each in estimates if each.key != "delay"]
+        others = [estimate for estimate in estimates if estimate.key != "delay"]
         half = max(stated.delay_uncertainty, DELAY_FLOOR * T)
         text = f"the delay is the stated one, {stated.delay:g} s, within {half:g} s"
-        told = Estimate("delay", stated.delay, 0.0, known.source, (half, half), stated=True)
-        return [*others, told], [Note("remark-stated-delay", text)]
-    if not any(each.key == "delay" for each in estimates):
+        stated_delay = Estimate("delay", stated.delay, 0.0, log_map.source, (half, half), stated=True)
+        return [*others, stated_delay], [Note("remark-stated-delay", text)]
+    if not any(estimate.key == "delay" for estimate in estimates):
         message = "the command never moves, so no log tells the delay; write device.delay, and delay_uncertainty"
         raise InputError.of(recordings[0].source, "log-unexplained", message, key="device.delay")
     return list(estimates), []

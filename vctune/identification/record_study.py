@@ -59,7 +59,7 @@ class RecordStudy:
     def residual_share(self) -> float:
         """The share of the force, of the response or of the motion that the fit leaves unexplained."""
         if self.servo is not None:
-            return self.servo.fit.left_share
+            return self.servo.fit.residual_share
         if self.motion is not None:
             return self.motion.directional.residual / self.motion.directional.force
         assert self.periodic is not None
@@ -103,7 +103,10 @@ class RecordStudy:
             estimates = periodic_estimates(self.periodic, self.recording.name, self.sample_time)
         # two roles that explain the recording alike differ in the delay, which includes both
         least = DELAY_FLOOR * self.sample_time if self.alike else 0.0
-        return [_at_least(each, least) if each.key == "delay" else each for each in (*estimates, *self.alike)]
+        return [
+            _at_least(estimate, least) if estimate.key == "delay" else estimate
+            for estimate in (*estimates, *self.alike)
+        ]
 
 
 def _at_least(estimate: Estimate, least: float) -> Estimate:
@@ -112,14 +115,14 @@ def _at_least(estimate: Estimate, least: float) -> Estimate:
     return replace(estimate, excess=(max(below, least), max(above, least)))
 
 
-def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
+def record_study(recording: Recording, T: float, log_map: LogMap) -> RecordStudy:
     """Study a recording.
 
     Parameters
     ----------
     recording : a checked recording
     T : sample time, s
-    known : statements of the user about the device
+    log_map : statements of the user about the device
 
     Returns
     -------
@@ -131,21 +134,21 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
     InputError
         If neither role explains the recording.
     """
-    if known.servo:
+    if log_map.servo:
         study = servo_study(recording, T)
         notes = (*remarks(recording), *servo_notes(recording.name, study, recording.units))
-        return _warned(RecordStudy(recording, T, None, None, notes, study))
+        return _with_warning(RecordStudy(recording, T, None, None, notes, study))
     if "force" not in recording.channels or "command" in recording.channels:
-        return _warned(_studied(recording, T, known))
-    attempts = {HELD: _attempt(_commanded(recording), T, known), MEASURED: _attempt(recording, T, known)}
+        return _with_warning(_studied(recording, T, log_map))
+    attempts = {HELD: _attempt(_commanded(recording), T, log_map), MEASURED: _attempt(recording, T, log_map)}
     studies = {role: attempt for role, attempt in attempts.items() if isinstance(attempt, RecordStudy)}
     if not studies:
         raise next(attempt for attempt in attempts.values() if isinstance(attempt, InputError))
     best, *others = sorted(studies, key=lambda role: studies[role].sharp_chi2)
-    alike = [role for role in others if not _clearly_better(studies[best], studies[role])]
-    remark = Note("remark-force-role", _compared(recording, studies, best, alike))
-    delays = tuple(each for role in alike for each in studies[role].estimates if each.key == "delay")
-    return _warned(replace(studies[best], remarks=(*studies[best].remarks, remark), alike=delays))
+    equal_roles = [role for role in others if not _clearly_better(studies[best], studies[role])]
+    remark = Note("remark-force-role", _force_role_text(recording, studies, best, equal_roles))
+    delays = tuple(estimate for role in equal_roles for estimate in studies[role].estimates if estimate.key == "delay")
+    return _with_warning(replace(studies[best], remarks=(*studies[best].remarks, remark), alike=delays))
 
 
 def _clearly_better(best: RecordStudy, other: RecordStudy) -> bool:
@@ -160,40 +163,43 @@ def _commanded(recording: Recording) -> Recording:
     return replace(recording, channels=channels)
 
 
-def _attempt(recording: Recording, T: float, known: LogMap) -> RecordStudy | InputError:
+def _attempt(recording: Recording, T: float, log_map: LogMap) -> RecordStudy | InputError:
     """Return the study of a recording, or the reason why the recording has none."""
     try:
-        return _studied(recording, T, known)
+        return _studied(recording, T, log_map)
     except InputError as error:
         return error
 
 
-def _studied(recording: Recording, T: float, known: LogMap) -> RecordStudy:
+def _studied(recording: Recording, T: float, log_map: LogMap) -> RecordStudy:
     """Return the study of a periodic excitation, or of any motion if the recording has no usable periodic response.
 
     A recording with the force of a hand is studied as any motion.
     """
-    notes, actuator = tuple(remarks(recording)), known_actuator(known)
+    notes, actuator = tuple(remarks(recording)), known_actuator(log_map)
     measured = None if "hand" in recording.channels else response(recording, T)
     fitted = None if measured is None else fit_response(measured, actuator)
     if measured is None or fitted is None:
-        return RecordStudy(recording, T, motion_study(recording, T, actuator, known), None, notes)
+        return RecordStudy(recording, T, motion_study(recording, T, actuator, log_map), None, notes)
     drive = None if measured.drive is None else fit_drive(measured.drive, T)
     return RecordStudy(recording, T, None, PeriodicStudy(measured, *fitted, drive), notes)
 
 
-def _compared(recording: Recording, studies: Mapping[str, RecordStudy], best: str, alike: Sequence[str]) -> str:
-    """Return the text of the remark on the role of a force: what each role leaves, and which one is taken."""
+def _force_role_text(
+    recording: Recording, studies: Mapping[str, RecordStudy], best: str, equal_roles: Sequence[str]
+) -> str:
+    """Return the text of the remark on the role of a force: the residual of each role, and the role that the study
+    uses."""
     results = [
         f"as a {role} {study.residual_share:.3%} of it is left, chi2/dof {study.sharp_chi2[0]:.4g}"
         for role, study in studies.items()
     ]
     text = f"{recording.name}: {recording.channels['force'].header} is taken for a {best}: {'; '.join(results)}"
-    text += "; chi2 does not separate these: the delay includes both" if alike else ""
+    text += "; chi2 does not separate these: the delay includes both" if equal_roles else ""
     return text + ("; what lies between command and force is in no number" if best == MEASURED else "")
 
 
-def _warned(study: RecordStudy) -> RecordStudy:
+def _with_warning(study: RecordStudy) -> RecordStudy:
     """Return a study with a warning if the residual is large."""
     unexplained = study.residual_share
     if unexplained <= POOR:

@@ -19,14 +19,14 @@ LEAST_RADII = 2
 """Least number of frequencies between which the radii of unmodelled can be interpolated."""
 
 
-def remarks_on_gaps(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], known: LogMap) -> list[Note]:
+def remarks_on_gaps(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], log_map: LogMap) -> list[Note]:
     """Return the remarks of the studies, and remarks on what the recordings do not show.
 
     Parameters
     ----------
     studies : studies of all recordings
     bounds : intervals of the box
-    known : statements of the user about the device
+    log_map : statements of the user about the device
 
     Returns
     -------
@@ -36,22 +36,22 @@ def remarks_on_gaps(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], k
         remark-unpushed. The other codes come from the studies.
     """
     remarks = [remark for study in studies for remark in study.remarks]
-    if known.servo:
-        return remarks + _remarks_on_servo(studies, known)
-    keys = {each.key for each in bounds}
-    if velocity_assumed(known):
+    if log_map.servo:
+        return remarks + _remarks_on_servo(studies, log_map)
+    keys = {bounded.key for bounded in bounds}
+    if velocity_assumed(log_map):
         text = (
             "no log shows how the firmware obtains its velocity: it is assumed to be the difference of the position; "
             "write [device.velocity] from in a log.toml"
         )
         remarks.append(Note("remark-assumed-velocity", text))
     # a fit of motion has one lag: what the user states of the actuator or of the delay is not part of it
-    lag_not_in_delay = known_actuator(known) is not None or known.document.device.delay is not None
+    lag_not_in_delay = known_actuator(log_map) is not None or log_map.document.device.delay is not None
     in_motion = any(study.motion is not None for study in studies)
     if in_motion and "actuator.bandwidth_hz" not in keys and not lag_not_in_delay:
         text = "a log of motion does not separate the actuator's lag from a delay: the delay includes both"
         remarks.append(Note("remark-actuator-lag", text))
-    delay = next(each for each in bounds if each.key == "delay")
+    delay = next(bounded for bounded in bounds if bounded.key == "delay")
     if delay.share > WEAK_SHARE:
         text = f"the delay is poorly determined: anything from {delay.low:.2g} to {delay.high:.2g} s fits"
         remarks.append(Note("remark-weak-delay", text))
@@ -61,16 +61,16 @@ def remarks_on_gaps(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], k
     return remarks + [note for study in studies if study.periodic for note in _remarks_on_lines(study, study.periodic)]
 
 
-def _remarks_on_servo(studies: Sequence[RecordStudy], known: LogMap) -> list[Note]:
-    """Return remarks on how late the force is sensed, on the measured frequencies, and on the force that pushes."""
+def _remarks_on_servo(studies: Sequence[RecordStudy], log_map: LogMap) -> list[Note]:
+    """Return remarks on the delay of the force sensor, on the measured frequencies, and on a missing force column."""
     remarks = []
-    if known_sensor(known) is None:
+    if known_sensor(log_map) is None:
         text = (
             "no log shows how late the force is sensed: it is assumed to be sensed at once; write "
             f"[device.{SENSOR}] in a log.toml"
         )
         remarks.append(Note("remark-assumed-sensor", text))
-    hertz = [each for study in studies for each in study.measured_hz]
+    hertz = [frequency for study in studies for frequency in study.measured_hz]
     if len(hertz) >= LEAST_RADII:
         remarks.append(_highest_line(max(hertz)))
     else:
@@ -99,6 +99,6 @@ def _remarks_on_lines(study: RecordStudy, periodic: PeriodicStudy) -> list[Note]
 
 
 def _highest_line(hertz: float, name: str = "") -> Note:
-    """Return the remark on the highest measured frequency; `name` is the recording's, with a colon."""
+    """Return the remark on the highest measured frequency; `name` is the name of the recording with a colon."""
     text = f"{name}nothing was measured above {hertz:.4g} Hz, where unmodelled keeps its last value"
     return Note("remark-highest-line", text)

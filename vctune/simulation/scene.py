@@ -67,25 +67,25 @@ def equilibrium(scene: Scene) -> Equilibrium:
     Without a position gain, the controller holds no position, and the handle starts where hand and environment are in
     equilibrium. A servo also starts there, at the environment's position.
     """
-    found = _at_rest(scene)
-    return replace(found, motor=found.reference) if scene.law.command == "position" else found
+    at_rest = _at_rest(scene)
+    return replace(at_rest, motor=at_rest.reference) if scene.law.command == "position" else at_rest
 
 
 def _at_rest(scene: Scene) -> Equilibrium:
     """Return the equilibrium at the start of the motion without a position command."""
     hand, law, begin = scene.operator, scene.law, scene.operator.start
-    rendered, held = law.environment, holding(law)
+    rendered, holding_stiffness = law.environment, holding(law)
     if hand.stiffness == 0 or rendered.stiffness == 0:
         return Equilibrium(begin, 0.0, begin, 0.0, 0.0)
-    compliance = 1 / hand.stiffness + 1 / rendered.stiffness + (1 / held if held > 0 else 0.0)
+    compliance = 1 / hand.stiffness + 1 / rendered.stiffness + (1 / holding_stiffness if holding_stiffness > 0 else 0.0)
     structure, give = scene.device.structure, 0.0
-    if structure is not None and held > 0:
+    if structure is not None and holding_stiffness > 0:
         give = 1 / mechanism(scene.device, structure, FLOATS).stiffness
         compliance = compliance + give
     force = (begin - rendered.zero) / compliance
     if rendered.wall and force < 0:
         return Equilibrium(begin, 0.0, begin, 0.0, 0.0)
-    motor = -force if held > 0 else 0.0
+    motor = -force if holding_stiffness > 0 else 0.0
     handle, bend = begin - force / hand.stiffness, force * give
     return Equilibrium(handle - bend, bend, rendered.zero + force / rendered.stiffness, motor, force)
 
@@ -158,6 +158,7 @@ def _scene(
     mass: float,
     damping: float,
 ) -> Scene:
+    """Return a scene with the velocity law, the coupling and the virtual mass and damping of a controller."""
     sensors = experiment.sensors
     law = replace(
         designed_law(device, gains, coupling, experiment.environment),

@@ -73,49 +73,50 @@ def simulation_record(
 def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
     """Return every trace by a name made of experiment, run and quantity, as in "spring/design/force"."""
     return {
-        f"{one.experiment.name}/{name}/{field.name}": values
-        for one in simulated
-        for name, made in (("baseline", one.baseline), ("design", one.design))
-        if made is not None
+        f"{result.experiment.name}/{name}/{field.name}": values
+        for result in simulated
+        for name, run in (("baseline", result.baseline), ("design", result.design))
+        if run is not None
         for field in fields(Traces)
-        if field.name != "diverged" and (values := getattr(made.traces, field.name)) is not None
+        if field.name != "diverged" and (values := getattr(run.traces, field.name)) is not None
     }
 
 
-def _experiment(one: Simulated, device: Device, coupling: AnyCoupling) -> ExperimentRecord:
-    experiment, pid = one.experiment, one.experiment.baseline
-    least, runs = one.least_virtual, {"baseline": one.baseline, "design": one.design}
-    over, cycle = axis(experiment.environment), 2 * stroke_time(experiment.operator)
-    curves = {name: _curve(made.traces, over, cycle) for name, made in runs.items() if made is not None}
+def _experiment(simulated: Simulated, device: Device, coupling: AnyCoupling) -> ExperimentRecord:
+    """Return the record of an experiment, with curves thinned to the same tolerance."""
+    experiment, pid = simulated.experiment, simulated.experiment.baseline
+    least_share, runs = simulated.least_virtual, {"baseline": simulated.baseline, "design": simulated.design}
+    quantity, cycle = axis(experiment.environment), 2 * stroke_time(experiment.operator)
+    curves = {name: _curve(run.traces, quantity, cycle) for name, run in runs.items() if run is not None}
     x_range, y_range = (max(np.ptp(curve[k]) for curve in curves.values()) for k in (0, 1))
     tolerance = (TOLERANCE * x_range or 1.0, TOLERANCE * y_range or 1.0)
     virtual = None
-    if least is not None and pid is not None:
-        virtual = LeastVirtualRecord(share=least, mass=least * pid.mass, damping=least * pid.damping)
-    baseline = None if one.baseline is None else _run(one.baseline, _thinned(curves["baseline"], tolerance))
-    apart = one.difference
-    also: dict[str, Any] = {}
-    if apart is not None:
-        also["difference"] = DifferenceRecord(
-            force=_finite(apart.force),
-            time_s=apart.time,
-            tolerance=_finite(apart.tolerance),
-            precision=apart.precision,
-            passes=apart.passes,
+    if least_share is not None and pid is not None:
+        virtual = LeastVirtualRecord(share=least_share, mass=least_share * pid.mass, damping=least_share * pid.damping)
+    baseline = None if simulated.baseline is None else _run(simulated.baseline, _thinned(curves["baseline"], tolerance))
+    difference = simulated.difference
+    optional: dict[str, Any] = {}
+    if difference is not None:
+        optional["difference"] = DifferenceRecord(
+            force=_finite(difference.force),
+            time_s=difference.time,
+            tolerance=_finite(difference.tolerance),
+            precision=difference.precision,
+            passes=difference.passes,
         )
     if isinstance(coupling, SpringDamper) and experiment.sensors.position_resolution > 0:
-        also["quiet_stiffness"] = quiet_stiffness(device, experiment)
+        optional["quiet_stiffness"] = quiet_stiffness(device, experiment)
     if experiment.operator.dwell is not None:
-        also["dwell_s"] = max(1, round(experiment.operator.dwell / device.sample_time)) * device.sample_time
+        optional["dwell_s"] = max(1, round(experiment.operator.dwell / device.sample_time)) * device.sample_time
     return ExperimentRecord(
         name=experiment.name,
         environment=EnvironmentRecord(**asdict(experiment.environment)),
-        axis=over,
-        samples=len(one.design.traces.time),
+        axis=quantity,
+        samples=len(simulated.design.traces.time),
         least_virtual=virtual,
         baseline=baseline,
-        design=_run(one.design, _thinned(curves["design"], tolerance)),
-        **also,
+        design=_run(simulated.design, _thinned(curves["design"], tolerance)),
+        **optional,
     )
 
 
@@ -144,11 +145,11 @@ def _finite(number: float) -> float | None:
     return number if isfinite(number) else None
 
 
-def _run(made: Run, curve: list[list[float]]) -> RunRecord:
+def _run(run: Run, curve: list[list[float]]) -> RunRecord:
     return RunRecord(
-        diverged_s=made.traces.diverged,
-        metrics=MetricsRecord(**asdict(made.metrics)) if made.metrics else None,
-        loop=SimulatedLoopRecord(stable=made.mode.radius < 1, spectral_radius=made.mode.radius, hz=made.mode.hz),
+        diverged_s=run.traces.diverged,
+        metrics=MetricsRecord(**asdict(run.metrics)) if run.metrics else None,
+        loop=SimulatedLoopRecord(stable=run.mode.radius < 1, spectral_radius=run.mode.radius, hz=run.mode.hz),
         curve=curve,
     )
 

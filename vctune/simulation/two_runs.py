@@ -84,8 +84,8 @@ def simulate(
     def judged(scene: Scene, traces: Traces) -> Run:
         measured = None
         if traces.diverged is None:
-            met, limit = (experiment.environment, experiment.operator), experiment.limit
-            measured = metrics(traces, *met, limit, scene.law.command)
+            environment_and_hand, limit = (experiment.environment, experiment.operator), experiment.limit
+            measured = metrics(traces, *environment_and_hand, limit, scene.law.command)
         return Run(traces, measured, fastest_mode(scene))
 
     scene, difference = designed_scene(problem.device, gains, coupling, experiment), None

@@ -1,4 +1,4 @@
-"""Estimate for cells of gains where a box of environments is hardest to bear, in some hands at some angles."""
+"""Estimate in which hands and at which angles a box of environments is hardest to render, for cells of gains."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ LOOPS_AT_ONCE = 2
 """Number of designs whose arrays, a hundred hands at a hundred angles each, fit into the processor's cache. It only
 affects speed."""
 DAMPINGS, FEW_SHARES, FEW_ANGLES = 24, (0.0, 0.1, 1.0), 12
-"""Number of dampings b_c of a coupling that are tried for each cell, and the hands and the angles per decade with which
-they are compared. Half and twice as many dampings leave the same cells undecided."""
+"""Number of dampings b_c of a coupling that the estimate tries for each cell, and the hands and the angles per decade
+with which it compares them. With half or twice as many dampings, the same cells stay undecided."""
 
 
 def worst_places(problem: Problem, points: Cells, *, few: bool = False) -> tuple[Floats, PlacesInHands]:
@@ -43,23 +43,23 @@ def worst_places(problem: Problem, points: Cells, *, few: bool = False) -> tuple
     places : n angles, each with a hand
     """
     assert problem.hands_met is not None
-    at = loops_in_hands(problem.device, problem.hands_met, *((FEW_SHARES, FEW_ANGLES) if few else (SHARES,)))
-    need, which = np.zeros(len(points)), np.zeros(len(points), np.intp)
+    loops = loops_in_hands(problem.device, problem.hands_met, *((FEW_SHARES, FEW_ANGLES) if few else (SHARES,)))
+    need, worst = np.zeros(len(points)), np.zeros(len(points), np.intp)
     for i in range(0, len(points), LOOPS_AT_ONCE):
-        some = slice(i, i + LOOPS_AT_ONCE)
-        found = _needs(problem, at, points.low[:, some])
-        which[some] = np.argmax(found, axis=1)
-        need[some] = found[np.arange(len(found)), which[some]]
-    hand, angle = np.divmod(which, at.theta.size)
-    return need, PlacesInHands(at.theta[angle], at.hands.mapped(lambda number: number[hand]))
+        batch = slice(i, i + LOOPS_AT_ONCE)
+        needs = _needs(problem, loops, points.low[:, batch])
+        worst[batch] = np.argmax(needs, axis=1)
+        need[batch] = needs[np.arange(len(needs)), worst[batch]]
+    hand, angle = np.divmod(worst, loops.theta.size)
+    return need, PlacesInHands(loops.theta[angle], loops.hands.mapped(lambda number: number[hand]))
 
 
-def _needs(problem: Problem, at: LoopsInHands, numbers: Floats) -> Floats:
+def _needs(problem: Problem, loops: LoopsInHands, numbers: Floats) -> Floats:
     """Return 1/ratio of designs at all angles in all hands, shape (designs, hands and angles)."""
     gains, coupling = numbers[:2, :, None, None], coupling_from([*numbers[2:, :, None, None]])
     with np.errstate(all="ignore"):
-        found = needs_in_hands(at.loop, problem.device, Gains(*gains), coupling, at.theta, problem.worlds_met)
-    return np.nan_to_num(found, nan=0.0, posinf=np.finfo(float).max).reshape(numbers.shape[1], -1)
+        needs = needs_in_hands(loops.loop, problem.device, Gains(*gains), coupling, loops.theta, problem.worlds_met)
+    return np.nan_to_num(needs, nan=0.0, posinf=np.finfo(float).max).reshape(numbers.shape[1], -1)
 
 
 def need_at(problem: Problem, points: Cells, places: PlacesInHands) -> Floats:
@@ -86,10 +86,10 @@ def best_damping(problems: Sequence[Problem], cells: Cells) -> Floats:
     problems : problems, all of whose constraints must be met
     cells : n cells with the range of b_c
     """
-    tried = np.geomspace(cells.low[DAMPING], cells.high[DAMPING], DAMPINGS)
-    middle, needs = np.tile(cells.centres().low, DAMPINGS), np.zeros(tried.size)
-    middle[DAMPING] = tried.ravel()
+    dampings = np.geomspace(cells.low[DAMPING], cells.high[DAMPING], DAMPINGS)
+    middle, needs = np.tile(cells.centres().low, DAMPINGS), np.zeros(dampings.size)
+    middle[DAMPING] = dampings.ravel()
     for problem in problems:
         needs = np.maximum(needs, worst_places(problem, Cells(middle, middle), few=True)[0])
-    least = np.argmin(needs.reshape(tried.shape), axis=0)
-    return np.asarray(tried[least, np.arange(len(cells))])
+    least = np.argmin(needs.reshape(dampings.shape), axis=0)
+    return np.asarray(dampings[least, np.arange(len(cells))])

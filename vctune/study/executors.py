@@ -106,6 +106,7 @@ class _Serial(Executor):
 
 @contextmanager
 def _process_pool(jobs: int) -> Iterator[WorkerPool]:
+    """Yield worker processes on this machine, and end them with the block."""
     with _for_workers():
         context = _context()
     start = partial(ProcessPoolExecutor, jobs, mp_context=context, initializer=_begin_worker)
@@ -171,6 +172,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _dask_pool(choice: str, address: str, jobs: int) -> Iterator[WorkerPool]:
+    """Yield the workers of a Dask cluster, or refuse a cluster that is absent or of another version."""
     try:
         from distributed import CancelledError, KilledWorker
         from distributed.comm import CommClosedError
@@ -203,6 +205,7 @@ def _no_logs() -> Iterator[None]:
 
 @contextmanager
 def _client(choice: str, address: str, jobs: int) -> Iterator[Any]:
+    """Yield a client of a new cluster on this machine, or of the cluster at an address."""
     from distributed import Client, LocalCluster
 
     if not address:

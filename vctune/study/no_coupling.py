@@ -1,7 +1,7 @@
-"""Prove that no coupling bears a box of environments with the gains of a cell.
+"""Prove that no coupling can render a box of environments with the gains of a cell.
 
-Each box of couplings has one hand and one angle at which the constraint fails throughout. Estimates in double precision
-find these places.
+The proof names one hand and one angle for each box of couplings; there, the constraint fails throughout the box.
+Estimates in double precision find these places.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ from vctune.study.estimate_in_worlds import worst_places
 
 COUPLING = slice(2, None)
 """Rows of the coupling among the numbers of a design."""
-NEARLY = 0.97
-"""Share of the requirement that the worst hand of a grid has to miss at least, to be refined."""
+NEAR_MISS = 0.97
+"""Need in the worst hand of a grid, relative to the limit, above which the proof refines that hand and its angle."""
 MAX_HALVINGS, MAX_BOXES = 24, 200
-"""Greatest number of halvings of a box of couplings, and number of a cell's boxes after which the cell stays open."""
+"""Greatest number of halvings of a box of couplings, and greatest number of boxes of a cell. A cell that needs more
+stays undecided."""
 
 
 def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
-    """Return the cells in which no design bears the environments of a problem.
+    """Return the cells in which no design can render the environments of a problem.
 
     Parameters
     ----------
@@ -53,13 +54,15 @@ def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
 
 
 def _every_box_fails(problem: Problem, cells: Cells, free: Flags) -> Flags:
-    """Return the cells of which every box of couplings fails; the numbers that are not free are not halved."""
+    """Return the cells in which every box of couplings fails. The proof halves free numbers only."""
     n = len(cells)
-    at_once = np.zeros((1, n))
+    no_frequency = np.zeros((1, n))
     names, owner = (FREQUENCY, *cells.keys), np.arange(n)
-    boxes = Boxes(names, np.vstack((at_once, cells.low)), np.vstack((at_once, cells.high)), owner, np.zeros_like(owner))
-    found = prove(
-        partial(_test, problem, free),
+    boxes = Boxes(
+        names, np.vstack((no_frequency, cells.low)), np.vstack((no_frequency, cells.high)), owner, np.zeros_like(owner)
+    )
+    proof = prove(
+        partial(_decided, problem, free),
         boxes,
         n,
         halved=[False, *free.tolist()],
@@ -67,41 +70,43 @@ def _every_box_fails(problem: Problem, cells: Cells, free: Flags) -> Flags:
         max_boxes=MAX_BOXES,
         only_whole=True,
     )
-    return found.proved
+    return proof.proved
 
 
-def _test(problem: Problem, free: Flags, boxes: Boxes) -> Decided:
+def _decided(problem: Problem, free: Flags, boxes: Boxes) -> Decided:
+    """Return which boxes of couplings fail throughout, and the cost by which the prover selects the number to halve."""
     low, high = boxes.low[1:], boxes.high[1:]
     shape = boxes.low.shape
     cost = np.zeros(shape)
     with np.errstate(divide="ignore"):
         cost[1:][free] = np.log(np.maximum(high, 1e-12) / np.maximum(low, 1e-12))[free]
-    none, n = np.zeros(shape), len(boxes)
+    zeros, n = np.zeros(shape), len(boxes)
     return Decided(
         proved=_fails(problem, Cells(low, high)),
         fails=np.zeros(n, bool),
         point=(boxes.low + boxes.high) / 2,
         cost=cost,
         known=np.zeros(n, bool),
-        side=none,
+        side=zeros,
         room=np.zeros(n),
     )
 
 
 def _fails(problem: Problem, cells: Cells) -> Flags:
-    """Return the cells throughout which the constraint fails, each at the place that is worst for its middle design."""
+    """Return the cells throughout which the constraint fails. Each cell is tested at the worst place of its middle
+    design."""
     demands, middle = pose(problem).demands, _middle(cells)
     needs, places = worst_places(problem, middle)
     lost = fails_in_hands(demands, cells, places)
-    left = np.flatnonzero(~lost & (needs * demands.factor > NEARLY))
-    if left.size:
-        closer = _closer(problem, middle.subset(left), places[left])
-        lost[left] = fails_in_hands(demands, cells.subset(left), closer)
+    unproved = np.flatnonzero(~lost & (needs * demands.factor > NEAR_MISS))
+    if unproved.size:
+        closer = _refined_places(problem, middle.subset(unproved), places[unproved])
+        lost[unproved] = fails_in_hands(demands, cells.subset(unproved), closer)
     return lost
 
 
-def _closer(problem: Problem, points: Cells, places: PlacesInHands) -> PlacesInHands:
-    """Return the places moved to hands and angles near them that require the most of each design."""
+def _refined_places(problem: Problem, points: Cells, places: PlacesInHands) -> PlacesInHands:
+    """Return the hands and angles near given places that require the most of each design."""
     assert problem.hands_met is not None
     gains, coupling = points.low[:2, :, None, None], coupling_from([*points.low[COUPLING, :, None, None]])
     return hardest_near(problem.device, problem.hands_met, Gains(*gains), coupling, places, problem.worlds_met)[1]

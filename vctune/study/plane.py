@@ -23,7 +23,9 @@ A cell with y_low = y_high (or x_low = x_high) is a piece of the line K_p = 0. T
 """
 
 COARSEST = 8
+"""Number of cells along each axis with which a search begins."""
 DIGITS = 12
+"""Number of significant digits of the edges between cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ class Plane:
         """
         side, count = len(self.edges[0]) - 1, COARSEST
         marks = np.arange(0, side, side // count)
-        i, j = (m.ravel() for m in np.meshgrid(marks, marks, indexing="ij"))
+        i, j = (grid.ravel() for grid in np.meshgrid(marks, marks, indexing="ij"))
         squares = np.stack((i, i + side // count, j, j + side // count))
         for place in range(2):
             if self.has_line(place):
@@ -104,33 +106,33 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     list of Mistake
         Empty if the region can be found.
     """
-    bounds, found = dict(zip(keys_for(problem), ranges(problem), strict=True)), []
+    bounds, mistakes = dict(zip(keys_for(problem), ranges(problem), strict=True)), []
     free = [key for key in bounds if not bounds[key].fixed]
     names = f"free are {', '.join(free)}" if free else "the problem fixes every number"
     if of_one_device(problem) is None:
-        found.append(
+        mistakes.append(
             Mistake("no-plane", "uncertainty", "a region is proved for one device; leave the table out of this problem")
         )
     worlds = problem.worlds
     if worlds is not None and (worlds.walls or not worlds.lossless or problem.device.kind.inverse):
-        said = (
+        message = (
             "a region of gains is proved for linear environments by the trapezoidal rule, on time, on an admittance "
             "display or a servo; state such a table, or leave it out of this problem"
         )
-        found.append(Mistake("no-plane", "environment", said))
+        mistakes.append(Mistake("no-plane", "environment", message))
     if x == y:
-        found.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))
-    found += [
+        mistakes.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))
+    mistakes += [
         Mistake("no-plane", key, f"is fixed at {bounds[key].min:g} and spans no plane; {names}")
         for key in dict.fromkeys((x, y))
         if bounds[key].fixed
     ]
-    found += [
+    mistakes += [
         Mistake("no-plane", key, "is free but not an axis; fix it, or name it as x or y")
         for key in (bounds if problem.device.kind.inverse else KEYS[:2])
         if key not in (x, y) and not bounds[key].fixed
     ]
-    return found
+    return mistakes
 
 
 def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
@@ -143,14 +145,15 @@ def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
     levels : the side of the finest cell is 2^-levels of the plane's side
     """
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
-    found = {c.index: c for c in coordinates(problem.in_units(impedance, time), integrator=True)}
+    coordinate_of = {c.index: c for c in coordinates(problem.in_units(impedance, time), integrator=True)}
     keys, bounds = keys_for(problem), ranges(problem)
     axes, units = (keys.index(x), keys.index(y)), Units(impedance, time, 1.0).to_si((1.0,) * len(keys))
-    edges = [_edges(found[axis], units[axis], bounds[axis], 2**levels) for axis in axes]
+    edges = [_edges(coordinate_of[axis], units[axis], bounds[axis], 2**levels) for axis in axes]
     return Plane(axes, (edges[0], edges[1]), bounds)
 
 
 def _edges(coordinate: Coordinate, unit: float, bounds: Range, count: int) -> Floats:
+    """Return the edges of an axis in SI units, equally spaced in the optimiser's coordinate."""
     inner = [coordinate.to_x(z) * unit for z in np.linspace(coordinate.low, coordinate.high, count + 1)[1:-1]]
     return np.array([bounds.min, *(float(f"{x:.{DIGITS}g}") for x in inner), bounds.max])
 
@@ -164,8 +167,8 @@ def halved(squares: Squares, across: Flags) -> Squares:
     across : True to halve x first, False to halve y first, shape (n,); a side of length 1 stays whole
     """
     wide, high = squares[1] - squares[0] > 1, squares[3] - squares[2] > 1
-    low = np.where(wide & (across | ~high), 0, 2)
+    low_row = np.where(wide & (across | ~high), 0, 2)
     at = np.arange(squares.shape[1])
     first, second = squares.copy(), squares.copy()
-    first[low + 1, at] = second[low, at] = (squares[low, at] + squares[low + 1, at]) // 2
+    first[low_row + 1, at] = second[low_row, at] = (squares[low_row, at] + squares[low_row + 1, at]) // 2
     return np.concatenate((first, second), axis=1)

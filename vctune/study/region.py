@@ -29,7 +29,7 @@ from vctune.study.plane import Plane, Squares, halved
 from vctune.study.region_estimate import changes, estimate
 
 TOGETHER = 512
-"""Number of cells that are judged together; their data fit into memory."""
+"""Number of cells that the search judges together; their data fit into memory."""
 EASING = "coupling.mass", "coupling.drag"
 """Keys of the variables that ease the constraints as they grow."""
 
@@ -99,9 +99,9 @@ def region(
     Region
         The cells into which the first cells are divided, in no particular order.
     """
-    one = of_one_device(problem)
-    assert one is not None
-    problems = [one, *problems_beside(one)]
+    of_device = of_one_device(problem)
+    assert of_device is not None
+    problems = [of_device, *problems_beside(of_device)]
     across = partial(_across, problems, plane)
     return divided(plane, squares, partial(_judged, problems, plane), across, progress, stopped)
 
@@ -130,12 +130,12 @@ def divided(
     done, decided = list[tuple[Squares, Kinds, Floats]](), 0.0
     while squares.shape[1] and not (stopped() or out_of_time()):
         progress(f"{decided:.1%} of the plane decided, {squares.shape[1]} cells open")
-        first, rest = np.split(squares, [TOGETHER], axis=1)
+        first, remaining = np.split(squares, [TOGETHER], axis=1)
         try:
             kinds, damping = judged(first)
         except OutOfTimeError:
             break
-        squares = rest
+        squares = remaining
         size = np.maximum(first[1] - first[0], first[3] - first[2])
         decided += plane.areas(first)[kinds != Kind.UNDECIDED].sum()
         settled = (kinds != Kind.UNDECIDED) | (size == 1)
@@ -143,10 +143,10 @@ def divided(
         open_ones = first[:, ~settled]
         if open_ones.size:
             squares = np.concatenate((squares, halved(open_ones, across(open_ones))), axis=1)
-    left = squares.shape[1]
-    done.append((squares, np.full(left, Kind.UNDECIDED, np.intp), np.full(left, np.nan)))
+    undecided = squares.shape[1]
+    done.append((squares, np.full(undecided, Kind.UNDECIDED, np.intp), np.full(undecided, np.nan)))
     cells, kinds, damping = (np.concatenate(part, axis=-1) for part in zip(*done, strict=True))
-    return Region(plane, cells, kinds, damping, interrupted=left > 0)
+    return Region(plane, cells, kinds, damping, interrupted=undecided > 0)
 
 
 def free_damping(plane: Plane) -> bool:
@@ -177,8 +177,8 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
     damping : b_c, N s/m, shape (n,); nan where a cell keeps its range
     """
     low, high = cells.low.copy(), cells.high.copy()
-    given = np.isfinite(damping)
-    low[DAMPING, given] = high[DAMPING, given] = damping[given]
+    stated = np.isfinite(damping)
+    low[DAMPING, stated] = high[DAMPING, stated] = damping[stated]
     return Cells(low, high)
 
 
@@ -199,19 +199,21 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     """
     whole, free = plane.cells(squares), free_damping(plane)
     cells = easiest(whole, plane)
-    found = estimate(problems, cells, free=free)
+    estimated = estimate(problems, cells, free=free)
     kinds = np.full(len(cells), Kind.UNDECIDED)
-    served = with_damping(cells, found.damping) if free else cells
-    hopeful = np.flatnonzero(~np.isnan(found.damping))
+    with_b_c = with_damping(cells, estimated.damping) if free else cells
+    hopeful = np.flatnonzero(~np.isnan(estimated.damping))
     for problem in problems:
-        hopeful = hopeful[prove(pose(problem).demands, served.subset(hopeful)).proved]
+        hopeful = hopeful[prove(pose(problem).demands, with_b_c.subset(hopeful)).proved]
     kinds[hopeful] = Kind.FEASIBLE
-    for problem, hardest, missed in zip(problems, found.places, found.missed, strict=True):
-        left = np.flatnonzero(kinds == Kind.UNDECIDED)
+    for problem, hardest, missed in zip(problems, estimated.places, estimated.missed, strict=True):
+        undecided = np.flatnonzero(kinds == Kind.UNDECIDED)
         # with a box of environments more mass and drag of the coupling may be worse
-        some = (cells if problem.worlds is None else whole).subset(left)
-        kinds[left[_lost(problem, plane, some, hardest.subset(left), missed[left])]] = Kind.INFEASIBLE
-    return kinds, np.where((kinds == Kind.FEASIBLE) & free, found.damping, np.nan)
+        tested = (cells if problem.worlds is None else whole).subset(undecided)
+        kinds[undecided[_proved_infeasible(problem, plane, tested, hardest.subset(undecided), missed[undecided])]] = (
+            Kind.INFEASIBLE
+        )
+    return kinds, np.where((kinds == Kind.FEASIBLE) & free, estimated.damping, np.nan)
 
 
 def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flags:
@@ -222,25 +224,24 @@ def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flag
     return np.where(change[0] == change[1], longer, change[0] > change[1])
 
 
-def _lost(problem: Problem, plane: Plane, cells: Cells, places: Places, missed: Flags) -> Flags:
+def _proved_infeasible(problem: Problem, plane: Plane, cells: Cells, places: Places, missed: Flags) -> Flags:
     """Return which cells of a plane are proved to contain no design that meets a problem's constraints."""
     demands = pose(problem).demands
-    lost = refuted(demands, cells, places)
+    infeasible = refuted(demands, cells, places)
     if problem.worlds is not None:
-        near = np.flatnonzero(~lost & missed)
-        lost[near] = no_coupling(problem, cells.subset(near), np.array([*map(plane.at_full_width, plane.keys)]))
+        near = np.flatnonzero(~infeasible & missed)
+        infeasible[near] = no_coupling(problem, cells.subset(near), np.array([*map(plane.at_full_width, plane.keys)]))
     elif free_damping(plane):
-        lost |= no_damping(demands, cells, places)
-    elif places.in_hands is not None and not lost.all():
-        near = np.flatnonzero(~lost)
-        some = cells.subset(near)
-        lost[near] = refuted(demands, some, _closer(problem, some, places.subset(near)))
-    return lost
+        infeasible |= no_damping(demands, cells, places)
+    elif places.in_hands is not None and not infeasible.all():
+        near = np.flatnonzero(~infeasible)
+        near_cells = cells.subset(near)
+        infeasible[near] = refuted(demands, near_cells, _refined_places(problem, near_cells, places.subset(near)))
+    return infeasible
 
 
-def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
-    """Return the places with hands and angles refined to those near them that require the most at the cells'
-    centres."""
+def _refined_places(problem: Problem, cells: Cells, places: Places) -> Places:
+    """Return the hands and angles near given places that require the most of the designs at the cells' centres."""
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
     coupling, first = coupling_from(of_coupling), places.in_hands[0]

@@ -183,6 +183,7 @@ def _lost_area(again: Recheck) -> float:
 
 
 def _message(again: Recheck) -> str:
+    """Return a sentence on what is proved again and what is lost."""
     kept, lost, designs = again.region.area(Kind.FEASIBLE), _lost_area(again), len(again.certified)
     if not again.lost:
         return f"proved again: {100 * kept:.4g} % of the plane and the listed gain sets, {designs}"

@@ -37,7 +37,7 @@ affects speed."""
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What seems to be true of the designs at the centres of n cells.
+    """Estimates in double precision for the designs at the centres of n cells.
 
     Attributes
     ----------
@@ -65,10 +65,10 @@ def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estima
     least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
     meets, places, missed = np.ones(len(cells), bool), [], []
     for problem in problems:
-        at = _hardest(problem, cells, free=free)
-        least, most, meets = np.maximum(least, at.least), np.minimum(most, at.most), meets & at.meets
-        places.append(at.places)
-        missed.append(at.least > at.most if free else ~at.meets)
+        hardest = _hardest_places(problem, cells, free=free)
+        least, most, meets = np.maximum(least, hardest.least), np.minimum(most, hardest.most), meets & hardest.meets
+        places.append(hardest.places)
+        missed.append(hardest.least > hardest.most if free else ~hardest.meets)
     damping = np.clip(np.sqrt(least) * np.sqrt(most), least, most) if free else cells.low[DAMPING].copy()
     return Estimate(np.where(meets & (least <= most), damping, np.nan), places, missed)
 
@@ -78,20 +78,21 @@ def _estimate_in_worlds(problems: Sequence[Problem], cells: Cells, *, free: bool
     damping = _damping_in_worlds(problems, cells) if free else cells.low[DAMPING].copy()
     middle, meets, places, missed = _with_damping(cells.centres(), damping), np.ones(len(cells), bool), [], []
     for problem in problems:
-        need, at = worst_places(problem, middle)
+        need, worst = worst_places(problem, middle)
         peak, theta_S = _peak_of_sensitivity(problem, Gains(*middle.low[:2, :, None]))
         missed.append(need * problem.stability.safety_factor > 1)
         meets &= ~missed[-1] & (peak <= problem.stability.max_sensitivity)
-        places.append(Places(theta_S, in_hands=at[None]))
+        places.append(Places(theta_S, in_hands=worst[None]))
     return Estimate(np.where(meets, damping, np.nan), places, missed)
 
 
 def _damping_in_worlds(problems: Sequence[Problem], cells: Cells) -> Floats:
-    """Return a b_c that bears every passive environment, which is found at once, or else the best one."""
+    """Return for each cell a b_c for every passive environment, which needs no search, or else the best b_c for the
+    box."""
     damping = estimate([replace(problem, worlds=None) for problem in problems], cells, free=True).damping
-    left = np.isnan(damping)
-    if left.any():
-        damping[left] = best_damping(problems, cells.subset(left))
+    unmet = np.isnan(damping)
+    if unmet.any():
+        damping[unmet] = best_damping(problems, cells.subset(unmet))
     return damping
 
 
@@ -108,17 +109,20 @@ def _changes_in_worlds(problems: Sequence[Problem], cells: Cells, axes: tuple[in
     middle = cells.centres()
     if free:
         middle = _with_damping(middle, _damping_in_worlds(problems, cells))
-    places, found = [worst_places(problem, middle)[1] for problem in problems], list[Floats]()
+    places, changes_by_axis = [worst_places(problem, middle)[1] for problem in problems], list[Floats]()
     for axis in axes:
         ends = []
         for edge in (cells.low, cells.high):
             numbers = middle.low.copy()
             numbers[axis] = edge[axis]
             ends.append(
-                np.max([_missed_at(each, numbers, at) for each, at in zip(problems, places, strict=True)], axis=0)
+                np.max(
+                    [_missed_at(problem, numbers, worst) for problem, worst in zip(problems, places, strict=True)],
+                    axis=0,
+                )
             )
-        found.append(np.nan_to_num(np.abs(ends[1] - ends[0])))
-    return found
+        changes_by_axis.append(np.nan_to_num(np.abs(ends[1] - ends[0])))
+    return changes_by_axis
 
 
 def _missed_at(problem: Problem, numbers: Floats, places: PlacesInHands) -> Floats:
@@ -146,7 +150,7 @@ def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *,
     """
     if problems[0].worlds is not None:
         return _changes_in_worlds(problems, cells, axes, free=free)
-    middle, found = cells.centres(), list[Floats]()
+    middle, changes_by_axis = cells.centres(), list[Floats]()
     for axis in axes:
         ends = []
         for edge in (cells.low, cells.high):
@@ -154,25 +158,27 @@ def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *,
             low[axis] = high[axis] = edge[axis]
             if free:
                 low[DAMPING], high[DAMPING] = cells.low[DAMPING], cells.high[DAMPING]
-            at = Cells(low, high)
-            ends.append(np.max([_hardest(problem, at, free=free).missed for problem in problems], axis=0))
-        found.append(np.nan_to_num(np.abs(ends[1] - ends[0])))
-    return found
+            edge_cells = Cells(low, high)
+            ends.append(
+                np.max([_hardest_places(problem, edge_cells, free=free).missed for problem in problems], axis=0)
+            )
+        changes_by_axis.append(np.nan_to_num(np.abs(ends[1] - ends[0])))
+    return changes_by_axis
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
+class _Requirement:
     """The requirement on the coupling at the centres of n cells.
 
     Attributes
     ----------
     omega : frequencies of the coupling, rad/s; for an impedance display theta, rad; shape (places,)
-    needed : the least Re Z_c there, N s/m, or the least Re(1/Z_c)/s^2, shape (n, places)
+    required : the least Re Z_c there, N s/m, or the least Re(1/Z_c)/s^2, shape (n, places)
     place : function that makes the place of each cell for `Places` from an index of `omega` for each
     """
 
     omega: Floats
-    needed: Floats
+    required: Floats
     place: Callable[[Integers], Floats | PlacesInHands]
 
 
@@ -195,31 +201,32 @@ class _Hardest:
     missed: Floats
 
 
-def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
+def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
+    """Return the places of one problem where the constraints are hardest to meet at the centres of cells."""
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None]
     coupling = coupling_from(of_coupling)
     least, most = np.zeros(len(cells)), np.full(len(cells), inf)
-    meets, found, worst = np.ones(len(cells), bool), dict[str, Any](), np.full(len(cells), -inf)
-    for name, asked in _asked(problem, K_v, K_p).items():
+    meets, places_by_name, worst = np.ones(len(cells), bool), dict[str, Any](), np.full(len(cells), -inf)
+    for name, requirement in _requirements(problem, K_v, K_p).items():
         if free and isinstance(coupling, Coupling):
-            needed = asked.needed - coupling.drag
-            low, high = admissible_damping(needed, coupling.mass * asked.omega)
+            required = requirement.required - coupling.drag
+            low, high = admissible_damping(required, coupling.mass * requirement.omega)
             least, most = np.maximum(least, low.max(axis=1)), np.minimum(most, high.min(axis=1))
-            hardest = [needed / np.maximum(asked.omega, TINY), low, -high]
-            worst = np.maximum(worst, np.log(np.maximum(2 * hardest[0] / coupling.mass, TINY)).max(axis=1))
+            hardness = [required / np.maximum(requirement.omega, TINY), low, -high]
+            worst = np.maximum(worst, np.log(np.maximum(2 * hardness[0] / coupling.mass, TINY)).max(axis=1))
         else:
-            scarcity = asked.needed / _offered(coupling, problem.device, asked.omega)
+            scarcity = requirement.required / _offered(coupling, problem.device, requirement.omega)
             meets &= scarcity.max(axis=1) <= 1
-            hardest = [scarcity]
+            hardness = [scarcity]
             worst = np.maximum(worst, np.log(np.maximum(scarcity, TINY)).max(axis=1))
-        found[name] = _stacked([asked.place(np.argmax(hard, axis=1)) for hard in hardest])
+        places_by_name[name] = _stacked([requirement.place(np.argmax(hard, axis=1)) for hard in hardness])
     peak, theta_S = _peak_of_sensitivity(problem, Gains(K_v, K_p))
     meets &= peak <= problem.stability.max_sensitivity
     worst = np.maximum(worst, np.log(peak / problem.stability.max_sensitivity))
     if free:
-        between = np.log(np.maximum(least, cells.low[DAMPING]) / np.minimum(most, cells.high[DAMPING]))
-        worst = np.maximum(worst, np.where(np.isfinite(between), between, -inf))
-    return _Hardest(least, most, meets, Places(theta_S, **found), worst)
+        gap = np.log(np.maximum(least, cells.low[DAMPING]) / np.minimum(most, cells.high[DAMPING]))
+        worst = np.maximum(worst, np.where(np.isfinite(gap), gap, -inf))
+    return _Hardest(least, most, meets, Places(theta_S, **places_by_name), worst)
 
 
 def _peak_of_sensitivity(problem: Problem, gains: Gains) -> tuple[Floats, Floats]:
@@ -234,46 +241,53 @@ def _peak_of_sensitivity(problem: Problem, gains: Gains) -> tuple[Floats, Floats
 def _stacked(places: Sequence[Any]) -> Any:
     """Return several places of each cell, the hardest first."""
     if isinstance(places[0], PlacesInHands):
-        return places[0].mapped(lambda *each: np.stack(each), *places[1:])
+        return places[0].mapped(lambda *arrays: np.stack(arrays), *places[1:])
     return np.stack(places)
 
 
 def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
+    """Return what a coupling offers against a requirement: Re Z_c, or Re(1/Z_c)/s^2 for an impedance display."""
     if isinstance(coupling, SpringDamper):
         return np.asarray(offered(coupling, device, place, FLOATS))
     return np.asarray(coupling_impedance(coupling, place).re)
 
 
-def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
+def _requirements(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Requirement]:
     """Return the requirements at some gains, arrays of shape (n, 1), by the names of `Places`."""
-    device, factor, found = problem.device, problem.stability.safety_factor, {}
+    device, factor, requirements = problem.device, problem.stability.safety_factor, {}
     if problem.passive:
         omega = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)
         loop = response(device, Gains(K_v, K_p), omega)
         # where the resistance is not positive, no coupling suffices
-        needed = np.where(loop.resistance > 0, factor * required_resistance(loop, FLOATS), inf)
-        found["omega"] = _Asked(omega, needed, lambda which: omega[which])
+        required = np.where(loop.resistance > 0, factor * required_resistance(loop, FLOATS), inf)
+        requirements["omega"] = _Requirement(omega, required, lambda index: omega[index])
     if problem.hands_met is not None:
-        found["in_hands"] = _asked_in_hands(loops_in_hands(device, problem.hands_met), device, factor, Gains(K_v, K_p))
+        requirements["in_hands"] = _requirement_in_hands(
+            loops_in_hands(device, problem.hands_met), device, factor, Gains(K_v, K_p)
+        )
     if problem.any_hand:
-        at = loops_in_any_hand(device)
-        found["theta"] = _Asked(at.theta, factor * at.required(Gains(K_v, K_p)), lambda which: at.theta[which])
-    return found
+        loops = loops_in_any_hand(device)
+        requirements["theta"] = _Requirement(
+            loops.theta, factor * loops.required(Gains(K_v, K_p)), lambda index: loops.theta[index]
+        )
+    return requirements
 
 
-def _asked_in_hands(at: LoopsInHands, device: Device, factor: float, gains: Gains) -> _Asked:
+def _requirement_in_hands(loops: LoopsInHands, device: Device, factor: float, gains: Gains) -> _Requirement:
     """Return the requirement at each angle in the worst hand at that angle."""
-    few, same = np.unique(np.hstack(astuple(gains)), axis=0, return_inverse=True)  # cells of a plane share gains
-    needed, worst = np.empty((2, len(few), at.theta.size))
-    for i in range(0, len(few), LOOPS_AT_ONCE):
-        some = Gains(*few[i : i + LOOPS_AT_ONCE].T[..., None, None])
-        R = np.nan_to_num(at.required(some), nan=0.0)
-        needed[i : i + LOOPS_AT_ONCE], worst[i : i + LOOPS_AT_ONCE] = factor * R.max(axis=1), R.argmax(axis=1)
-    needed, worst = needed[same], worst[same]
+    distinct, position = np.unique(
+        np.hstack(astuple(gains)), axis=0, return_inverse=True
+    )  # cells of a plane share gains
+    required, worst = np.empty((2, len(distinct), loops.theta.size))
+    for i in range(0, len(distinct), LOOPS_AT_ONCE):
+        batch = Gains(*distinct[i : i + LOOPS_AT_ONCE].T[..., None, None])
+        R = np.nan_to_num(loops.required(batch), nan=0.0)
+        required[i : i + LOOPS_AT_ONCE], worst[i : i + LOOPS_AT_ONCE] = factor * R.max(axis=1), R.argmax(axis=1)
+    required, worst = required[position], worst[position]
 
-    def place(which: Integers) -> PlacesInHands:
-        hand = worst[np.arange(len(which)), which].astype(np.intp)
-        return PlacesInHands(at.theta[which], at.hands.mapped(lambda number: number[hand]))
+    def place(index: Integers) -> PlacesInHands:
+        hand = worst[np.arange(len(index)), index].astype(np.intp)
+        return PlacesInHands(loops.theta[index], loops.hands.mapped(lambda number: number[hand]))
 
-    met = at.theta if device.kind.inverse else np.tan(at.theta / 2) * (2 / device.sample_time)
-    return _Asked(met, needed, place)
+    coupling_axis = loops.theta if device.kind.inverse else np.tan(loops.theta / 2) * (2 / device.sample_time)
+    return _Requirement(coupling_axis, required, place)

@@ -38,8 +38,8 @@ def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
             solved = solve(problem)
             content = row_of(solved)
             if solved.cut:
-                said = [note.line for note in solved.cut_short]
-                content |= {"reason": "; ".join([content["reason"], *said] if content["reason"] else said)}
+                cut_short = [note.line for note in solved.cut_short]
+                content |= {"reason": "; ".join([content["reason"], *cut_short] if content["reason"] else cut_short)}
                 content |= {"status": Status.UNDECIDED.value, "time_limit": time_limit}
         except Exception as error:  # an error in vctune becomes this point's row and does not end the run
             content = row_without_design(FAILED, f"internal error: {type(error).__name__}: {error}")

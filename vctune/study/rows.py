@@ -1,4 +1,4 @@
-"""Store the rows of a study in a file that only grows, with one line of JSON for each finished point.
+"""Store the rows of a study in an append-only file, with one line of JSON for each finished point.
 
 The first line of the file names the study. The operating system receives each row in one write. A killed run therefore
 leaves complete lines and at most one torn last line. vctune drops this line when it opens the file again. A user may
@@ -123,6 +123,7 @@ def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = in
 
 @contextmanager
 def _opened(path: Path) -> Iterator[int]:
+    """Open a file for one writer at a time, and yield its descriptor."""
     try:
         handle = os.open(path, os.O_RDWR | os.O_APPEND)
     except OSError as error:
@@ -169,11 +170,12 @@ def _parsed(line: bytes) -> Row | None:
         row = json.loads(line)
     except ValueError:
         return None
-    known = isinstance(row, dict) and ("schema" in row or {"key", "status"} <= set(row))
-    return row if known and line.endswith(b"\n") else None
+    complete = isinstance(row, dict) and ("schema" in row or {"key", "status"} <= set(row))
+    return row if complete and line.endswith(b"\n") else None
 
 
 def _check_header(path: Path, line: bytes, study: Study) -> None:
+    """Refuse a file whose header is of another version or study."""
     header = _parsed(line)
     if header is None or header.get("schema") != RowsHeader.SCHEMA:
         raise _refusal(path, "is not a file of rows that this version wrote; choose another folder, or remove it")

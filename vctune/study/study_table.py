@@ -129,6 +129,7 @@ class Table:
 
 
 def _plain(value: Any) -> Any:
+    """Return a value of a column as a plain Python object; None if it does not exist."""
     if isinstance(value, str):
         return value or None
     if isinstance(value, np.bool_):

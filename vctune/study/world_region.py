@@ -44,21 +44,21 @@ def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     x, y : dotted keys, at least one of which is that of an environment
     """
     others = [key for key in (x, y) if key not in WORLD]
-    said = f"is no number of an environment; those are {', '.join(WORLD)}"
-    found = [Mistake("no-plane", key, said) for key in others]
+    message = f"is no number of an environment; those are {', '.join(WORLD)}"
+    mistakes = [Mistake("no-plane", key, message) for key in others]
     if problem.worlds is not None and not problem.worlds.lossless:
-        said = (
+        message = (
             "asks for environments late or by Euler's rules, and the cells of a region are proved of the trapezoidal "
             "rule on "
             "time alone; leave rule and late out, or check single boxes with `vctune check`"
         )
-        found.append(Mistake("no-plane", "environment", said))
+        mistakes.append(Mistake("no-plane", "environment", message))
     if x == y:
-        found.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))
+        mistakes.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))
     if problem.uncertainty is not None and problem.uncertainty.unmodelled:
-        said = "is not proved with environments of a box; leave it out of this problem"
-        found.append(Mistake("no-plane", "uncertainty.unmodelled", said))
-    return found
+        message = "is not proved with environments of a box; leave it out of this problem"
+        mistakes.append(Mistake("no-plane", "uncertainty.unmodelled", message))
+    return mistakes
 
 
 def world_plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
@@ -96,14 +96,16 @@ def _spans(problem: Problem) -> list[tuple[float, float]]:
     mass = hand.mass or stiffness * PERIOD**2
     damping = hand.damping or stiffness * PERIOD
     below, above = DECADES
-    return [(_round(size * 10**-below), _round(size * 10**above)) for size in (mass, damping, stiffness)]
+    return [(_round(scale * 10**-below), _round(scale * 10**above)) for scale in (mass, damping, stiffness)]
 
 
 def _round(value: float) -> float:
+    """Return a value with one significant digit."""
     return float(f"{value:.1g}")
 
 
 def _edges(low: float, high: float, count: int) -> Floats:
+    """Return the edges of an axis: 0, and then geometrically spaced values."""
     inner = [float(f"{x:.{DIGITS}g}") for x in np.geomspace(low, high, count)[:-1]]
     return np.array([0.0, *inner, high])
 
@@ -135,11 +137,11 @@ def world_region(
     """
     squares = plane.coarsest_squares() if squares is None else squares
     try:
-        found = rendered(problem, gains, coupling, plane.ranges[DAMPING].min)
+        prepared_design = rendered(problem, gains, coupling, plane.ranges[DAMPING].min)
     except OutOfTimeError:
-        none = np.full(squares.shape[1], Kind.UNDECIDED, np.intp)
-        return Region(plane, squares, none, np.full(none.size, np.nan), interrupted=True)
-    return divided(plane, squares, lambda some: judged(found, plane, some), _longer, progress, stopped)
+        undecided = np.full(squares.shape[1], Kind.UNDECIDED, np.intp)
+        return Region(plane, squares, undecided, np.full(undecided.size, np.nan), interrupted=True)
+    return divided(plane, squares, lambda part: judged(prepared_design, plane, part), _longer, progress, stopped)
 
 
 def _longer(squares: Squares) -> Flags:
@@ -147,28 +149,29 @@ def _longer(squares: Squares) -> Flags:
     return np.asarray(squares[1] - squares[0] >= squares[3] - squares[2])
 
 
-def judged(found: Rendered, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
+def judged(prepared_design: Rendered, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     """Return the verdict on each cell of a plane of environments. The second result, a b_c for each cell, is all nan.
 
     Parameters
     ----------
-    found : the design, prepared to prove environments
+    prepared_design : the design, prepared to prove environments
     plane, squares : the plane and its cells
     """
-    kinds = np.full(squares.shape[1], Kind.FEASIBLE if found.every else Kind.UNDECIDED)
-    if not found.every:
+    kinds = np.full(squares.shape[1], Kind.FEASIBLE if prepared_design.every else Kind.UNDECIDED)
+    if not prepared_design.every:
         cells = plane.cells(squares)
-        each, missed = met(cells.low, cells.high), _missed(plane, cells.low, cells.high)
-        hopeful, lost, between = found.estimated(each, missed)
-        at = np.flatnonzero(hopeful)
-        kinds[at[found.proved(each.subset(at))]] = Kind.FEASIBLE
-        kinds[lost[found.refuted(missed.subset(lost), between)]] = Kind.INFEASIBLE
+        worst_members, common_ends = met(cells.low, cells.high), _common_ends(plane, cells.low, cells.high)
+        hopeful, lost, angles = prepared_design.estimated(worst_members, common_ends)
+        indices = np.flatnonzero(hopeful)
+        kinds[indices[prepared_design.proved(worst_members.subset(indices))]] = Kind.FEASIBLE
+        kinds[lost[prepared_design.refuted(common_ends.subset(lost), angles)]] = Kind.INFEASIBLE
     return kinds, np.full(squares.shape[1], np.nan)
 
 
-def _missed(plane: Plane, low: Floats, high: Floats) -> WorldCells:
-    """Return for each cell the ends that all its members share. For a number that is not an axis, these are its range
-    with the ends swapped, since each member may choose the number.
+def _common_ends(plane: Plane, low: Floats, high: Floats) -> WorldCells:
+    """Return for each cell the ends that all its members share.
+
+    A member may choose any value of a number that is not an axis. The ends of such a number are therefore swapped.
 
     Parameters
     ----------

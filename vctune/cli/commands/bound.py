@@ -64,9 +64,9 @@ def bound(
     path = design or design_folder(file, out) / DESIGN_FILE
     warn_of_doubts(file, quiet=quiet)
     with progress_on_stderr(f"vctune bound {problem.name}", shown=not quiet) as progress:
-        known = known_design(file, path, given=design is not None) or solve(file, progress=progress)
+        start = known_design(file, path, given=design is not None) or solve(file, progress=progress)
         with interrupt_noted() as stopped:  # from here on, an interrupt would lose work
-            bounded = search(file, known, gap=gap, jobs=jobs, stopped=stopped, progress=progress)
+            bounded = search(file, start, gap=gap, jobs=jobs, stopped=stopped, progress=progress)
             write_bounded(bounded, path)
             if bounded.optimality is None and bounded.status is not Status.INFEASIBLE:
                 warn("time-limit", "the search had no time: vctune proved nothing about other designs")

@@ -80,18 +80,18 @@ def check(
     admittances = [file for file in files if is_admittance(file)]
     if axes and not admittances:
         raise click.UsageError("--axis selects axes of a ROS 2 parameter file, and no .yaml file is named")
-    said = partial(warn_of_doubts, quiet=quiet)
+    show_doubts = partial(warn_of_doubts, quiet=quiet)
     with progress_on_stderr("vctune check", shown=not quiet) as progress:
         if several is not None:
-            found = _of_axes(several, files, axes, progress, said)
+            checks_found = _of_axes(several, files, axes, progress, show_doubts)
         elif admittances and baseline is None:
             problems = [file for file in files if file not in admittances]
-            found = check_parameter_files(problems, admittances, axes, progress, said)
+            checks_found = check_parameter_files(problems, admittances, axes, progress, show_doubts)
         elif baseline is None:
-            found = check_files(files, progress, said)
+            checks_found = check_files(files, progress, show_doubts)
         else:
-            found = _against(baseline, files, out, progress, said)
-    checks = [replace(checked, strict=strict) for checked in found]
+            checks_found = _against(baseline, files, out, progress, show_doubts)
+    checks = [replace(checked, strict=strict) for checked in checks_found]
     if style != "text" or not quiet:
         emit(FORMATS[style](checks))
     elif refused := [checked for checked in checks if checked.finding is None]:
@@ -99,14 +99,14 @@ def check(
     return worst(of_check(checked.result) for checked in checks)
 
 
-def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, said: Said) -> list[Checked]:
+def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, show_doubts: Said) -> list[Checked]:
     """Check a region and the gains files for its problem, and write the losses of the region."""
     from vctune import read_problem
     from vctune.api.checking import LOST, check_files, recheck, remove_lost, write_lost
     from vctune.api.folders import folder_name
 
     file = read_problem(files[0])
-    said(file.problem)
+    show_doubts(file.problem)
     checked, again = recheck(file, baseline, progress)
     folder = out / folder_name(checked.name)
     if again.lost and not again.cut:
@@ -118,7 +118,7 @@ def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, s
 
 
 def _of_axes(
-    several: AxesFile, files: list[Path], axes: tuple[str, ...], progress: Progress, said: Said
+    several: AxesFile, files: list[Path], axes: tuple[str, ...], progress: Progress, show_doubts: Said
 ) -> list[Checked]:
     """Check several axes with the numbers that they fix, with the gains in a folder of `vctune solve`, or with a ROS 2
     file."""
@@ -126,9 +126,9 @@ def _of_axes(
     from vctune.api.checking import is_admittance
     from vctune.api.uncoupled_axes import check_axes, check_parameters, gains_of_axes
 
-    said(*(axis.file.problem for axis in several.axes))
+    show_doubts(*(axis.file.problem for axis in several.axes))
     if files and all(map(is_admittance, files)):
-        return [one for path in files for one in check_parameters(several, path, axes, progress)]
+        return [check for path in files for check in check_parameters(several, path, axes, progress)]
     if len(files) > 1 or (files and not files[0].is_dir()):
         message = (
             "with a problem of several axes; name the folder of their designs, OUT/NAME of `vctune solve`, or "

@@ -48,10 +48,10 @@ def explain(name: str | None, style: str, quiet: bool) -> int:
     return ExitCode.OK
 
 
-def _contents(every: list[EntryRecord]) -> str:
+def _contents(entries: list[EntryRecord]) -> str:
     """Return all known names, by kind."""
     titles = {"code": "Codes", "key": "Keys of files", "term": "Words", "claim": "Claims"}
-    lists = {kind: ", ".join(dict.fromkeys(each.name for each in every if each.kind == kind)) for kind in titles}
+    lists = {kind: ", ".join(dict.fromkeys(entry.name for entry in entries if entry.kind == kind)) for kind in titles}
     return "\n\n".join(f"{titles[kind]}\n{_filled(names, '  ')}" for kind, names in lists.items())
 
 
@@ -67,10 +67,10 @@ def _verbatim(block: str) -> str:
 
 
 def _paragraphs(text: str) -> str:
-    said = re.sub(r"\[([^\]]+)\]\([^)]*\)", r"\1", text)
-    said = re.sub(r"\*\*|[`$]", "", said).replace("\\|", "|").replace(r"\lvert ", "|").replace(r" \rvert", "|")
-    said = re.sub(r"_\{(\w+)\}", r"_\1", said)
-    items = re.split(r"\n\s*\n|\n(?=- )", said.strip())
+    plain = re.sub(r"\[([^\]]+)\]\([^)]*\)", r"\1", text)
+    plain = re.sub(r"\*\*|[`$]", "", plain).replace("\\|", "|").replace(r"\lvert ", "|").replace(r" \rvert", "|")
+    plain = re.sub(r"_\{(\w+)\}", r"_\1", plain)
+    items = re.split(r"\n\s*\n|\n(?=- )", plain.strip())
     return "\n".join(_filled(item, "  " if item.startswith("- ") else "") for item in items)
 
 

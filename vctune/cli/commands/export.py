@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 @click.option(
     "--unproved",
     is_flag=True,
-    help="Export the design even if it is not proved. The head of every file then says that it is not.",
+    help="Export the design even if it is not proved. The head of every file then warns that the design is not proved.",
 )
 @out_option("NAME/firmware/")
 @output_options()
@@ -100,14 +100,16 @@ def _export_axes(
     from vctune.cli.printing.progress import progress_on_stderr
     from vctune.exit_codes import ExitCode
 
-    given = gains_of_axes(axes, gains) if gains else None
+    gains_by_axis = gains_of_axes(axes, gains) if gains else None
     try:
         with progress_on_stderr(f"vctune export {axes.name}", shown=not quiet) as progress:
-            made = export_axes(axes, given, out, to=to, precision=precision, unproved=unproved, progress=progress)
+            exported = export_axes(
+                axes, gains_by_axis, out, to=to, precision=precision, unproved=unproved, progress=progress
+            )
     except NotCertifiedError as refused:
         click.echo(str(refused), err=True)
         return of_status(refused.status)
-    records = [export_record(exported, place) for exported, place in made]
+    records = [export_record(firmware, place) for firmware, place in exported]
     answer(
         style,
         quiet,

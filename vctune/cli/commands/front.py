@@ -18,9 +18,9 @@ from vctune.cli.printing.options import out_option, output_options, problem_argu
 @time_limit_option(" each point")
 @output_options()
 def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit: float, style: str, quiet: bool) -> int:
-    """Find two Pareto fronts of PROBLEM. The first front is between the three terms of the error.
+    """Find two Pareto fronts of PROBLEM. The first front trades the three terms of the error against each other.
 
-    The second front is between the error and the upper edge of the stability band.
+    The second front trades the error against the upper edge of the stability band.
 
     The command runs one sweep for each front. The first sweep varies the position gain K_p over its range, and the
     weight of the coupling's term over six decades. The second sweep varies the upper edge of the stability band up to

@@ -73,6 +73,7 @@ def solve(
 def _solve(
     problem: Path, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool, verbose: bool
 ) -> int:
+    """Solve a problem, write and print its design, and return the exit code."""
     from vctune import AxesFile, read_problem_or_axes
     from vctune.api.design_files import write_report, write_solved
     from vctune.api.folders import DESIGN_FILE, design_folder
@@ -103,8 +104,8 @@ def _solve(
                 write_report(record, folder)
                 drawn = True
     if not drawn:
-        said = f"no report was drawn in time; `vctune report {folder / DESIGN_FILE}` draws it"
-        warn("time-limit", said)
+        message = f"no report was drawn in time; `vctune report {folder / DESIGN_FILE}` draws it"
+        warn("time-limit", message)
 
     def table() -> None:
         from vctune.cli.printing.design_table import print_design
@@ -117,13 +118,14 @@ def _solve(
     if strict and record.warnings and not cut:
         return ExitCode.FAILED
     open_ = gap is not None and solved.optimality is not None and not solved.optimality.proved
-    left = open_ or cut or not drawn
-    return ExitCode.UNDECIDED if left and solved.status is Status.CERTIFIED else of_status(solved.status)
+    unfinished = open_ or cut or not drawn
+    return ExitCode.UNDECIDED if unfinished and solved.status is Status.CERTIFIED else of_status(solved.status)
 
 
 def _solve_axes(
     axes: AxesFile, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool
 ) -> int:
+    """Solve a problem with several axes, and return the exit code of the worst axis."""
     from vctune import Status
     from vctune.api.design_files import write_report
     from vctune.api.folders import folder_name
@@ -142,16 +144,16 @@ def _solve_axes(
         for design in designs if report else ():
             progress(f"{design.axis.name}: drawing the report")
             write_report(design.record, axis_folder(axes, design.axis, out))
-    found = {design.axis.name: design.record for design in designs}
+    records = {design.axis.name: design.record for design in designs}
     answer(
         style,
         quiet,
-        lambda: [record.to_json() for record in found.values()],
-        lambda: print_axes(axes.name, found, out / folder_name(axes.name)),
+        lambda: [record.to_json() for record in records.values()],
+        lambda: print_axes(axes.name, records, out / folder_name(axes.name)),
     )
-    if strict and any(record.warnings for record in found.values()):
+    if strict and any(record.warnings for record in records.values()):
         return ExitCode.FAILED
-    return worst(of_status(Status(record.status)) for record in found.values())
+    return worst(of_status(Status(record.status)) for record in records.values())
 
 
 def say_renamed(renamed: dict[Path, Path]) -> None:

@@ -68,7 +68,7 @@ def _with_links(step: str, console: Console) -> str:
 
 
 def _write(console: Console, text: str) -> None:
-    """Write a text without the blanks at the ends of lines, which a table leaves."""
+    """Write a text without the blanks that a table leaves at the ends of lines."""
     console.file.write("".join(f"{line.rstrip()}\n" for line in text.splitlines()))
 
 
@@ -131,11 +131,11 @@ def _table(record: DesignRecord, width: int) -> Table:
     """
     groups, short = _ordered(record), width < LEAST_WIDTH
     rows: list[tuple[str, ...]] = []
-    for group, found in groups.items():
+    for group, group_rows in groups.items():
         if short:
-            rows += [(group, "", ""), *((f"  {label}", *others) for label, *others in found)]
+            rows += [(group, "", ""), *((f"  {label}", *others) for label, *others in group_rows)]
         else:
-            rows += [(group if number == 0 else "", *row) for number, row in enumerate(found)]
+            rows += [(group if number == 0 else "", *row) for number, row in enumerate(group_rows)]
     table = Table(show_header=False, box=None, pad_edge=False)
     for column, style in enumerate(("", "bold") if short else ("dim", "", "bold")):
         # the table never cuts numbers; the columns after them wrap
@@ -150,8 +150,8 @@ def _table(record: DesignRecord, width: int) -> Table:
 def _ordered(record: DesignRecord) -> dict[str, list[tuple[str, str, str]]]:
     """Return label, value and unit of the rows by group: the design, the constraints that limit it, the rest."""
     groups: dict[str, list[tuple[str, str, str]]] = {
-        group: [(row.label, row.value, row.unit) for row in found if not row.detail]
-        for group, found in record.groups().items()
+        group: [(row.label, row.value, row.unit) for row in rows if not row.detail]
+        for group, rows in record.groups().items()
     }
     limits = [("", "", line) for line in record.limits]
     ordered = {name: groups.pop(name) for name in ("gains", "coupling") if name in groups}
@@ -175,12 +175,12 @@ def print_lines(lines: Sequence[str], folder: Path, steps: Sequence[str]) -> Non
             console.print(escape(line))
 
 
-def print_sweep(found: SweepRecord, folder: Path) -> None:
+def print_sweep(rows: SweepRecord, folder: Path) -> None:
     """Print the results of a sweep and the folder of its files.
 
     Parameters
     ----------
-    found : summary of the sweep
+    rows : summary of the sweep
     folder : folder of the files, which the last line names
     """
     narrow = Console().is_terminal
@@ -190,15 +190,15 @@ def print_sweep(found: SweepRecord, folder: Path) -> None:
         def say(line: str) -> None:
             console.print(line, soft_wrap=not narrow)
 
-        idle = {"certified": f" ({found.idle} idle)" if found.idle else ""}
-        counts = ", ".join(f"{count} {status}{idle.get(status, '')}" for status, count in found.status.items())
-        say(f"[bold]{escape(printable(found.study))}[/bold]: {found.points} points, {counts}")
-        for label, row in (("best", found.best), ("worst", found.worst)):
+        idle = {"certified": f" ({rows.idle} idle)" if rows.idle else ""}
+        counts = ", ".join(f"{count} {status}{idle.get(status, '')}" for status, count in rows.status.items())
+        say(f"[bold]{escape(printable(rows.study))}[/bold]: {rows.points} points, {counts}")
+        for label, row in (("best", rows.best), ("worst", rows.worst)):
             if row:
                 say(f"{label:<5}  {_design_line(row)}")
-        say(f"over   {_yardstick_line(found)}")
-        if found.corner:
-            say(_corner_line(found.corner))
+        say(f"over   {_yardstick_line(rows)}")
+        if rows.corner:
+            say(_corner_line(rows.corner))
 
 
 def _design_line(row: Cells) -> str:
@@ -206,9 +206,9 @@ def _design_line(row: Cells) -> str:
     return escape(f"error {text(row['error'])} at {axes}{', idle' if row['idle'] else ''}")
 
 
-def _yardstick_line(found: SweepRecord) -> str:
+def _yardstick_line(rows: SweepRecord) -> str:
     """Return a line on the yardstick of a sweep's errors."""
-    on, unit = found.yardstick, found.units["reference_impedance"]
+    on, unit = rows.yardstick, rows.units["reference_impedance"]
     shared = f"{text(on.band_hz)} Hz with Z_0 = {text(on.reference_impedance)} {unit}"
     if not on.varied:
         return escape(f"{shared}, at every point")
@@ -216,6 +216,7 @@ def _yardstick_line(found: SweepRecord) -> str:
 
 
 def _corner_line(corner: CornerRecord) -> str:
+    """Return the line on the box that holds every point without a design."""
     spans = ", ".join(
         f"{key} from {text(low, 6)} to {text(high, 6)}"
         for (key, low), high in zip(corner.low.items(), corner.high.values(), strict=True)

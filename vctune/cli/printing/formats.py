@@ -81,8 +81,8 @@ def junit(checks: list[Checked]) -> str:
         case = {"classname": printable(checked.name), "name": source, "time": f"{seconds:.6f}"}
         element = ElementTree.SubElement(suite, "testcase", case)
         if fails or breaks:
-            said = _warning_lines(checked) if checked.failed_by_warnings else checked.message.splitlines()
-            message = "\n".join(printable(line) for line in said)
+            lines = _warning_lines(checked) if checked.failed_by_warnings else checked.message.splitlines()
+            message = "\n".join(printable(line) for line in lines)
             attributes = {"message": message, "type": WORDS[checked.result]}
             problem = ElementTree.SubElement(element, "failure" if fails else "error", attributes)
             problem.text = f"{source}:{checked.line}: {message}" if fails else message
@@ -169,10 +169,11 @@ def sarif(checks: list[Checked]) -> str:
 
 
 def _result(checked: Checked, rule: str, level: str, message: str) -> dict[str, Any]:
+    """Return a result of SARIF: a message at the line of a checked file."""
     place = {"artifactLocation": {"uri": _uri(checked.source)}, "region": {"startLine": checked.line}}
     return {
         "ruleId": rule,
-        "ruleIndex": [known for known, *_ in _RULES].index(rule),
+        "ruleIndex": [rule_id for rule_id, *_ in _RULES].index(rule),
         "level": level,
         "message": {"text": message},
         "locations": [{"physicalLocation": place}],

@@ -71,6 +71,7 @@ def _short(context: click.Context, parameter: click.Parameter, value: bool) -> N
 
 
 def _style(context: click.Context, parameter: click.Parameter, value: str) -> str:
+    """Return the output format; --json selects JSON and excludes every other format."""
     if not context.meta.get(SHORT):
         return value
     if value not in ("text", "json"):
@@ -102,7 +103,7 @@ verbose_option: Added = click.option(
 
 
 def time_limited(command: Any) -> Any:
-    """Add the option `--time-limit` to a command. The command's own code need not handle it."""
+    """Add the option `--time-limit` to a command. The command's own code does not handle the time limit."""
 
     @time_limit_option()
     @wraps(command)

@@ -50,12 +50,12 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
 
         for one in record.experiments:
             if one.difference is not None:
-                apart = _apart(one.difference, record.command_unit)
-                say(f"{escape(printable(one.name))}: {apart}")
+                distance = _difference_line(one.difference, record.command_unit)
+                say(f"{escape(printable(one.name))}: {distance}")
             if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
                 say(f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling, record.units)}")
             if one.least_virtual is not None:
-                say(f"{escape(printable(one.name))}: {_least(one.least_virtual, record.units)}")
+                say(f"{escape(printable(one.name))}: {_least_virtual_line(one.least_virtual, record.units)}")
         if line := dwell_line(record):
             say(line)
 
@@ -90,17 +90,18 @@ def _after_simulation(folder: Path) -> list[str]:
     return [f"open {folder / shown}"] if shown else []
 
 
-def _apart(difference: DifferenceRecord, unit: str) -> str:
-    own = f"the design's own in {difference.precision} precision on the same measurements"
+def _difference_line(difference: DifferenceRecord, unit: str) -> str:
+    """Return the sentence on the difference between the commands of a firmware and of the design."""
+    own_commands = f"the design's own in {difference.precision} precision on the same measurements"
     if difference.force is None or difference.tolerance is None:
         return "[red]FAILED[/red], the firmware's commands are not finite"
     if difference.force == 0:
-        return f"the firmware's commands are {own} to the last bit"
-    apart = f"{difference.force:.3g} {unit} of {own}, farthest at {difference.time_s:.4g} s"
+        return f"the firmware's commands are {own_commands} to the last bit"
+    distance = f"{difference.force:.3g} {unit} of {own_commands}, farthest at {difference.time_s:.4g} s"
     allowed = f"the tolerance is {difference.tolerance:.3g} {unit}"
     if difference.passes:
-        return f"the firmware's commands are within {apart}; {allowed}"
-    return f"[red]FAILED[/red], the firmware's commands are only within {apart}; {allowed}"
+        return f"the firmware's commands are within {distance}; {allowed}"
+    return f"[red]FAILED[/red], the firmware's commands are only within {distance}; {allowed}"
 
 
 def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
@@ -110,7 +111,8 @@ def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
     )
 
 
-def _least(least: LeastVirtualRecord, units: Units) -> str:
+def _least_virtual_line(least: LeastVirtualRecord, units: Units) -> str:
+    """Return the line on the least virtual mass and damping with which the regular PID is stable."""
     if least.share == 0:
         return f"the regular PID is stable without a virtual {units.mass_name} and damping"
     return (
@@ -119,12 +121,12 @@ def _least(least: LeastVirtualRecord, units: Units) -> str:
     )
 
 
-def print_comparison(found: ComparisonRecord) -> None:
+def print_comparison(comparison: ComparisonRecord) -> None:
     """Print two designs side by side: first the keys in which the problems differ, then both results.
 
     Parameters
     ----------
-    found : comparison, as `vctune compare --json` prints it
+    comparison : comparison, as `vctune compare --json` prints it
     """
     terminal = Console()
     narrow = terminal.is_terminal and terminal.width < WIDE
@@ -136,7 +138,7 @@ def print_comparison(found: ComparisonRecord) -> None:
             heading, no_wrap=not narrow, justify=to, overflow="fold", min_width=LEAST[heading] if narrow else None
         )
     group = ""
-    for row in _compared(found):
+    for row in _compared(comparison):
         if narrow:
             if row[0] != group:
                 table.add_row(f"[dim]{row[0]}[/dim]", "", "", "")
@@ -147,36 +149,37 @@ def print_comparison(found: ComparisonRecord) -> None:
     with console.capture() as page:
         console.print(table)
     console.file.write("".join(f"{line.rstrip()}\n" for line in page.get().splitlines()))
-    sides = {"A": found.a, "B": found.b}
+    sides = {"A": comparison.a, "B": comparison.b}
     for name, side in sides.items():
         if side.reason:
             console.print(escape(f"{name}: {printable(side.reason)}"), soft_wrap=not narrow)
     if terminal.is_terminal:
-        console.print(f"next: {_after_comparison(found)}", soft_wrap=True)
+        console.print(f"next: {_after_comparison(comparison)}", soft_wrap=True)
 
 
-def _compared(found: ComparisonRecord) -> Iterator[tuple[str, str, str, str, str]]:
+def _compared(comparison: ComparisonRecord) -> Iterator[tuple[str, str, str, str, str]]:
     """Yield group, label, both values and unit of each row."""
-    sides = (found.a, found.b)
+    sides = (comparison.a, comparison.b)
     for label, values in (
         ("file", [side.source for side in sides]),
         ("problem", [side.name for side in sides]),
         ("status", [f"{side.status}, idle" if side.idle else side.status for side in sides]),
     ):
         yield "", label, escape(printable(values[0])), escape(printable(values[1])), ""
-    for differs in found.problem:
+    for differs in comparison.problem:
         yield "differs", differs.key, _cell(differs.a), _cell(differs.b), ""
-    for value in found.design:
+    for value in comparison.design:
         a, b = (_cell(each, value.digits) for each in (value.a, value.b))
         yield value.group, escape(value.label), a, b, value.unit
 
 
-def _after_comparison(found: ComparisonRecord) -> str:
-    """Return the next step with the certified side of the least error, or with both where none is certified."""
-    errors = next(((each.a, each.b) for each in found.design if each.label == "error"), (None, None))
+def _after_comparison(comparison: ComparisonRecord) -> str:
+    """Return the next step for the certified design with the least error, or for both designs if neither is
+    certified."""
+    errors = next(((each.a, each.b) for each in comparison.design if each.label == "error"), (None, None))
     certified = [
         (error, side.source)
-        for error, side in zip(errors, (found.a, found.b), strict=True)
+        for error, side in zip(errors, (comparison.a, comparison.b), strict=True)
         if side.status == "certified" and isinstance(error, float)
     ]
     if not certified:

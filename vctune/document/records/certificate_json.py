@@ -47,9 +47,9 @@ class DeviceRecord(Part):
 
     def in_words(self, units: Units) -> str:
         """Return the numbers of the device in words. Numbers that are 0 are left out."""
-        own = [f"{row.value} {row.unit}" for row in self.rows(units) if float(row.value)]
+        numbers_in_words = [f"{row.value} {row.unit}" for row in self.rows(units) if float(row.value)]
         off = [] if self.unmodelled is None else [str(self.unmodelled)]
-        return ", ".join([*own, *(f"{key} {text(number)}" for key, number in self.parts.items()), *off])
+        return ", ".join([*numbers_in_words, *(f"{key} {text(number)}" for key, number in self.parts.items()), *off])
 
 
 class ResonatorRecord(Part):

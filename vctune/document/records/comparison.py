@@ -134,6 +134,7 @@ def _stated(problem: Problem) -> dict[str, Any]:
 
 
 def _leaves(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
+    """Yield each key of a document with its value. A range { min, max } counts as one value."""
     if isinstance(node, dict) and set(node) == {"min", "max"}:
         yield path, [node["min"], node["max"]]
     elif isinstance(node, dict):
@@ -160,24 +161,31 @@ def _values(a: Side, b: Side) -> Iterator[ValueRecord]:
 
 
 def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]]) -> Iterator[ValueRecord]:
+    """Yield the displayed fields of two parts, including those of inner parts."""
     parts = [(part, units) for part, units in sides if part is not None]
-    for field, shown in {field: each for part, _ in parts for field, each in how_shown(type(part)).items()}.items():
-        one, other = (_scaled(getattr(part, field, None), shown) for part, _ in sides)
+    for field, display_of_field in {
+        field: display for part, _ in parts for field, display in how_shown(type(part)).items()
+    }.items():
+        value_a, value_b = (_scaled(getattr(part, field, None), display_of_field) for part, _ in sides)
         having = [(part, units) for part, units in parts if hasattr(part, field)]
-        label = _either(units.translated(filled(part, shown.label, units)) for part, units in having)
-        unit = _either(units.of(shown.of) for _, units in having) or ("" if "{" in shown.unit else shown.unit)
+        label = _either(units.translated(filled(part, display_of_field.label, units)) for part, units in having)
+        unit = _either(units.of(display_of_field.of) for _, units in having) or (
+            "" if "{" in display_of_field.unit else display_of_field.unit
+        )
         unit = "Hz" if field.endswith("_hz") else unit
-        if not shown.detail and (one is not None or other is not None):
+        if not display_of_field.detail and (value_a is not None or value_b is not None):
             key = f"{prefix}.{field}"
-            yield ValueRecord(group=title, key=key, label=label, unit=unit, digits=shown.digits, a=one, b=other)
+            yield ValueRecord(
+                group=title, key=key, label=label, unit=unit, digits=display_of_field.digits, a=value_a, b=value_b
+            )
     inner = [name for part, _ in parts for name, value in part if isinstance(value, Part)]
     for name in dict.fromkeys(inner):
         yield from _compared(title, f"{prefix}.{name}", [(getattr(part, name, None), units) for part, units in sides])
 
 
-def _either(said: Iterable[str]) -> str:
+def _either(texts: Iterable[str]) -> str:
     """Return the text if both designs have the same one, or if only one of them has a text."""
-    return " or ".join(dict.fromkeys(said))
+    return " or ".join(dict.fromkeys(texts))
 
 
 def _scaled(value: Any, shown: Shown) -> Any:

@@ -49,14 +49,15 @@ class ContactRecord(Part):
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, each with its condition."""
-        said = self._said_of(units)
+        details = self._details(units)
         for row in super().rows(units):
-            yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{said[row.label]}")
+            yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{details[row.label]}")
             if row.label == "least drag at rest" and (example := self.example()) is not None:
                 less, drag = example
                 yield Row("with less latency", text(drag), f"{units.damping} if {1e3 * less:g} ms are saved")
 
-    def _said_of(self, units: Units) -> dict[str, str]:
+    def _details(self, units: Units) -> dict[str, str]:
+        """Return what each row says beside its number, by the label of the row."""
         parts = " + ".join(f"{part.part} {text(1e3 * part.latency_s, 4)}" for part in self.parts)
         contacts = f"contacts up to {text(self.stiffness, 7)} {units.stiffness}"
         worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"

@@ -38,7 +38,7 @@ UNKNOWN_LIMITS = "not known: the search stopped before it converged"
 
 
 SAME_PLACE = 1.05
-"""Ratio of two frequencies up to which they are those of one extremum of a response. Half as near, the search and the
+"""Greatest ratio of two frequencies that belong to the same extremum of a response. Half as near, the search and the
 proof may differ; twice as far, two resonances count as one."""
 
 
@@ -144,7 +144,7 @@ class UncertaintyRecord(Part):
 
 
 def _together(one: float, other: float) -> bool:
-    """Return whether two frequencies are those of one extremum."""
+    """Return whether two frequencies belong to the same extremum."""
     return max(one, other) <= SAME_PLACE * min(one, other)
 
 
@@ -169,7 +169,7 @@ class DesignRecord(Document):
         "optimality": "optimality",
         "inner_loop": "velocity loop",
     }
-    """The parts that tables show as rows, in order, with their names."""
+    """The parts of the record that a table shows, with their names, in the order of the table."""
 
     problem: ProblemRecord
     status: Literal["certified", "violated", "undecided", "infeasible"]
@@ -199,6 +199,7 @@ class DesignRecord(Document):
 
     @model_validator(mode="after")
     def _whole(self) -> DesignRecord:
+        """Refuse a record that has only some of the parts of a design."""
         judged: list[Any] = [self.coupling, self.transparency, self.certificate]
         looped = self.transparency is None or DISPLAYS[self.transparency.display].own_loop
         judged += [self.inner_loop] if looped else []
@@ -218,15 +219,15 @@ class DesignRecord(Document):
         """The proved claim of the design in words; empty if it is not certified."""
         if self.certificate is None or self.status != "certified":
             return ""
-        known = " without unmodelled dynamics" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
-        hands = [f"stable{known} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
+        without = " without unmodelled dynamics" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
+        hands = [f"stable{without} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
         band = self.certificate.band_hz
         place = (
             None if band is None else f"from {text(band[0])} to {text(band[1])} Hz, as far as the frequency model goes"
         )
         passive = [f"absolutely stable in any passive hand {place}"] if place else []
         if self.certificate.any_hand:
-            passive = [f"stable{known} {self.certificate.any_hand.promise}"]
+            passive = [f"stable{without} {self.certificate.any_hand.promise}"]
         return "; ".join([*hands, *passive])
 
     @property
@@ -234,34 +235,35 @@ class DesignRecord(Document):
         """Sentences on the error that either criterion alone would permit."""
         if not self.alternatives or self.transparency is None:
             return []
-        error, found = text(self.transparency.error, 3), []
-        for each in self.alternatives:
-            alone, changes = text(each.error, 3), []
+        error, result = text(self.transparency.error, 3), []
+        for entry in self.alternatives:
+            alone, changes = text(entry.error, 3), []
             if alone != error:
                 changes.append(f"error {alone} instead of {error}")
-            if each.stiffness is not None and isinstance(self.coupling, SpringRecord):
-                alone, own = (_decimal(k_c, self.units.stiffness) for k_c in (each.stiffness, self.coupling.stiffness))
+            if entry.stiffness is not None and isinstance(self.coupling, SpringRecord):
+                alone, own = (_decimal(k_c, self.units.stiffness) for k_c in (entry.stiffness, self.coupling.stiffness))
                 changes.append(f"k_c {alone} instead of {own}")
-            if each.drag == 0 and isinstance(self.coupling, CouplingRecord) and self.coupling.drag > 0:
+            if entry.drag == 0 and isinstance(self.coupling, CouplingRecord) and self.coupling.drag > 0:
                 changes.append("without drag b_0")
-            found.append(f'with criterion = "{each.criterion}" alone: {", ".join(changes) or "the same error"}')
-        return found
+            result.append(f'with criterion = "{entry.criterion}" alone: {", ".join(changes) or "the same error"}')
+        return result
 
     @property
     def limits(self) -> list[str]:
         """The active constraints, the greatest multiplier first, each with the frequencies at which it is active.
 
-        The search and the proof place the same minimum at slightly different frequencies: that of the proof is shown.
+        The search and the proof place the same minimum at slightly different frequencies: the list shows that of the
+        proof.
         """
         if not self.active and self.solver.get("converged") is False:
             return [UNKNOWN_LIMITS]
         prices: dict[str, float] = {}
         places: dict[str, list[float]] = {}
-        for each in self.active:
-            prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
-            at, known = places.setdefault(each.demand, []), self._proved_hz(each.demand)
-            if each.hz is not None:
-                hz = known if known is not None and _together(each.hz, known) else each.hz
+        for entry in self.active:
+            prices[entry.demand] = prices.get(entry.demand, 0.0) + entry.multiplier
+            at, proved_hz = places.setdefault(entry.demand, []), self._proved_hz(entry.demand)
+            if entry.hz is not None:
+                hz = proved_hz if proved_hz is not None and _together(entry.hz, proved_hz) else entry.hz
                 at += [] if any(_together(hz, other) for other in at) else [hz]
         dearest = sorted(prices, key=lambda demand: -prices[demand])
         texts = {demand: ", ".join(text(hz, 4) for hz in places[demand]) for demand in dearest}
@@ -269,7 +271,7 @@ class DesignRecord(Document):
         return [f"{demand} at {hz} Hz" if hz else demand for demand, hz in shown.items()]
 
     def _proved_hz(self, demand: str) -> float | None:
-        """Return where the claim of a constraint found its extremum; None if nowhere."""
+        """Return the frequency of the extremum that the claim of a constraint names; None if the claim names none."""
         proof, loop = self.certificate, self.inner_loop
         if proof is None:
             return None
@@ -292,9 +294,9 @@ class DesignRecord(Document):
         if self.gains is None:
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
-        found = {title: list(part.rows(self.units)) for title, part in parts.items() if part is not None}
+        result = {title: list(part.rows(self.units)) for title, part in parts.items() if part is not None}
         if isinstance(self.coupling, SpringRecord):  # an impedance display has no K_p
-            found["gains"] = found["gains"][:1]
+            result["gains"] = result["gains"][:1]
         if self.transparency is not None and not DISPLAYS[self.transparency.display].own_loop:
-            del found["gains"]
-        return found
+            del result["gains"]
+        return result

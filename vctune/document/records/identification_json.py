@@ -174,24 +174,31 @@ def device_text(record: IdentificationRecord) -> str:
         document["stability"] = {"criterion": "passive"}
     elif record.rotary:
         document["operator"] = {name: {"min": 0.0, "max": most} for name, most in ROTARY_HAND.items()}
-    document["uncertainty"] = {each.key: each.share for each in record.numbers}
+    document["uncertainty"] = {number.key: number.share for number in record.numbers}
     if record.unmodelled:
         document["uncertainty"]["unmodelled"] = record.unmodelled
     if record.friction is not None or record.force_noise:
         document["experiment"] = [_experiment(record)]
-    notes = {each.key: _note(each) for each in record.numbers}
+    notes = {number.key: _note(number) for number in record.numbers}
     body = _annotated(toml_text(document), notes, record)
     return "\n".join([*_head(record), "", body])
 
 
 def _head(record: IdentificationRecord) -> list[str]:
+    """Return the comments at the top of a device file: its sources, warnings and remarks."""
     lines = ["# Identified by `vctune identify` from"]
-    for each in record.recordings:
-        lines.append(f"#   {printable(each.source)}: {each.used} of {each.samples} samples, {each.kind}")
-        of = "response" if each.cutoff_hz is None else record.units.force_name
-        residual = "" if each.residual_share is None else f"residual {each.residual_share:.3%} of the {of}, "
-        lines.append(f"#     {residual}chi2/dof {_short(each.chi2)} with the noise alone, sha256 {each.sha256}")
-    if any(each.low <= 0 for each in record.numbers):
+    for recording in record.recordings:
+        lines.append(
+            f"#   {printable(recording.source)}: {recording.used} of {recording.samples} samples, {recording.kind}"
+        )
+        quantity = "response" if recording.cutoff_hz is None else record.units.force_name
+        residual = (
+            "" if recording.residual_share is None else f"residual {recording.residual_share:.3%} of the {quantity}, "
+        )
+        lines.append(
+            f"#     {residual}chi2/dof {_short(recording.chi2)} with the noise alone, sha256 {recording.sha256}"
+        )
+    if any(number.low <= 0 for number in record.numbers):
         lines.append("# What may be 0 is written as plus or minus 99 %, down to a hundredth of its middle.")
     lines += [f"# warning: {printable(warning)}" for warning in record.warnings]
     lines += [f"# {printable(remark)}" for remark in record.remarks]
@@ -202,9 +209,10 @@ def _short(value: float | None) -> str:
     return "not known" if value is None else f"{value:.3g}"
 
 
-def _note(each: BoundedRecord) -> str:
-    found = "; ".join(f"{one.value:.6g} +- {_short(one.sigma)}" for one in each.estimates)
-    return f"# {each.low:.6g} to {each.high:.6g} {each.unit}".rstrip() + f", by {each.limit}; found {found}"
+def _note(number: BoundedRecord) -> str:
+    """Return the comment on a number: its interval, the reason for its width, and its estimates."""
+    estimates = "; ".join(f"{estimate.value:.6g} +- {_short(estimate.sigma)}" for estimate in number.estimates)
+    return f"# {number.low:.6g} to {number.high:.6g} {number.unit}".rstrip() + f", by {number.limit}; found {estimates}"
 
 
 def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -> str:
@@ -242,21 +250,22 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
 
 
 def _experiment(record: IdentificationRecord) -> dict[str, Any]:
-    made: dict[str, Any] = {"name": "as identified"}
+    """Return an experiment that the device can follow, with the identified friction and noise."""
+    experiment: dict[str, Any] = {"name": "as identified"}
     bristles: dict[str, float] = {}
     cycles = SceneOperatorTable.model_fields["cycles"].default
     furthest = 0.9 * MOST_SAMPLES * record.sample_time * STROKE["speed"] / (pi * cycles)
     if record.rotary or furthest < STROKE["to"]:
-        made["operator"] = STROKE | {"to": min(STROKE["to"], float(f"{furthest:.2g}"))}
+        experiment["operator"] = STROKE | {"to": min(STROKE["to"], float(f"{furthest:.2g}"))}
     if record.rotary:
         share = float(f"{usual_share(record.device['mass'], 'rotary'):.3g}")
-        made["operator"] |= {"damping": 2.0 * share, "stiffness": 1000.0 * share}
+        experiment["operator"] |= {"damping": 2.0 * share, "stiffness": 1000.0 * share}
         bristles = {"stribeck_velocity": 0.005, "stiffness": 1e5 * share}
     if record.friction is not None:
-        found = record.friction
-        made["friction"] = {"coulomb": found.coulomb} | bristles
-        if found.stiction is not None and found.stribeck_velocity is not None:
-            made["friction"] |= {"stiction": found.stiction, "stribeck_velocity": found.stribeck_velocity}
+        friction = record.friction
+        experiment["friction"] = {"coulomb": friction.coulomb} | bristles
+        if friction.stiction is not None and friction.stribeck_velocity is not None:
+            experiment["friction"] |= {"stiction": friction.stiction, "stribeck_velocity": friction.stribeck_velocity}
     if record.force_noise:
-        made["sensors"] = {"force_noise": record.force_noise}
-    return made
+        experiment["sensors"] = {"force_noise": record.force_noise}
+    return experiment

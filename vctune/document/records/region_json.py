@@ -125,6 +125,7 @@ class RegionDocument(Document):
 
     @model_validator(mode="after")
     def _cells_lie_on_edges(self) -> RegionDocument:
+        """Refuse cells that do not lie on the listed edges, and edges that do not increase."""
         if len(self.edges.x) != len(self.edges.y):
             raise ValueError(f"there are {len(self.edges.x)} edges of x and {len(self.edges.y)} of y, not as many")
         if self.axes.x.startswith("environment.") and len(self.designs) != 1:

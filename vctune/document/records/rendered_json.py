@@ -11,7 +11,7 @@ from vctune.model.numbers.units import Units
 
 
 class RenderedRecord(Part):
-    """The greatest stiffness and the least mass of an environment that are proved in every hand, within the other
+    """The greatest stiffness and the least mass of an environment that are proved in every hand, with the other
     ranges.
 
     `tools` is the range of masses for the stiffest spring. `springs` is the range of stiffnesses for the lightest tool.

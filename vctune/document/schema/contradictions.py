@@ -40,6 +40,7 @@ def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
 
 
 def _several_axes(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the fault of a file with several axes where a file of one axis is needed."""
     if raw.get("axis"):
         message = (
             "makes several problems of one file, which `vctune solve`, `check` and `export` read; for anything else "
@@ -49,6 +50,7 @@ def _several_axes(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _empty_ranges(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the ranges whose least value is above the greatest."""
     for key in (*KEYS, *SPRING_KEYS[3:], *HAND, *WORLD):
         path = tuple(key.split("."))
         low, high = number_at(raw, *path, "min"), number_at(raw, *path, "max")
@@ -57,6 +59,7 @@ def _empty_ranges(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _impossible_bands(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the bands without a width, with too many decades, or with an edge that the device does not permit."""
     sample_time, delay = number_at(raw, "device", "sample_time"), number_at(raw, "device", "delay") or 0.0
     to_infinity = raw.get("device", {}).get("hold") == "lag" if isinstance(raw.get("device"), dict) else False
     to_infinity = to_infinity and delay == 0 and not any(part in raw["device"] for part in PARTS)
@@ -78,6 +81,7 @@ def _impossible_bands(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the fault of unmodelled dynamics that the stated criterion does not cover."""
     stability, uncertainty = raw.get("stability"), raw.get("uncertainty")
     criterion = stability.get("criterion") if isinstance(stability, dict) else None
     device = raw.get("device")
@@ -113,8 +117,8 @@ def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
     Environments that are not passive as they run need limits that passive ones must not have.
     """
     table = raw["environment"]
-    late, explicit = table.get("late", 0), table.get("rule") == "explicit"
-    if not (explicit or (isinstance(late, int) and late > 0)):
+    late_samples, explicit = table.get("late", 0), table.get("rule") == "explicit"
+    if not (explicit or (isinstance(late_samples, int) and late_samples > 0)):
         if number_at(raw, "environment", "damping", "max") not in (None, inf):
             yield (
                 ("environment", "damping", "max"),
@@ -122,7 +126,7 @@ def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
                 "leave it out",
             )
         return
-    cause = f"late = {late}" if late else 'rule = "explicit"'
+    cause = f"late = {late_samples}" if late_samples else 'rule = "explicit"'
     for name in ("mass", "damping", "stiffness"):
         if number_at(raw, "environment", name, "max") in (None, inf):
             yield (
@@ -131,7 +135,7 @@ def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
                 "grow",
             )
     least, most = number_at(raw, "environment", "mass", "min"), number_at(raw, "environment", "mass", "max")
-    if explicit and not late and not least and most:
+    if explicit and not late_samples and not least and most:
         yield (
             ("environment", "mass"),
             'needs a min > 0 with rule = "explicit": a mass that is light enough grows by explicit Euler in every '
@@ -143,9 +147,9 @@ def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
     """Yield the keys that the proof for walls does not allow."""
     table, corner = raw["environment"], number_at(raw, "environment", "corner_hz")
-    rule, late = table.get("rule", "trapezoid"), table.get("late", 0)
-    if table.get("walls") is True and (rule != "trapezoid" or late):
-        cause = f"late = {late}" if late else f'rule = "{rule}"'
+    rule, late_samples = table.get("rule", "trapezoid"), table.get("late", 0)
+    if table.get("walls") is True and (rule != "trapezoid" or late_samples):
+        cause = f"late = {late_samples}" if late_samples else f'rule = "{rule}"'
         yield (
             ("environment", "walls"),
             f"needs environments on time and by the trapezoidal rule, not {cause}: the condition for walls needs a "
@@ -210,6 +214,7 @@ def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:
 
 
 def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield impossible safety factors, weights, delays and numbers of parts."""
     factor = number_at(raw, "stability", "safety_factor")
     if factor is not None and isfinite(factor) and 0 < factor < 1:
         yield ("stability", "safety_factor"), f"{factor:g} is below 1, where the handle is not absolutely stable"
@@ -226,6 +231,7 @@ def _long_delays(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _long_delay(raw: dict[str, Any], path: tuple[str, ...]) -> Iterator[Contradiction]:
+    """Yield the fault of a delay that, with its uncertainty, has too many samples."""
     key, sample_time, delay = ".".join(path), number_at(raw, "device", "sample_time"), number_at(raw, "device", *path)
     if not (sample_time and delay and sample_time > 0 and isfinite(delay)):
         return
@@ -233,8 +239,8 @@ def _long_delay(raw: dict[str, Any], path: tuple[str, ...]) -> Iterator[Contradi
     if samples > MAX_DELAY_SAMPLES:
         unit, instead = in_finer_unit(delay, MAX_DELAY_SAMPLES * sample_time)
         hint = f"; is it in {unit}? Then write {instead:g}" if instead < MAX_DELAY_SAMPLES * sample_time else ""
-        said = f"{delay:.12g} s is {samples:.12g} sample times; at most {MAX_DELAY_SAMPLES} are supported{hint}"
-        yield ("device", *path), said
+        message = f"{delay:.12g} s is {samples:.12g} sample times; at most {MAX_DELAY_SAMPLES} are supported{hint}"
+        yield ("device", *path), message
     elif samples * (1 + share) > MAX_DELAY_SAMPLES and share < 1:
         most = floor((MAX_DELAY_SAMPLES / samples - 1) * 1e6) / 1e6
         yield (

@@ -2,14 +2,11 @@
 
 See document/README.md, section 1.
 
-Let tau be T/2 + delay plus the lags of actuator and velocity estimate. Let Z = m/tau + b, the impedance at which the
-loop
-runs out of phase. The transparency band is [0.00025, 0.015]/tau. The stability band ends at 0.05/tau, which is a tenth
-of
-the sampling rate if there is no delay. Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, and K_p <= 2
-Z/tau.
-The least K_v is 1e-8 m/T. This value is below 1e-5 Z for any supported delay, so the default need not depend on the
-delay.
+Let tau be T/2 + delay plus the lags of actuator and velocity estimate. Let Z = m/tau + b, which is about the device's
+impedance at the frequency 1/tau. There the lags begin to destabilise the loop. The transparency band is [0.00025,
+0.015]/tau. The stability band ends at 0.05/tau, which is a tenth of the sampling rate if there is no delay. Z_0 = 2 pi
+f m at the transparency band's middle f, K_v <= 2 Z, and K_p <= 2 Z/tau. The least K_v is 1e-8 m/T. This value is below
+1e-5 Z for any supported delay, so the default need not depend on the delay.
 """
 
 from __future__ import annotations
@@ -61,8 +58,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
     document : the tables of a problem file, in its units
     default_name : name of the problem if the document states none
     yardstick : problem whose bands and Z_0 replace the defaults of the objective and of the stability band; None for
-        the
-        device's own defaults. The bounds of the variables use the device's own scales in either case
+        the device's own defaults. The bounds of the variables use the device's own scales in either case
     """
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
@@ -70,20 +66,22 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
     if device.servo is not None:
         radii = tuple(document.uncertainty.unmodelled)
         device = replace(device, servo=replace(device.servo, radii=radii))
-    chosen = device.kind.own_loop and document.environment is None
-    criterion = document.stability.criterion if chosen else "hands"
+    has_a_choice = device.kind.own_loop and document.environment is None
+    criterion = document.stability.criterion if has_a_choice else "hands"
     device = replace(device, operator=operator if criterion != "hands" else None)
-    late = lags(device, FLOATS)
-    lag = float(late.drive + late.estimate)
+    loop_lags = lags(device, FLOATS)
+    lag = float(loop_lags.drive + loop_lags.estimate)
 
     objective = document.transparency
     f1, f2 = objective.band_hz or (share / lag for share in device.kind.band)
     middle = 2 * pi * sqrt(f1 * f2)
-    Z_0 = objective.reference_impedance or (_asked(hands, lag) if device.servo else device.mass * middle)
-    own = Transparency(Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, Terms(**objective.weights.model_dump()))
-    transparency = _on(yardstick, own, objective)
+    Z_0 = objective.reference_impedance or (_drag_at_rest(hands, lag) if device.servo else device.mass * middle)
+    own_objective = Transparency(
+        Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, Terms(**objective.weights.model_dump())
+    )
+    transparency = _with_yardstick(yardstick, own_objective, objective)
     stability = _stability(document.stability, criterion, device, lag, transparency.band.min)
-    found = Problem(
+    problem = Problem(
         name=document.name if document.name is not None else default_name,
         description=document.description,
         device=device,
@@ -95,9 +93,9 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
         hands=hands,
         worlds=_worlds(document.environment),
     )
-    if yardstick is None or document.stability.band_hz is not None or not (found.passive and yardstick.passive):
-        return found
-    return replace(found, stability=replace(stability, band=yardstick.stability.band))
+    if yardstick is None or document.stability.band_hz is not None or not (problem.passive and yardstick.passive):
+        return problem
+    return replace(problem, stability=replace(stability, band=yardstick.stability.band))
 
 
 def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, middle: float) -> Bounds:
@@ -132,23 +130,23 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     loop_impedance = device.mass / lag + device.damping
     least = min(1e-8 * device.mass / device.sample_time, 1e-5 * loop_impedance)
     stated = (gains.velocity, gains.position, coupling.damping, coupling.mass)
-    dragged = document.stability.criterion != "passive" and not all(isinstance(each, float) for each in stated)
+    drag_is_free = document.stability.criterion != "passive" and not all(isinstance(number, float) for number in stated)
     return Bounds(
         velocity=_range(gains.velocity, least, 2 * loop_impedance),
         position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
         damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
         mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
-        drag=_range(coupling.drag, 0.0, Z_0 if dragged else 0.0),
+        drag=_range(coupling.drag, 0.0, Z_0 if drag_is_free else 0.0),
     )
 
 
-def _on(yardstick: Problem | None, own: Transparency, table: TransparencyTable) -> Transparency:
+def _with_yardstick(yardstick: Problem | None, objective: Transparency, table: TransparencyTable) -> Transparency:
     """Return the objective. Where the table leaves the band or Z_0 at the default, the yardstick provides it."""
     if yardstick is None:
-        return own
+        return objective
     return replace(
-        own,
-        band=own.band if table.band_hz else yardstick.transparency.band,
+        objective,
+        band=objective.band if table.band_hz else yardstick.transparency.band,
         reference_impedance=table.reference_impedance or yardstick.transparency.reference_impedance,
     )
 
@@ -156,15 +154,18 @@ def _on(yardstick: Problem | None, own: Transparency, table: TransparencyTable) 
 def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
     """Return the hands of a table.
 
-    A plain number is the least value. The greatest is then a human hand's, or the number itself if it is greater.
+    A plain number is the least value. The greatest value is then that of a human hand, or the plain number if that is
+    greater.
 
     The hands of a rotary device have no default, so a plain number is both ends of the range.
     """
     ranges = {}
     for name, high in HUMAN_HANDS.high.numbers.items():
-        value, most = getattr(table, name), high if system == "linear" else 0.0
-        ranges[name] = Range(value, max(value, most)) if isinstance(value, float) else Range(value.min, value.max)
-    ends = ({name: getattr(each, end) for name, each in ranges.items()} for end in ("min", "max"))
+        value, default_most = getattr(table, name), high if system == "linear" else 0.0
+        ranges[name] = (
+            Range(value, max(value, default_most)) if isinstance(value, float) else Range(value.min, value.max)
+        )
+    ends = ({name: getattr(bounds, end) for name, bounds in ranges.items()} for end in ("min", "max"))
     return Hands(*(Hand(**numbers) for numbers in ends))
 
 
@@ -173,23 +174,27 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
     if table is None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)
-    high = World(*(inf if each.max is None else each.max for each in (table.mass, table.damping, table.stiffness)))
+    high = World(
+        *(inf if bounds.max is None else bounds.max for bounds in (table.mass, table.damping, table.stiffness))
+    )
     corner = None if table.corner_hz is None else 2 * pi * table.corner_hz
-    found = Worlds(low, high, table.walls, corner, table.rule, table.late)
-    return None if found == EVERY_WORLD else found
+    worlds = Worlds(low, high, table.walls, corner, table.rule, table.late)
+    return None if worlds == EVERY_WORLD else worlds
 
 
-def _asked(hands: Hands, latency: float) -> float:
+def _drag_at_rest(hands: Hands, latency: float) -> float:
     """Return the drag that the stiffest hand of a box requires of a servo at rest: stiffness times latency, N s/m.
 
     If no hand has a stiffness, its damping or its mass over the latency is used instead.
     """
-    most = hands.high
-    return max(most.stiffness * latency, most.damping, most.mass / latency) or 1.0
+    stiffest = hands.high
+    return max(stiffest.stiffness * latency, stiffest.damping, stiffest.mass / latency) or 1.0
 
 
 def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag: float, slowest: float) -> Stability:
-    """Return the constraints. For an impedance display, their band reaches up to the Nyquist frequency.
+    """Return the constraints.
+
+    For an impedance display, the default stability band ends at the Nyquist frequency.
 
     Parameters
     ----------
@@ -203,8 +208,8 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
         band = Band(2 * pi * low, 2 * pi * high if high < inf else inf)
     else:
         band = Band(slowest, 2 * pi * (0.05 / lag if device.kind.banded else 0.5 / device.sample_time))
-    own = table.model_dump(exclude={"band_hz", "criterion"})
-    return Stability(band, criterion=criterion, **own)
+    stated = table.model_dump(exclude={"band_hz", "criterion"})
+    return Stability(band, criterion=criterion, **stated)
 
 
 def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
@@ -213,8 +218,8 @@ def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
         return Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **_parts(table))
     velocity = table.velocity or VelocityTable()
     if velocity.source is None:
-        own = "difference" if DISPLAYS[table.display].differences else "measured"
-        table = table.model_copy(update={"velocity": velocity.model_copy(update={"source": own})})
+        default_source = "difference" if DISPLAYS[table.display].differences else "measured"
+        table = table.model_copy(update={"velocity": velocity.model_copy(update={"source": default_source})})
     return Device(
         table.mass,
         table.damping,
@@ -228,6 +233,7 @@ def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
 
 
 def _parts(table: BaseModel) -> dict[str, Any]:
+    """Return the stated parts that have an effect, by their keys."""
     return {key: part for key, part in stated_parts(table).items() if part != PARTS[key].ideal}
 
 
@@ -244,11 +250,12 @@ def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
     moving = tuple((key, width) for key, width in widths.items() if width > 0)
     radii = () if device.servo is not None else tuple(table.unmodelled)
-    found = Uncertainty(moving, table.objective, radii)
-    return found if found.unmodelled or any(device.number(key) for key, _ in moving) else None
+    uncertainty = Uncertainty(moving, table.objective, radii)
+    return uncertainty if uncertainty.unmodelled or any(device.number(key) for key, _ in moving) else None
 
 
 def _range(value: object, low: float, high: float) -> Range:
+    """Return the range of a variable: a default, one number, or the stated range."""
     if value is None:
         return Range(low, high)
     if isinstance(value, float):
@@ -269,6 +276,7 @@ def _experiment(table: ExperimentTable, device: Device) -> Experiment:
 
 
 def _friction(table: FrictionTable, device: Device) -> Friction:
+    """Return the friction of an experiment, with defaults for stiction and for the damping of the bristles."""
     stiction = table.coulomb if table.stiction is None else table.stiction
     damping = sqrt(table.stiffness * device.mass) if table.damping is None else table.damping
     return Friction(table.coulomb, stiction, table.stribeck_velocity, table.stiffness, damping)

@@ -37,24 +37,25 @@ def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _rates(raw: dict[str, Any], sample_time: float) -> Iterator[Contradiction]:
+    """Yield the bandwidths and resonances that are too high or too low for the sample time."""
     nyquist = 0.5 / sample_time
-    for part, each in _numbers_of_parts():
-        path, number = ("device", part, each.name), number_at(raw, "device", part, each.name)
+    for part, number_of_part in _numbers_of_parts():
+        path, number = ("device", part, number_of_part.name), number_at(raw, "device", part, number_of_part.name)
         if number is None or number <= 0:
             continue
-        if each.quantity == "rate" and each.sampled:
+        if number_of_part.quantity == "rate" and number_of_part.sampled:
             if number > nyquist:
                 message = f"{number:g} Hz is above the Nyquist frequency {nyquist:g} Hz; lower it, or leave it out"
                 yield path, message
-        elif each.quantity == "rate":
+        elif number_of_part.quantity == "rate":
             if number * sample_time > FASTEST:
                 most = f"{FASTEST / sample_time:g}"
                 remedy = "lower it" if part == "servo" else "leave the table out"
                 yield path, f"{number:g} Hz is above {most} Hz, where it does nothing; {remedy}"
             if number * sample_time < SLOWEST:
                 yield path, f"{number:g} Hz is below {SLOWEST / sample_time:g} Hz; raise it"
-        elif f"{part}.{each.name}" in SENSED_DELAYS and isfinite(number):
-            share = number_at(raw, "uncertainty", f"{part}.{each.name}") or 0.0
+        elif f"{part}.{number_of_part.name}" in SENSED_DELAYS and isfinite(number):
+            share = number_at(raw, "uncertainty", f"{part}.{number_of_part.name}") or 0.0
             samples = number / sample_time * (1 + share)
             if samples > MAX_DELAY_SAMPLES:
                 most = f"at most {MAX_DELAY_SAMPLES} are supported"
@@ -62,17 +63,27 @@ def _rates(raw: dict[str, Any], sample_time: float) -> Iterator[Contradiction]:
 
 
 def _numbers_of_parts() -> Iterator[tuple[str, PartNumber]]:
-    return ((key, each) for key, part in PARTS.items() for each in part.numbers)
+    return ((key, number_of_part) for key, part in PARTS.items() for number_of_part in part.numbers)
 
 
 def _filters(device: dict[str, Any]) -> Iterator[Contradiction]:
-    for part, each in _numbers_of_parts():
+    """Yield the faults of the low-passes of the velocity and of the force sensor."""
+    for part, number_of_part in _numbers_of_parts():
         table = device.get(part)
-        if each.order_key and isinstance(table, dict) and each.order_key in table and each.name not in table:
-            yield ("device", part, each.order_key), f"is of a low-pass; write {each.name} too, or leave it out"
+        if (
+            number_of_part.order_key
+            and isinstance(table, dict)
+            and number_of_part.order_key in table
+            and number_of_part.name not in table
+        ):
+            yield (
+                ("device", part, number_of_part.order_key),
+                f"is of a low-pass; write {number_of_part.name} too, or leave it out",
+            )
 
 
 def _masses(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the fault of a handle that, with its uncertainty, is not lighter than the whole device."""
     mass, handle = number_at(raw, "device", "mass"), number_at(raw, "device", "structure", "handle_mass")
     if not (mass and handle and mass > 0 and handle > 0):
         return
@@ -92,6 +103,7 @@ def _masses(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _uncertain(raw: dict[str, Any], device: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the uncertainties in the wrong place, and those of numbers that the device lacks."""
     table = raw.get("uncertainty")
     if not isinstance(table, dict):
         return
@@ -109,6 +121,7 @@ def _uncertain(raw: dict[str, Any], device: dict[str, Any]) -> Iterator[Contradi
 
 
 def _unmodelled(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the faults of unmodelled dynamics: their frequencies, and bands that they do not permit."""
     table = raw.get("uncertainty")
     rows = table.get("unmodelled") if isinstance(table, dict) else None
     if not isinstance(rows, list) or not rows:

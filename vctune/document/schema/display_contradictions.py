@@ -74,6 +74,7 @@ def _meaningless(raw: dict[str, Any], keys: dict[tuple[str, ...], str], display:
 
 
 def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the fault of a criterion with any passive hand, in which no servo is stable."""
     stability = raw.get("stability")
     criterion = stability.get("criterion", "hands") if isinstance(stability, dict) else "hands"
     if criterion in ("passive", "both"):
@@ -97,6 +98,7 @@ def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_impedance(device: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the keys of a device that the proof for impedance displays does not allow."""
     velocity = device.get("velocity")
     if isinstance(velocity, dict) and velocity.get("from") == "measured":
         yield (
@@ -124,6 +126,7 @@ def _unproved_in_time(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _stated(raw: dict[str, Any], path: tuple[str, ...]) -> bool:
+    """Return whether a document states a key."""
     at: Any = raw
     for key in path:
         if not isinstance(at, dict) or key not in at:

@@ -41,14 +41,15 @@ def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | None:
     """Return a number of a table, or its default if it is absent; None if it is not a number."""
-    given = table.get(group, {})
-    if isinstance(given, dict) and key not in given:
+    values = table.get(group, {})
+    if isinstance(values, dict) and key not in values:
         fields = model.model_fields.items()
         return float(next(field.default for name, field in fields if key in (name, field.alias)))
     return number_at(table, group, key)
 
 
 def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the contradictions in the hand of an experiment: its stiffness, its changes and its motion."""
     start, end, speed, cycles, damping, stiffness = (
         _value(table, SceneOperatorTable, "operator", key)
         for key in ("from", "to", "speed", "cycles", "damping", "stiffness")
@@ -105,6 +106,7 @@ def _changing(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradict
 
 
 def _rendering(table: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the environments and baselines that the simulation does not allow."""
     environment = table.get("environment", {})
     stiffness = _value(table, EnvironmentTable, "environment", "stiffness")
     if isinstance(environment, dict) and environment.get("wall") is True and stiffness == 0:
@@ -122,9 +124,10 @@ def _rendering(table: dict[str, Any]) -> Iterator[Contradiction]:
                 "the regular PID renders environments on time alone, and not by explicit Euler; leave it out",
             )
     inertia = [number_at(table, "baseline", key) for key in ("mass", "damping")]
-    held = environment if isinstance(environment, dict) and environment.get("wall") is not True else {}
+    elastic = environment if isinstance(environment, dict) and environment.get("wall") is not True else {}
     if inertia == [0, 0] and not any(
-        _value({"environment": held}, EnvironmentTable, "environment", key) for key in ("mass", "damping", "stiffness")
+        _value({"environment": elastic}, EnvironmentTable, "environment", key)
+        for key in ("mass", "damping", "stiffness")
     ):
         yield (
             ("baseline",),
@@ -139,6 +142,7 @@ def _hardware(table: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _of_servo(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the keys that do not apply to the experiment of a servo."""
     device = raw.get("device")
     if not isinstance(device, dict) or "servo" not in device:
         return
@@ -147,5 +151,5 @@ def _of_servo(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradict
         for key in path:
             stated = stated.get(key) if isinstance(stated, dict) else None
         if stated not in (None, 0):
-            told = units_stated(raw).translated(reason)
-            yield path, f"means nothing with [device.servo]: {told}; leave it out"
+            reason_in_units = units_stated(raw).translated(reason)
+            yield path, f"means nothing with [device.servo]: {reason_in_units}; leave it out"

@@ -42,7 +42,7 @@ class SceneOperatorTable(Table):
     end: Place = Field(0.05, alias="to", description="Other end of the intended motion, m.")
     speed: Positive = Field(0.01, description="Greatest speed of the intended motion, m/s.")
     cycles: Count = Field(
-        3, description="Number of cycles to and fro. If there is more than one, the first is not evaluated."
+        3, description="Number of cycles to and fro. If there are several, vctune does not evaluate the first cycle."
     )
     mass: NotNegative = Field(0.0, description="Mass of the hand, which is rigidly on the handle, kg.")
     damping: NotNegative = Field(2.0, description="Damping between hand and intended motion, N s/m.")

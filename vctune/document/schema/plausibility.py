@@ -34,21 +34,21 @@ def doubts(problem: Problem) -> Iterator[Note]:
     stiffness = problem.hands_met.high.stiffness if problem.hands_met is not None else 0.0
     if stiffness >= STIFFEST:
         unit = problem.units.stiffness
-        said = f"operator.stiffness.max is {stiffness:g} {unit}; is it in {unit}? A firm grip has {FIRM:g} N/m"
-        yield Note("warn-stiffness", said)
+        text = f"operator.stiffness.max is {stiffness:g} {unit}; is it in {unit}? A firm grip has {FIRM:g} N/m"
+        yield Note("warn-stiffness", text)
     for number, experiment in enumerate(problem.experiments):
         if outside := _outside(experiment.environment, problem):
             what, key = outside
-            said = f"experiment {experiment.name!r} renders {what}, which is not in [environment]: "
+            text = f"experiment {experiment.name!r} renders {what}, which is not in [environment]: "
             path = ("experiment", number, "environment", key)
-            yield Note("warn-environment", f"{said}no claim covers what it shows", path)
+            yield Note("warn-environment", f"{text}no claim covers what it shows", path)
     if RESERVED.match(name.strip().lstrip(".")):
-        said = f"name {name!r} is that of a device on Windows; the folder is {folder_name(name)}: better choose another"
-        yield Note("warn-name", said)
+        text = f"name {name!r} is that of a device on Windows; the folder is {folder_name(name)}: better choose another"
+        yield Note("warn-name", text)
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return words on a number of an environment that is outside a problem's box, and its key.
+    """Return a phrase about a number of an environment that is outside a problem's box, and its key.
 
     Return None if all are inside.
     """

@@ -130,7 +130,7 @@ class WorldsTable(Table):
 
 
 class GainsTable(Table):
-    """The velocity loop's law K_v + K_p/s. A number fixes a gain, { min, max } frees it."""
+    """The velocity loop's law K_v + K_p/s. A number fixes a gain; { min, max } frees it."""
 
     velocity: Variable | None = Field(
         None,

@@ -55,8 +55,8 @@ def statement(problem: Problem) -> dict[str, Any]:
         if stated.unmodelled:
             document["uncertainty"]["unmodelled"] = [list(point) for point in stated.unmodelled]
     if problem.device.servo is not None and problem.device.servo.radii:
-        known = document.setdefault("uncertainty", {})
-        known["unmodelled"] = [list(point) for point in problem.device.servo.radii]
+        uncertainty = document.setdefault("uncertainty", {})
+        uncertainty["unmodelled"] = [list(point) for point in problem.device.servo.radii]
     if problem.experiments:
         document["experiment"] = [_experiment(experiment) for experiment in problem.experiments]
     return document
@@ -86,13 +86,16 @@ def table_of(value: Any) -> dict[str, Any]:
     elif isinstance(value, Device):
         absent = {"display": value.kind is ADMITTANCE, "units": value.units == "linear"}
         table = {key: entry for key, entry in table.items() if not absent.get(key)}
-    for number in (each for part in PARTS.values() if isinstance(value, part.record) for each in part.numbers):
+    for number in (
+        number_of_part for part in PARTS.values() if isinstance(value, part.record) for number_of_part in part.numbers
+    ):
         if number.order_key and number.name not in table:
             del table[number.order_key]  # the low-pass does not exist
     return table
 
 
 def _worlds(worlds: Worlds) -> dict[str, Any]:
+    """Return the environments as a table, without the keys at their defaults."""
     low, high = worlds.low, worlds.high
     return {
         "mass": {"min": low.mass, "max": high.mass},
@@ -106,6 +109,8 @@ def _worlds(worlds: Worlds) -> dict[str, Any]:
 
 
 def _bounds(bounds: Bounds, keys: Sequence[str]) -> dict[str, Any]:
+    """Return the ranges of the variables as tables; a fixed variable is a number."""
+
     def variable(range_: Range) -> float | dict[str, float]:
         return range_.min if range_.fixed else asdict(range_)
 
@@ -126,6 +131,7 @@ def _edge(omega: float) -> float:
 
 
 def _experiment(experiment: Experiment) -> dict[str, Any]:
+    """Return an experiment as a table, without the keys at their defaults."""
     operator = {key: value for key, value in asdict(experiment.operator).items() if value is not None}
     sensors = asdict(experiment.sensors)
     operator["from"], operator["to"] = operator.pop("start"), operator.pop("end")

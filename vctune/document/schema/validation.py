@@ -105,13 +105,13 @@ def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
     """
     lines = toml.Lines(text) if text is not None else None
     listed = faults[:MAX_MISTAKES]
-    shown = [
+    mistakes = [
         Mistake(code, dotted(path), message, _line(lines, path) if lines else None) for path, message, code in listed
     ]
     more = (
         [Mistake("more-mistakes", "", f"and {len(faults) - MAX_MISTAKES} more")] if len(faults) > MAX_MISTAKES else []
     )
-    return InputError(source, [*sorted(shown, key=lambda mistake: mistake.line or 0), *more])
+    return InputError(source, [*sorted(mistakes, key=lambda mistake: mistake.line or 0), *more])
 
 
 def _line(lines: toml.Lines, path: KeyPath) -> int:
@@ -134,12 +134,13 @@ def dotted(path: KeyPath) -> str:
 
 
 def _fault(model: type[BaseModel], details: Any, means: Callable[[KeyPath, str], bool]) -> Fault:
+    """Return an error of pydantic as a fault: the path, what is wrong, and what to write instead."""
     path = untagged(details["loc"])
     value, context, kind = details["input"], details.get("ctx", {}), details["type"]
     if kind == "extra_forbidden":
-        moved = MOVED.get(path[-2:])
-        if moved:
-            return Fault(path, moved, "moved-key")
+        advice = MOVED.get(path[-2:])
+        if advice:
+            return Fault(path, advice, "moved-key")
 
         return Fault(path, _unknown(model, details["loc"], partial(means, path[:-1])), "unknown-key")
     if isinstance(value, float) and isnan(value):
@@ -158,33 +159,41 @@ Message = Callable[[Any, dict[str, Any]], str]
 
 
 def _range_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
+    """Return the messages on values outside a permitted range, by the kind of pydantic's error."""
     return {
-        "value_error": lambda value, asked: str(asked["error"]),
-        "greater_than_equal": lambda value, asked: f"{shown(value)} is too small: must be at least {asked['ge']:g}",
-        "less_than": lambda value, asked: f"{shown(value)} is out of range: must be less than {asked['lt']:g}",
-        "less_than_equal": lambda value, asked: f"{shown(value)} is out of range: must be at most {asked['le']:g}",
-        "too_long": lambda value, asked: (
+        "value_error": lambda value, constraint: str(constraint["error"]),
+        "greater_than_equal": lambda value, constraint: (
+            f"{shown(value)} is too small: must be at least {constraint['ge']:g}"
+        ),
+        "less_than": lambda value, constraint: (
+            f"{shown(value)} is out of range: must be less than {constraint['lt']:g}"
+        ),
+        "less_than_equal": lambda value, constraint: (
+            f"{shown(value)} is out of range: must be at most {constraint['le']:g}"
+        ),
+        "too_long": lambda value, constraint: (
             f"{shown(value)} has more than two numbers{commas_meant(value) or '; write ' + _pair(path)}"
         ),
-        "string_pattern_mismatch": lambda value, asked: (
+        "string_pattern_mismatch": lambda value, constraint: (
             f"{shown(value)} has other characters than letters, digits, spaces and _.,+-"
         ),
-        "string_too_short": lambda value, asked: f"is empty; {_documentation(model, path)}",
-        "string_too_long": lambda value, asked: f"{shown(value)} is too long: at most {asked['max_length']}",
-        "literal_error": lambda value, asked: f"{shown(value)} is not one of {asked['expected']}",
+        "string_too_short": lambda value, constraint: f"is empty; {_documentation(model, path)}",
+        "string_too_long": lambda value, constraint: f"{shown(value)} is too long: at most {constraint['max_length']}",
+        "literal_error": lambda value, constraint: f"{shown(value)} is not one of {constraint['expected']}",
     }
 
 
 def _type_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
+    """Return the messages on values of a wrong type, by the kind of pydantic's error."""
     return {
-        "float_type": lambda value, asked: f"{shown(value)} is not a number{_number(model, path, value)}",
-        "int_type": lambda value, asked: f"{shown(value)} is not a whole number; write one without a point",
-        "bool_type": lambda value, asked: f"{shown(value)} is not true or false",
-        "list_type": lambda value, asked: f"{shown(value)} is not a list of {_elements(path)}",
-        "dict_type": lambda value, asked: f"{shown(value)} is not a table",
-        "string_type": lambda value, asked: f"{shown(value)} is not a text; put it in quotes",
-        "model_type": lambda value, asked: f"{shown(value)} is not a table",
-        "tuple_type": lambda value, asked: f"{shown(value)} is not a pair of numbers {_pair(path)}",
+        "float_type": lambda value, constraint: f"{shown(value)} is not a number{_number(model, path, value)}",
+        "int_type": lambda value, constraint: f"{shown(value)} is not a whole number; write one without a point",
+        "bool_type": lambda value, constraint: f"{shown(value)} is not true or false",
+        "list_type": lambda value, constraint: f"{shown(value)} is not a list of {_elements(path)}",
+        "dict_type": lambda value, constraint: f"{shown(value)} is not a table",
+        "string_type": lambda value, constraint: f"{shown(value)} is not a text; put it in quotes",
+        "model_type": lambda value, constraint: f"{shown(value)} is not a table",
+        "tuple_type": lambda value, constraint: f"{shown(value)} is not a pair of numbers {_pair(path)}",
     }
 
 
@@ -228,6 +237,7 @@ def _or_range(model: type[BaseModel], path: KeyPath) -> str:
 
 
 def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
+    """Return the field of the schema at a path; None if there is no such key."""
     table = _table_at(model, path[:-1])
     fields = table.model_fields.items() if table else ()
     return next((field for name, field in fields if path[-1] == (field.alias or name)), None)
@@ -245,10 +255,10 @@ def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
         if step in TAGS:
             tables = _tables_in(annotation, step) or tables
             continue
-        known = (
+        fields = (
             field for table in tables for name, field in table.model_fields.items() if step == (field.alias or name)
         )
-        field = next(known, None)
+        field = next(fields, None)
         if field is None or "<number>" in str(field.annotation):
             return None
         annotation = field.annotation
@@ -275,7 +285,7 @@ def _with(raw: Any, path: KeyPath) -> Any:
     if not path:
         return 0.1
     if isinstance(raw, list):
-        return [_with(each, path[1:]) if place == path[0] else each for place, each in enumerate(raw)]
+        return [_with(element, path[1:]) if place == path[0] else element for place, element in enumerate(raw)]
     table = raw if isinstance(raw, dict) else {}
     return {**table, path[0]: _with(table.get(path[0]), path[1:])}
 
@@ -292,29 +302,31 @@ def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str
     has_a_meaning : function that returns whether a key of the table has a meaning with the other stated keys
     """
     table = _table_at(model, path[:-1])
-    known = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
-    known = [name for name in known if has_a_meaning(name)]
-    called = CALLED.get(str(path[-1]), str(path[-1]).replace("torque", "force"))
-    if called != path[-1] and called in known:
-        return f"unknown key; of a rotary device too it is called {called}"
-    meant = get_close_matches(str(path[-1]), known, n=1, cutoff=0.6)
-    if meant:
-        return f"unknown key; did you mean {meant[0]}?"
+    known_keys = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
+    known_keys = [name for name in known_keys if has_a_meaning(name)]
+    usual_name = CALLED.get(str(path[-1]), str(path[-1]).replace("torque", "force"))
+    if usual_name != path[-1] and usual_name in known_keys:
+        return f"unknown key; of a rotary device too it is called {usual_name}"
+    similar = get_close_matches(str(path[-1]), known_keys, n=1, cutoff=0.6)
+    if similar:
+        return f"unknown key; did you mean {similar[0]}?"
     tag = path[1:2] if path[1:2] and path[1] in TAGS else ()
     owner = next((name for name, fields in _tables(model, path[:1], tag) if path[-1] in fields), None)
-    where = f"it belongs in [{owner}]" if owner else f"known here: {', '.join(known)}"
+    where = f"it belongs in [{owner}]" if owner else f"known here: {', '.join(known_keys)}"
     return f"unknown key; {where}"
 
 
-def _tables(model: type[BaseModel], told: KeyPath, tag: KeyPath) -> Iterator[tuple[str, set[str]]]:
-    """Yield the tables of a document with their keys. At the path `told`, yield only the table that the tag selects."""
+def _tables(model: type[BaseModel], tagged: KeyPath, tag: KeyPath) -> Iterator[tuple[str, set[str]]]:
+    """Yield the tables of a document with their keys. At the path `tagged`, yield only the table that the tag
+    selects."""
     for name in model.model_fields:
-        table = _table_at(model, (name, *(tag if (name,) == told else ())))
+        table = _table_at(model, (name, *(tag if (name,) == tagged else ())))
         if table:
             yield name, set(table.model_fields)
 
 
 def _documentation(model: type[BaseModel], path: KeyPath) -> str:
+    """Return what a missing key should state, in the words of its documentation."""
     table = _table_at(model, path[:-1])
     if table is None or not isinstance(path[-1], str):
         return f"write two numbers {_pair(path)}" if isinstance(path[-1], int) else "both min and max are needed"

@@ -134,8 +134,8 @@ def has_code(line: str | None, code: Code) -> bool:
     line : the line; may be None
     code : the code to look for
     """
-    found = ENDING.search(line or "")
-    return found is not None and found[1] == code
+    match = ENDING.search(line or "")
+    return match is not None and match[1] == code
 
 
 @dataclass(frozen=True, slots=True)

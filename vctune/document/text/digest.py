@@ -38,8 +38,8 @@ def problem_digest(problem: Problem) -> str:
         if (table := stated["device"].get(part)) is not None and table[key] is None:
             del table[key]
     for end in stated["hands"].values():  # numbers of a hand at their defaults are not included either
-        for known in (each for each in fields(Hand) if end[each.name] == each.default):
-            del end[known.name]
+        for field_at_default in (each for each in fields(Hand) if end[each.name] == each.default):
+            del end[field_at_default.name]
     if problem.device.kind is ADMITTANCE:
         del stated["device"]["display"], stated["bounds"]["stiffness"]
     if problem.device.units == "linear":

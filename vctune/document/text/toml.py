@@ -83,8 +83,8 @@ def parse(text: str, source: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        found = re.search(r"\(at (?:line (\d+), column \d+|end of document)\)", str(error))
-        line = int(found[1]) if found and found[1] else text.count("\n") + 1
+        match = re.search(r"\(at (?:line (\d+), column \d+|end of document)\)", str(error))
+        line = int(match[1]) if match and match[1] else text.count("\n") + 1
         message = re.sub(r"\s*\(at .*\)$", "", str(error))
         hint = hint_on_line(text.splitlines()[line - 1]) if line <= len(text.splitlines()) else ""
         hint = "; this is JSON: the gains of a design.json are in the gains.toml beside it" if _is_json(text) else hint
@@ -120,6 +120,7 @@ class Lines:
         return without + 1
 
     def _beginning(self, count: int) -> dict[str, Any] | None:
+        """Return the first lines of the text, parsed; None if they do not parse."""
         if count not in self._parsed:
             try:
                 self._parsed[count] = tomllib.loads("".join(self._lines[:count]))
@@ -128,6 +129,7 @@ class Lines:
         return self._parsed[count]
 
     def _has(self, count: int, path: KeyPath) -> bool:
+        """Return whether the first lines of the text have a key."""
         node: Any = self._beginning(count)
         for step in path:
             try:
@@ -137,6 +139,7 @@ class Lines:
         return True
 
     def _parsable_between(self, without: int, having: int) -> int | None:
+        """Return a count of first lines that parse, as near the middle of two counts as possible; None if none does."""
         middle = (without + having) // 2
         outwards = chain(range(middle, having), range(middle - 1, without, -1))
         return next((n for n in outwards if n > without and self._beginning(n) is not None), None)

@@ -79,9 +79,9 @@ def joint_factor(count: int) -> float:
     ----------
     count : number of numbers in the box
     """
-    each = TOGETHER ** (1 / max(count, 1))
+    probability = TOGETHER ** (1 / max(count, 1))
     low, high = 0.0, 10.0
     while high - low > 1e-9:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if erf(middle / sqrt(2)) < each else (low, middle)
+        low, high = (middle, high) if erf(middle / sqrt(2)) < probability else (low, middle)
     return max(2.0, high)

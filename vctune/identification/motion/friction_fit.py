@@ -53,8 +53,8 @@ def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> Fr
         return None
     delays = known | {name: fit.value(name) for name in ("delay", "sensor_delay") if name in fit.names}
     whole, samples = motion_fit(signals, fit.cutoff_hz, SYMMETRIC, delays, slow=0.0)
-    tried = {speed: _risen(signals, whole, samples, speed)[1].power for speed in _speeds(signals.velocity)}
-    sensitivity, best = _risen(signals, whole, samples, min(tried, key=lambda speed: tried[speed]))
+    power_of_speed = {speed: _risen(signals, whole, samples, speed)[1].power for speed in _speeds(signals.velocity)}
+    sensitivity, best = _risen(signals, whole, samples, min(power_of_speed, key=lambda speed: power_of_speed[speed]))
     sigma = _sigma(samples, sensitivity, best)
     if not (CLEAR * sigma < best.rise < WITHIN * best.coulomb) or best.coulomb <= 0:
         return FrictionFound(coulomb)
@@ -63,11 +63,13 @@ def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> Fr
 
 @dataclass(frozen=True, slots=True)
 class _Risen:
+    """The fit with a rise of the friction towards low speed; `power` is the sum of the squares of its residual."""
+
     power: float
     rise: float
     coulomb: float
     speed: float
-    left: Floats
+    residual: Floats
 
 
 def _speeds(v: Floats) -> Sequence[float]:
@@ -82,13 +84,13 @@ def _risen(signals: Signals, fit: MotionFit, samples: FittedSamples, speed: floa
     rise = filtered(column, lambda w: smooth(w, cutoff), stride(cutoff, T))[samples.rows]
     Z = np.column_stack([samples.sensitivity, rise])
     theta = np.linalg.lstsq(Z, samples.measured, rcond=None)[0]
-    left = samples.measured - Z @ theta
+    residual = samples.measured - Z @ theta
     coulomb = float(theta[fit.names.index("coulomb")])
-    return Z, _Risen(float(left @ left), float(theta[-1]), coulomb, speed, left)
+    return Z, _Risen(float(residual @ residual), float(theta[-1]), coulomb, speed, residual)
 
 
 def _sigma(samples: FittedSamples, Z: Floats, risen: _Risen) -> float:
     """Return the standard deviation of the rise."""
     reach = round(min(MEMORY / samples.step, 0.1 * len(Z)))
-    covariance = robust_covariance(Z * risen.left[:, None], Z.T @ Z, reach)
+    covariance = robust_covariance(Z * risen.residual[:, None], Z.T @ Z, reach)
     return sqrt(max(float(covariance[-1, -1]), 0.0))

@@ -99,7 +99,7 @@ class FittedSamples:
 
 
 def motion_fit(
-    signals: Signals, cutoff_hz: float, names: Sequence[str], known: Mapping[str, float], slow: float = SLOW
+    signals: Signals, cutoff_hz: float, names: Sequence[str], known_delays: Mapping[str, float], slow: float = SLOW
 ) -> tuple[MotionFit, FittedSamples]:
     """Fit a recording.
 
@@ -108,7 +108,7 @@ def motion_fit(
     signals : position, force and time of a recording, prepared for the regression
     cutoff_hz : cut-off of the low-pass on both sides, Hz, at most `HIGHEST` of the sampling rate
     names : `DIRECTIONAL` or `SYMMETRIC`
-    known : delays that the fit does not search for, by "delay" and "sensor_delay", s
+    known_delays : delays that the fit does not search for, by "delay" and "sensor_delay", s
     slow : share of the peak speed below which samples are not used
 
     Returns
@@ -118,8 +118,8 @@ def motion_fit(
     FittedSamples
         The samples used in the fit.
     """
-    delays = _delays(signals, known)
-    free = [name for name in delays if name not in known]
+    delays = _delays(signals, known_delays)
+    free = [name for name in delays if name not in known_delays]
     every, used = stride(cutoff_hz, signals.sample_time), _kept(signals, cutoff_hz, slow)
     kept = used[::every]
     step, linear = signals.sample_time, len(names)
@@ -154,9 +154,9 @@ def motion_fit(
     return fit, FittedSamples(np.flatnonzero(kept), step * every, force, force - residual, sensitivity)
 
 
-def _delays(signals: Signals, known: Mapping[str, float]) -> dict[str, float]:
+def _delays(signals: Signals, known_delays: Mapping[str, float]) -> dict[str, float]:
     wanted = {"delay": signals.command, "sensor_delay": signals.hand}
-    return {name: known.get(name, 0.0) for name, column in wanted.items() if column is not None}
+    return {name: known_delays.get(name, 0.0) for name, column in wanted.items() if column is not None}
 
 
 def _covariance(
@@ -254,7 +254,7 @@ def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[st
     behind : function that returns a column of `WAYS` behind the low-pass
     names : `DIRECTIONAL` or `SYMMETRIC`
     """
-    made: dict[str, Callable[[], Floats]] = {
+    regressor_of: dict[str, Callable[[], Floats]] = {
         "mass": lambda: a,
         "damping": lambda: behind("forwards") + behind("backwards"),
         "damping_forwards": lambda: behind("forwards"),
@@ -264,4 +264,4 @@ def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[st
         "coulomb_backwards": lambda: -behind("back"),
         "offset": lambda: behind("always"),
     }
-    return (made[name]() for name in names)
+    return (regressor_of[name]() for name in names)

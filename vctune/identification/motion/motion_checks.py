@@ -58,10 +58,10 @@ def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
     squares = np.einsum("bli,blj->bij", blocks, blocks)
     crossed = np.einsum("bli,bl->bi", blocks, y.reshape(count, length))
     drawn = np.random.default_rng(SEED).integers(0, count, (BLOCKS, count))
-    moved = np.array(
+    estimates = np.array(
         [np.linalg.lstsq(squares[rows].sum(axis=0), crossed[rows].sum(axis=0), rcond=None)[0][0] for rows in drawn]
     )
-    value, sigma = fit.value("mass") + float(moved.mean()), float(moved.std(ddof=1))
+    value, sigma = fit.value("mass") + float(estimates.mean()), float(estimates.std(ddof=1))
     return Check("check-blocks", "mass, blocks of the log at random", value, sigma)
 
 
@@ -80,9 +80,9 @@ def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Ch
     every, low_pass = stride(cutoff, T), lambda omega: smooth(omega, cutoff)
     reference = spectrum(signals.reference - signals.reference.mean(), T)
     a, columns = acceleration(reference, cutoff, every), ways(speed(reference, cutoff))
-    made = regressors_of(a, lambda way: filtered(spectrum(columns[way], T), low_pass, every), DIRECTIONAL)
+    reference_columns = regressors_of(a, lambda way: filtered(spectrum(columns[way], T), low_pass, every), DIRECTIONAL)
     instruments, regressors = (
-        np.column_stack([column[samples.rows] for column in made]),
+        np.column_stack([column[samples.rows] for column in reference_columns]),
         samples.sensitivity[:, : len(DIRECTIONAL)],
     )
     theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ samples.measured, rcond=None)[0]
@@ -130,14 +130,14 @@ def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) 
         columns, force = [shorter(each) for each in columns], shorter(force)
     Z, y = np.column_stack(columns)[EDGE:-EDGE], force[EDGE:-EDGE]
     theta = np.linalg.lstsq(Z, y, rcond=None)[0]
-    left = y - Z @ theta
-    variance = float(left @ left) / (y.size - theta.size) * np.diag(np.linalg.inv(Z.T @ Z))
+    residual = y - Z @ theta
+    variance = float(residual @ residual) / (y.size - theta.size) * np.diag(np.linalg.inv(Z.T @ Z))
     names = ("mass", "damping", "coulomb", "offset")
     checks = tuple(
         Check("check-classical", f"{name}, classical recipe", float(value), sqrt(float(each)))
         for name, value, each in zip(names, theta, variance, strict=True)
     )
-    return Classical(checks, float(np.linalg.norm(left) / np.linalg.norm(y)))
+    return Classical(checks, float(np.linalg.norm(residual) / np.linalg.norm(y)))
 
 
 EDGE = 5

@@ -25,12 +25,12 @@ from vctune.identification.motion.signals import signals as turned_signals
 from vctune.identification.motion.spectral_filters import HIGHEST, smooth, spectrum
 from vctune.model.parts import Actuator
 
-UNEXPLAINED = 0.6
+MAX_RESIDUAL_SHARE = 0.6
 """Greatest relative residual of the force with which the study accepts a mass with friction as the explanation of a
 log."""
-SUSPICIOUS = 0.05
+SUSPICIOUS_SHARE = 0.05
 """Relative residual of the force above which the study tests whether the user swapped two columns."""
-CLEAR = 2.0
+SIGNIFICANT = 2.0
 """Difference between the directions, in standard deviations, above which each direction gets its own numbers."""
 FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}
@@ -92,12 +92,12 @@ class MotionStudy:
         return found
 
     def _excess(self, name: str) -> tuple[float, float]:
-        """Return how far the estimates at other cut-offs differ beyond their own spread, below and above."""
-        own, below, above = self.directional.value(name), 0.0, 0.0
+        """Return how far the estimates at other cut-offs lie below and above this one, beyond their own deviations."""
+        value, below, above = self.directional.value(name), 0.0, 0.0
         for fit in self.others:
-            beyond = abs(fit.value(name) - own) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
+            beyond = abs(fit.value(name) - value) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
             if beyond > 0:
-                below, above = (max(below, beyond), above) if fit.value(name) < own else (below, max(above, beyond))
+                below, above = (max(below, beyond), above) if fit.value(name) < value else (below, max(above, beyond))
         return float(below), float(above)
 
     def _dampings(self, text: str) -> list[Estimate]:
@@ -108,19 +108,19 @@ class MotionStudy:
         C = fit.covariance
         variance = C[ways[0], ways[0]] + C[ways[1], ways[1]] - 2 * C[ways[0], ways[1]]
         coulomb = float(COULOMB_SHARE * abs(self.symmetric.value("coulomb")) / self.speed)
-        if abs(difference) > CLEAR * sqrt(max(variance, 0.0)):
-            found = [
+        if abs(difference) > SIGNIFICANT * sqrt(max(variance, 0.0)):
+            dampings = [
                 (fit.value(f"damping_{way}"), fit.sigma(f"damping_{way}"), way) for way in ("forwards", "backwards")
             ]
         else:
-            found = [(self.symmetric.value("damping"), self.symmetric.sigma("damping"), "both ways")]
+            dampings = [(self.symmetric.value("damping"), self.symmetric.sigma("damping"), "both ways")]
         return [
             Estimate("damping", value, sigma, f"{text}, {way}", (coulomb, coulomb), reason=FRICTION)
-            for value, sigma, way in found
+            for value, sigma, way in dampings
         ]
 
 
-def motion_study(recording: Recording, sample_time: float, actuator: Actuator | None, known: LogMap) -> MotionStudy:
+def motion_study(recording: Recording, sample_time: float, actuator: Actuator | None, log_map: LogMap) -> MotionStudy:
     """Study a recording.
 
     Parameters
@@ -128,7 +128,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     recording : a checked recording
     sample_time : T, s
     actuator : actuator between command and motor; None if it is not known
-    known : log.toml, which may state delays
+    log_map : log.toml, which may state delays
 
     Returns
     -------
@@ -141,7 +141,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         If no mass with friction explains the force.
     """
     signals = signals_of(recording, sample_time, actuator)
-    delays = known_delays(known)
+    delays = known_delays(log_map)
     usable = cutoffs(signals)
     if not usable:
         message = "the encoder's noise hides the acceleration at every cut-off; move faster, or use a finer encoder"
@@ -150,7 +150,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
     samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # again: keeping all takes too much memory
     _check_explained(recording, signals, fits[best], delays)
-    hand, recipe = recording.values("hand"), known.document.classical
+    hand, recipe = recording.values("hand"), log_map.document.classical
     symmetric = motion_fit(signals, best, SYMMETRIC, delays)[0]
     checks = (bootstrap(fits[best], samples), instrumental(signals, fits[best], samples))
     return MotionStudy(
@@ -159,7 +159,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         samples=samples,
         others=tuple(fit for cutoff, fit in fits.items() if cutoff != best and cutoff >= best / 8.5),
         force_noise=None if hand is None else force_noise(hand),
-        checks=tuple(each for each in checks if each is not None),
+        checks=tuple(check for check in checks if check is not None),
         classical=None if recipe is None else classical(recording, sample_time, recipe),
         friction=friction_of(signals, symmetric, delays),
         speed=float(np.sqrt(np.mean(signals.velocity**2))),
@@ -170,48 +170,49 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
 
 
 def _chi2(signals: Signals, fit: MotionFit) -> float:
+    """Return the power of the residual divided by that of the encoder's noise in the force."""
     return (fit.residual / (abs(fit.value("mass")) * acceleration_noise(signals, fit.cutoff_hz))) ** 2
 
 
 def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, delays: Mapping[str, float]) -> None:
-    mass, left = fit.value("mass"), fit.residual / fit.force
+    """Refuse a log whose force no mass and friction explain, or explain only with an impossible mass."""
+    mass, residual_share = fit.value("mass"), fit.residual / fit.force
     headers = {role: channel.header for role, channel in recording.channels.items()}
     pushed = headers.get("force", headers.get("command", headers.get("hand", "")))
     faults, units = [], recording.units
-    found = f"the {units.mass_name} comes out as {mass:.3g} {units.mass}"
-    other = _swapped(signals, delays) if left > SUSPICIOUS else None
-    swapped = other is not None and other < 0.3 * left
-    if left > UNEXPLAINED or swapped:
+    mass_text = f"the {units.mass_name} comes out as {mass:.3g} {units.mass}"
+    swapped_share = _residual_if_swapped(signals, delays) if residual_share > SUSPICIOUS_SHARE else None
+    swapped = swapped_share is not None and swapped_share < 0.3 * residual_share
+    if residual_share > MAX_RESIDUAL_SHARE or swapped:
         hint = f"; is {units.translated('a force')} missing (a hand's), or is one of another axis?"
         hint = ": are the two columns swapped?" if swapped else hint
-        message = (
-            f"{left:.0%} of {pushed} is explained by no {units.mass_name} and friction of {headers['position']}{hint}"
-        )
+        position = f"{units.mass_name} and friction of {headers['position']}"
+        message = f"{residual_share:.0%} of {pushed} is explained by no {position}{hint}"
         faults.append(Mistake("log-unexplained", pushed, message))
     elif mass <= 0:
-        message = f"{found}: {pushed} pushes against the motion; turn one sign by scale = -1"
+        message = f"{mass_text}: {pushed} pushes against the motion; turn one sign by scale = -1"
         faults.append(Mistake("log-unexplained", pushed, message))
     elif not MASSES[recording.rotary][0] <= mass <= MASSES[recording.rotary][1]:
         message = (
-            f"{found}, which is no haptic device: is {headers['position']} or {pushed} off by 1000? write its unit or "
-            "scale"
+            f"{mass_text}, which is no haptic device: is {headers['position']} or {pushed} off by 1000? "
+            "write its unit or scale"
         )
         faults.append(Mistake("log-unexplained", pushed, message))
     if faults:
         raise InputError(recording.source, faults)
 
 
-def _swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
+def _residual_if_swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
     """Return the relative residual of a fit with force and position swapped."""
     if signals.command is None:
         return None
     T, position = signals.sample_time, signals.command
     v = speed(spectrum(position - position.mean(), T), HIGHEST / T)
-    turned = turned_signals(position, signals.position, T, 0.0, v, is_command=signals.is_command)
-    usable = cutoffs(turned)
+    swapped = turned_signals(position, signals.position, T, 0.0, v, is_command=signals.is_command)
+    usable = cutoffs(swapped)
     if not usable:
         return None
-    fit = motion_fit(turned, usable[min(2, len(usable) - 1)], SYMMETRIC, delays)[0]
+    fit = motion_fit(swapped, usable[min(2, len(usable) - 1)], SYMMETRIC, delays)[0]
     return fit.residual / fit.force
 
 

@@ -135,7 +135,7 @@ def cutoffs(signals: Signals) -> list[float]:
 
     The highest comes first.
     """
-    T, found = signals.sample_time, []
+    T, usable = signals.sample_time, []
     for halvings in range(7):
         cutoff = HIGHEST / T / 2**halvings
         if edge(cutoff, 0.0, T) * 4 > signals.position.size:
@@ -144,8 +144,8 @@ def cutoffs(signals: Signals) -> list[float]:
         margin = ceil(edge(cutoff, 0.0, T) / every)
         a = acceleration(signals.spectra["position"], cutoff, every)[margin:-margin]
         if acceleration_noise(signals, cutoff) ** 2 < ATTENUATION * float(np.mean(a**2)):
-            found.append(cutoff)
-    return found
+            usable.append(cutoff)
+    return usable
 
 
 def acceleration_noise(signals: Signals, cutoff_hz: float) -> float:

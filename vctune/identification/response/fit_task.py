@@ -47,8 +47,8 @@ class FitTask:
 
     def numbers(self, at: Floats) -> dict[str, float]:
         """Return the numbers of the candidate that a point of the search stands for."""
-        named = zip(self.candidate.names, at, strict=True)
-        return {name: float(np.exp(value)) if name in SCALED else float(value) for name, value in named}
+        by_name = zip(self.candidate.names, at, strict=True)
+        return {name: float(np.exp(value)) if name in SCALED else float(value) for name, value in by_name}
 
     def outputs(self, at: Floats) -> tuple[Device, Complex, Complex]:
         """Return the device at a point, and its responses at position and handle, m/N."""

@@ -16,7 +16,7 @@ from vctune.identification.response.response import Response
 from vctune.identification.response.response_fit import ResponseFit
 from vctune.model.device import Device
 
-TOLD = 3.0
+SIGNIFICANT = 3.0
 """Significance from which a lag counts, in standard deviations. No interval of a box is wider than this."""
 
 
@@ -54,7 +54,7 @@ class PeriodicStudy:
         if self.lag is None:
             return False
         lag, sigma = self.lag
-        return lag > max(TOLD * sigma, self.measured.sample_time / (2 * pi * FASTEST))
+        return lag > max(SIGNIFICANT * sigma, self.measured.sample_time / (2 * pi * FASTEST))
 
 
 def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Estimate]:
@@ -66,38 +66,43 @@ def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Esti
     source : name of the recording, for the reader
     T : sample time, s
     """
-    fit, found = study.fit, []
+    fit, estimates = study.fit, []
     numbers, text = fit.numbers, f"{source}: response"
 
-    def add(key: str, value: float, sigma: float, how: str = "", excess: float = 0.0) -> None:
-        found.append(Estimate(key, value, sigma, text + how, (excess, excess)))
+    def add(key: str, value: float, sigma: float, suffix: str = "", excess: float = 0.0) -> None:
+        estimates.append(Estimate(key, value, sigma, text + suffix, (excess, excess)))
 
     add("mass", numbers["mass"], fit.sigma("mass"))
-    late, sigma = numbers["delay"], fit.sigma("delay")
+    delay, sigma = numbers["delay"], fit.sigma("delay")
     if study.drive is not None:
-        late, sigma = late + study.drive.delay - T / 2, hypot(sigma, study.drive.delay_sigma)
+        delay, sigma = delay + study.drive.delay - T / 2, hypot(sigma, study.drive.delay_sigma)
     if study.lag is not None and study.lag_significant:
         add("actuator.bandwidth_hz", *_bandwidth(*study.lag))
     elif study.lag is not None:
-        late, sigma = late + study.lag[0], hypot(sigma, study.lag[1])
-    add("delay", late, sigma)
-    alike = [fit]
+        delay, sigma = delay + study.lag[0], hypot(sigma, study.lag[1])
+    add("delay", delay, sigma)
+    fits = [fit]
     if fit.candidate.damped_handle:
-        alike += [other for other in study.candidates if other.candidate == replace(fit.candidate, damped_handle=False)]
-    for each in alike:
-        how = f", {each.candidate}" if len(alike) > 1 else ""
-        extra = each.numbers.get("handle_damping", 0.0)
-        variance = each.sigma("damping") ** 2 + (
-            each.sigma("handle_damping") ** 2 if each.candidate.damped_handle else 0.0
+        fits += [other for other in study.candidates if other.candidate == replace(fit.candidate, damped_handle=False)]
+    for fit_of_damping in fits:
+        suffix = f", {fit_of_damping.candidate}" if len(fits) > 1 else ""
+        extra = fit_of_damping.numbers.get("handle_damping", 0.0)
+        variance = fit_of_damping.sigma("damping") ** 2 + (
+            fit_of_damping.sigma("handle_damping") ** 2 if fit_of_damping.candidate.damped_handle else 0.0
         )
-        coulomb = COULOMB_SHARE * each.numbers["coulomb"] / each.speed
-        add("damping", each.numbers["damping"] + extra, sqrt(variance), how, coulomb)
-        if "damping_ratio" in each.numbers:
-            add("structure.damping_ratio", each.numbers["damping_ratio"], each.sigma("damping_ratio"), how)
+        coulomb = COULOMB_SHARE * fit_of_damping.numbers["coulomb"] / fit_of_damping.speed
+        add("damping", fit_of_damping.numbers["damping"] + extra, sqrt(variance), suffix, coulomb)
+        if "damping_ratio" in fit_of_damping.numbers:
+            add(
+                "structure.damping_ratio",
+                fit_of_damping.numbers["damping_ratio"],
+                fit_of_damping.sigma("damping_ratio"),
+                suffix,
+            )
     if "handle_mass" in numbers:
         add("structure.handle_mass", numbers["handle_mass"], fit.sigma("handle_mass"))
         add("structure.frequency_hz", numbers["frequency_hz"], fit.sigma("frequency_hz"))
-    return found
+    return estimates
 
 
 def _bandwidth(lag: float, sigma: float) -> tuple[float, float]:
@@ -119,7 +124,7 @@ def behind_force(
     """
     if study.measured.input == "command":
         return device, list(bounds)
-    own = periodic_estimates(replace(study, drive=None), "", T)
-    delay = box([each for each in own if each.key == "delay"], T)[0]
-    others = [each for each in bounds if each.key not in ("delay", "actuator.bandwidth_hz")]
+    force_estimates = periodic_estimates(replace(study, drive=None), "", T)
+    delay = box([number for number in force_estimates if number.key == "delay"], T)[0]
+    others = [number for number in bounds if number.key not in ("delay", "actuator.bandwidth_hz")]
     return replace(device, delay=delay.value, actuator=None), [*others, delay]

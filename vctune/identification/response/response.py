@@ -99,9 +99,9 @@ def response(recording: Recording, sample_time: float) -> Response | None:
         return None
     omega = np.asarray(2 * np.pi * lines / (period * sample_time), dtype=np.float64)
     pushed = spectra[of]
-    moved = spectra["position"].mean(axis=0)
-    direction = _direction(moved) / pushed.mean(axis=0)
-    speed = float(np.linalg.norm(omega * moved[lines])) * np.sqrt(2) / period
+    mean_lines = spectra["position"].mean(axis=0)
+    direction = _direction(mean_lines) / pushed.mean(axis=0)
+    speed = float(np.linalg.norm(omega * mean_lines[lines])) * np.sqrt(2) / period
 
     def over(role: str, below: str) -> Lines | None:
         if role not in spectra:
@@ -159,6 +159,7 @@ def _without_drift(values: Floats, period: int, first: int) -> Complex:
 
 
 def _excited(spectra: Complex, sample_time: float, period: int) -> NDArray[np.int64]:
+    """Return the numbers of the lines that stand out from the noise and from the greatest line."""
     mean = np.abs(spectra.mean(axis=0))
     noise = spectra.std(axis=0, ddof=1) / np.sqrt(len(spectra))
     numbers = np.arange(mean.size)
@@ -191,12 +192,13 @@ def _rounding(channel: Channel, period: int) -> float:
     return quantum * np.sqrt(period / 12) if np.isfinite(quantum) else 0.0
 
 
-def _lines(out: Complex, into: Complex, omega: Floats, rounding: float) -> Lines:
-    count = len(out)
-    ratio = out.mean(axis=0) / into.mean(axis=0)
-    left = out - ratio * into
-    varied = (np.abs(left) ** 2).sum(axis=0) / (count - 1) / count
-    spread = np.sqrt(varied + rounding**2) / np.abs(out.mean(axis=0))
-    crossed = np.abs((out * np.conj(into)).sum(axis=0)) ** 2
-    coherence = crossed / ((np.abs(out) ** 2).sum(axis=0) * (np.abs(into) ** 2).sum(axis=0))
+def _lines(outputs: Complex, inputs: Complex, omega: Floats, rounding: float) -> Lines:
+    """Return the ratio of two outputs at the lines, with its spread over the periods and its coherence."""
+    count = len(outputs)
+    ratio = outputs.mean(axis=0) / inputs.mean(axis=0)
+    deviation = outputs - ratio * inputs
+    variance = (np.abs(deviation) ** 2).sum(axis=0) / (count - 1) / count
+    spread = np.sqrt(variance + rounding**2) / np.abs(outputs.mean(axis=0))
+    cross_power = np.abs((outputs * np.conj(inputs)).sum(axis=0)) ** 2
+    coherence = cross_power / ((np.abs(outputs) ** 2).sum(axis=0) * (np.abs(inputs) ** 2).sum(axis=0))
     return Lines(omega, ratio, spread, coherence)

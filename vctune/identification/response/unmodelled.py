@@ -38,12 +38,14 @@ def distances(device: Device, bounds: Sequence[Bounded], measured: Response, cou
     measured : averaged response of a periodic recording
     coulomb : Coulomb friction, N
     """
-    held, omega = measured.input == "command", measured.position.omega
+    is_command, omega = measured.input == "command", measured.position.omega
     needed = np.full(omega.size, np.inf)
-    for tried in devices(device, bounds):
-        motor = compliances(tried, omega)[0]
+    for device_of_box in devices(device, bounds):
+        motor = compliances(device_of_box, omega)[0]
         line = measured.position.ratio + motor * coulomb * measured.friction
-        model = held_compliance(tried, omega) if held else motor * np.exp(-1j * omega * tried.delay)
+        model = (
+            held_compliance(device_of_box, omega) if is_command else motor * np.exp(-1j * omega * device_of_box.delay)
+        )
         needed = np.minimum(needed, np.abs(line / model - 1))
     return needed
 
@@ -70,7 +72,7 @@ def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
 
 
 def covered(
-    device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]], omega: Floats, *, held: bool
+    device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]], omega: Floats, *, is_command: bool
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return least and greatest magnitude and phase over all responses of the file: a device of the box times 1 +
     delta.
@@ -79,7 +81,7 @@ def covered(
     ----------
     device, bounds, radii : device, box and radii of the file
     omega : frequencies, rad/s
-    held : whether the force is a command
+    is_command : whether the force is a command
 
     Returns
     -------
@@ -89,9 +91,11 @@ def covered(
     x, y = np.log(np.array(radii)).T
     radius = np.exp(np.interp(np.log(omega / (2 * np.pi)), x, y))
     responses = []
-    for tried in devices(device, bounds):
-        motor = compliances(tried, omega)[0]
-        responses.append(held_compliance(tried, omega) if held else motor * np.exp(-1j * omega * tried.delay))
+    for device_of_box in devices(device, bounds):
+        motor = compliances(device_of_box, omega)[0]
+        responses.append(
+            held_compliance(device_of_box, omega) if is_command else motor * np.exp(-1j * omega * device_of_box.delay)
+        )
     found = np.array(responses)
     turn = np.degrees(np.arcsin(np.minimum(radius, 1.0)))
     phase = np.degrees(np.unwrap(np.angle(-found), axis=1)) - 180.0

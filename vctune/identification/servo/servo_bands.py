@@ -41,38 +41,41 @@ class Bands:
     share: Floats
 
 
-def bands(seen: ServoLog, fit: ServoFit) -> Bands:
+def bands(servo_log: ServoLog, fit: ServoFit) -> Bands:
     """Return the bands in which a log shows the response.
 
     Parameters
     ----------
-    seen : the fitted log
+    servo_log : the fitted log
     fit : the servo that explains the log best
     """
-    T = seen.sample_time
-    made = np.diff(positions(seen.time, seen.velocity, fit.delay.value, fit.bandwidth.value, fit.order)[fit.first :])
-    measured = np.diff(seen.position[fit.first :])
-    window = np.hanning(made.size)
-    M, E = (np.fft.rfft(window * each) for each in (made, measured - made))
-    f = np.fft.rfftfreq(made.size, T)
+    T = servo_log.sample_time
+    fitted_steps = np.diff(
+        positions(servo_log.time, servo_log.velocity, fit.delay.value, fit.bandwidth.value, fit.order)[fit.first :]
+    )
+    measured = np.diff(servo_log.position[fit.first :])
+    window = np.hanning(fitted_steps.size)
+    M, E = (np.fft.rfft(window * steps) for steps in (fitted_steps, measured - fitted_steps))
+    f = np.fft.rfftfreq(fitted_steps.size, T)
     low, high = LOWEST * f[1], 0.5 / T
     edges = low * 2 ** np.arange(0, np.log2(high / low), 1 / PER_OCTAVE)
-    place, total = np.digitize(f, np.append(edges, high)), float(np.sum(np.abs(M) ** 2))
-    found = []
+    band, total = np.digitize(f, np.append(edges, high)), float(np.sum(np.abs(M) ** 2))
+    rows = []
     for i in range(1, edges.size + 1):
-        inside = place == i
+        inside = band == i
         power, count = float(np.sum(np.abs(M[inside]) ** 2)), max(float(inside.sum()) / HANN, 1.0)
         if power == 0 or inside.sum() < 2:
             continue
-        off = complex(np.sum(np.conj(M[inside]) * E[inside])) / power
-        noise = float(np.sum(np.abs(E[inside] - off * M[inside]) ** 2)) / power
+        deviation = complex(np.sum(np.conj(M[inside]) * E[inside])) / power
+        noise = float(np.sum(np.abs(E[inside] - deviation * M[inside]) ** 2)) / power
         middle = float(np.sum(f[inside] * np.abs(M[inside]) ** 2)) / power
-        found.append((middle, 1 + off, sqrt(noise / count), sqrt(power / total)))
-    hertz, ratio, spread, share = (np.array(each) for each in zip(*found, strict=True))
+        rows.append((middle, 1 + deviation, sqrt(noise / count), sqrt(power / total)))
+    hertz, ratio, spread, share = (np.array(column) for column in zip(*rows, strict=True))
     used = spread < CLEAR
     hertz, ratio, spread, share = hertz[used], ratio[used], spread[used], share[used].astype(float)
     return Bands(hertz, ratio, spread, _response(fit, 2 * pi * hertz, T), share)
 
 
 def _response(fit: ServoFit, omega: Floats, T: float) -> Complex:
+    """Return the response of a fit from commanded velocity to the velocity between samples."""
     return sampled_response(omega, T, max(fit.delay.value, 0.0), fit.bandwidth.value, fit.order)

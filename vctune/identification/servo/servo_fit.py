@@ -16,22 +16,25 @@ from vctune.identification.servo.servo_noise import Noise, exposure, jitter, lik
 BANDWIDTHS = (2e-4, 8.0)
 """Range of the low-pass's bandwidth, as shares of the sampling rate. The lags range from 800 samples to a fiftieth of a
 sample."""
-TRIED = 24
+LATENCIES = (-5.0, 2.0 * MAX_DELAY_SAMPLES + 800.0)
+"""Range of the latency, in samples: a delay up to twice the greatest one, and the longest lag of `BANDWIDTHS`. An early
+clock of the log can make it negative."""
+START_BANDWIDTHS = 24
 """Number of bandwidths from which the search starts, spaced evenly on a logarithmic axis."""
-SETTLED = 6.0
+SETTLING_LAGS = 6.0
 """Time after which motion before the log has no effect, in lags of the servo."""
-VALLEYS = 14
+OTHER_BANDWIDTHS = 14
 """Number of other bandwidths at which the search looks for a better fit."""
-ROUNDS = 2
+NOISE_ROUNDS = 2
 """Number of alternations between fitting the noise and fitting the numbers."""
 LEAST_SPAN = 8
 """Least number of rows over which a step of the motion is measured. A single row would show only the encoder's
 noise."""
-FINE = 1e-4
+DERIVATIVE_STEP = 1e-4
 """Relative step of a numerical derivative."""
-WILD = 1.5
+MAX_SIGMA_RATIO = 1.5
 """Greatest permitted ratio of a standard deviation to the half-width that chi2 gives."""
-STATED = 2
+JOINT_INTERVALS = 2
 """Number of intervals that must hold together: those of delay and bandwidth."""
 
 
@@ -59,7 +62,7 @@ class ServoLog:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A number and the ends of its interval."""
+    """A number with its standard deviation and the ends of its interval."""
 
     value: float
     sigma: float
@@ -81,11 +84,11 @@ class ServoFit:
     noise : noise in the likelihood
     exposed : variance that jitter causes in each row, divided by the variance of the delay
     first : first row of the fit
-    unlikely : -2 log likelihood
+    minus_twice_log_likelihood : -2 log likelihood
     inflation : factor by which correlation of the residuals increases a variance
-    left : part of the position's steps that the fit leaves unexplained, m
-    left_share : root mean square residual motion over as many rows as the servo's delay
-    told : whether the interval of the bandwidth ends below the highest tried bandwidth
+    residual : part of the position's steps that the fit leaves unexplained, m
+    residual_share : root mean square residual motion over as many rows as the servo's delay
+    bandwidth_is_bounded : whether the interval of the bandwidth ends below the highest bandwidth of `BANDWIDTHS`
     """
 
     order: int
@@ -98,11 +101,11 @@ class ServoFit:
     noise: Noise
     exposed: Floats
     first: int
-    unlikely: float
+    minus_twice_log_likelihood: float
     inflation: float
-    left: Floats
-    left_share: float
-    told: bool
+    residual: Floats
+    residual_share: float
+    bandwidth_is_bounded: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +115,7 @@ class _Task:
     The unknowns are the latency in samples, and the log of bandwidth times sample time.
     """
 
-    seen: ServoLog
+    servo_log: ServoLog
     order: int
     first: int
     noise: Noise
@@ -120,139 +123,156 @@ class _Task:
 
     def numbers(self, at: Floats) -> tuple[float, float]:
         """Return delay, s, and bandwidth, Hz."""
-        T = self.seen.sample_time
+        T = self.servo_log.sample_time
         bandwidth = float(np.exp(at[1])) / T
         return float(at[0]) * T - modes(bandwidth, self.order)[0], bandwidth
 
     def steps(self, at: Floats) -> Floats:
         """Return the measured steps and the steps predicted from given numbers, m, shape (n, 2)."""
-        moved = positions(self.seen.time, self.seen.velocity, *self.numbers(at), self.order)
-        return np.diff(np.stack([self.seen.position, moved], axis=1)[self.first :], axis=0)
+        predicted = positions(self.servo_log.time, self.servo_log.velocity, *self.numbers(at), self.order)
+        return np.diff(np.stack([self.servo_log.position, predicted], axis=1)[self.first :], axis=0)
 
     def gain(self, at: Floats) -> float:
         """Return the gain: the ratio of the servo's motion to its command."""
-        measured, made = self._whitened(self.steps(at)).T
-        return float(measured @ made / (made @ made))
+        measured, predicted = self._whitened(self.steps(at)).T
+        return float(measured @ predicted / (predicted @ predicted))
 
     def gain_sigma(self, at: Floats, reach: int) -> float:
         """Return the standard deviation of `gain`."""
-        made = self._whitened(self.steps(at))[:, 1:]
-        return float(np.sqrt(robust_covariance(made * self.white(at)[:, None], made.T @ made, reach)[0, 0]))
+        predicted = self._whitened(self.steps(at))[:, 1:]
+        return float(
+            np.sqrt(robust_covariance(predicted * self.white(at)[:, None], predicted.T @ predicted, reach)[0, 0])
+        )
 
-    def left(self, at: Floats) -> Floats:
+    def residual(self, at: Floats) -> Floats:
         """Return the part of the steps that given numbers leave unexplained, m."""
-        measured, made = self.steps(at).T
-        return np.asarray(measured - self.gain(at) * made)
+        measured, predicted = self.steps(at).T
+        return np.asarray(measured - self.gain(at) * predicted)
 
     def white(self, at: Floats) -> Floats:
         """Return the whitened residual with the best gain."""
-        measured, made = self._whitened(self.steps(at)).T
-        return np.asarray(measured - (measured @ made / (made @ made)) * made)
+        measured, predicted = self._whitened(self.steps(at)).T
+        return np.asarray(measured - (measured @ predicted / (predicted @ predicted)) * predicted)
 
     def _whitened(self, steps: Floats) -> Floats:
-        return whitened(steps, self.noise, self.exposed, is_position=self.seen.is_position)[0]
+        """Return steps whose noise is white and of unit variance."""
+        return whitened(steps, self.noise, self.exposed, is_position=self.servo_log.is_position)[0]
 
-    def slopes(self, at: Floats, which: tuple[int, ...] = (0, 1)) -> Floats:
+    def slopes(self, at: Floats, unknowns: tuple[int, ...] = (0, 1)) -> Floats:
         """Return the derivatives of `white`, shape (n, p)."""
-        found = []
-        for i in which:
-            by = np.zeros(2)
-            by[i] = FINE
-            found.append((self.white(at + by) - self.white(at - by)) / (2 * FINE))
-        return np.stack(found, axis=1)
+        columns = []
+        for unknown in unknowns:
+            change = np.zeros(2)
+            change[unknown] = DERIVATIVE_STEP
+            columns.append((self.white(at + change) - self.white(at - change)) / (2 * DERIVATIVE_STEP))
+        return np.stack(columns, axis=1)
 
 
-def fit_servos(seen: ServoLog) -> tuple[ServoFit, ServoFit]:
+def fit_servos(servo_log: ServoLog) -> tuple[ServoFit, ServoFit]:
     """Fit servos of order 1 and of order 2 to the same rows.
 
     Parameters
     ----------
-    seen : times, command and position of a recording
+    servo_log : times, command and position of a recording
     """
-    found = [_found(seen, order) for order in (1, 2)]
-    first = max(task.first for task, _ in found)
-    fits = [_with_intervals(*_refined(_prepared(seen, task.order, at, task.noise, first), at)) for task, at in found]
+    tasks = [_best_numbers(servo_log, order) for order in (1, 2)]
+    first = max(task.first for task, _ in tasks)
+    fits = [
+        _fit_with_intervals(*_refined(_task_near(servo_log, task.order, at, task.noise, first), at))
+        for task, at in tasks
+    ]
     return fits[0], fits[1]
 
 
-def _found(seen: ServoLog, order: int) -> tuple[_Task, Floats]:
+def _best_numbers(servo_log: ServoLog, order: int) -> tuple[_Task, Floats]:
     """Return the numbers of the best fit, with their noise."""
-    at = _coarse(seen, order)
-    task = _prepared(seen, order, at, Noise(seen.rounding, 0.01 * seen.sample_time))
-    for _ in range(ROUNDS):
+    at = _coarse_numbers(servo_log, order)
+    task = _task_near(servo_log, order, at, Noise(servo_log.rounding, 0.01 * servo_log.sample_time))
+    for _ in range(NOISE_ROUNDS):
         task, at = _refined(task, at)
-        task = _prepared(seen, order, at, task.noise)
+        task = _task_near(servo_log, order, at, task.noise)
     at = _better_elsewhere(task, at)
-    return _prepared(seen, order, at, task.noise), at
+    return _task_near(servo_log, order, at, task.noise), at
 
 
 def _refined(task: _Task, at: Floats) -> tuple[_Task, Floats]:
     """Return the task with the likeliest noise near given numbers, and the numbers that then fit best."""
-    seen = task.seen
+    servo_log = task.servo_log
     noise, _ = likeliest(
-        task.left(at), task.noise, seen.rounding, seen.sample_time, task.exposed, is_position=seen.is_position
+        task.residual(at),
+        task.noise,
+        servo_log.rounding,
+        servo_log.sample_time,
+        task.exposed,
+        is_position=servo_log.is_position,
     )
     task = replace(task, noise=noise)
-    return task, _least(task, at)
+    return task, _least_squares(task, at)
 
 
 def _better_elsewhere(task: _Task, at: Floats) -> Floats:
     """Return numbers at another bandwidth if they fit better. The sum of squares has several valleys."""
-    best, least = at, float(np.sum(task.white(at) ** 2))
-    for logarithm in np.linspace(log(10 * BANDWIDTHS[0]), log(BANDWIDTHS[1] / 4), VALLEYS):
-        tried = _best_latency(task, at, logarithm)
-        found = float(np.sum(task.white(tried) ** 2))
-        if found < least:
-            best, least = tried, found
+    best, least_sum = at, float(np.sum(task.white(at) ** 2))
+    for logarithm in np.linspace(log(10 * BANDWIDTHS[0]), log(BANDWIDTHS[1] / 4), OTHER_BANDWIDTHS):
+        numbers = _best_latency(task, at, logarithm)
+        sum_of_squares = float(np.sum(task.white(numbers) ** 2))
+        if sum_of_squares < least_sum:
+            best, least_sum = numbers, sum_of_squares
     return best
 
 
-def _prepared(seen: ServoLog, order: int, at: Floats, noise: Noise, first: int | None = None) -> _Task:
+def _task_near(servo_log: ServoLog, order: int, at: Floats, noise: Noise, first: int | None = None) -> _Task:
     """Return the task near given numbers, with the rows to fit and the effect of the link's jitter on each row."""
     lag = modes(float(np.exp(at[1])), order)[0]
     if first is None:
-        first = min(ceil(max(float(at[0]), 0.0) + SETTLED * lag) + 2, seen.time.size // 4)
-    late = min(max(round(float(at[0]) - lag), 0), seen.time.size // 4)
-    exposed = exposure(seen.velocity, is_position=seen.is_position, late=late, lag=lag)
-    return _Task(seen, order, first, noise, exposed[first:])
+        first = min(ceil(max(float(at[0]), 0.0) + SETTLING_LAGS * lag) + 2, servo_log.time.size // 4)
+    delay_samples = min(max(round(float(at[0]) - lag), 0), servo_log.time.size // 4)
+    exposed = exposure(servo_log.velocity, is_position=servo_log.is_position, late=delay_samples, lag=lag)
+    return _Task(servo_log, order, first, noise, exposed[first:])
 
 
-def _coarse(seen: ServoLog, order: int) -> Floats:
+def _coarse_numbers(servo_log: ServoLog, order: int) -> Floats:
     """Return the best combination of a whole number of samples of delay and one of several bandwidths, by correlation
     of steps."""
-    n, T = seen.time.size, seen.sample_time
-    measured = np.diff(seen.position)
-    best, least = np.zeros(2), np.inf
+    n, T = servo_log.time.size, servo_log.sample_time
+    measured = np.diff(servo_log.position)
+    best, least_residual = np.zeros(2), np.inf
     size = 2 ** ceil(np.log2(2 * n))
     transform = np.conj(np.fft.rfft(measured, size))
-    squares = np.concatenate([[0.0], np.cumsum(measured**2)])
+    measured_power = np.concatenate([[0.0], np.cumsum(measured**2)])
     reach = min(MAX_DELAY_SAMPLES + 1, n // 4)
-    for logarithm in np.linspace(log(10 * BANDWIDTHS[0]), log(BANDWIDTHS[1] / 8), TRIED):
+    for logarithm in np.linspace(log(10 * BANDWIDTHS[0]), log(BANDWIDTHS[1] / 8), START_BANDWIDTHS):
         bandwidth = float(np.exp(logarithm)) / T
-        steps = np.diff(positions(seen.time, seen.velocity, 0.0, bandwidth, order))
-        together = np.fft.irfft(np.conj(transform * np.fft.rfft(steps, size)), size)[:reach]
+        steps = np.diff(positions(servo_log.time, servo_log.velocity, 0.0, bandwidth, order))
+        correlation = np.fft.irfft(np.conj(transform * np.fft.rfft(steps, size)), size)[:reach]
         shifts = np.arange(reach)
-        powers = np.concatenate([[0.0], np.cumsum(steps**2)])[n - 1 - shifts]
-        left = (squares[-1] - squares[shifts] - together**2 / np.maximum(powers, 1e-300)) / (n - shifts)
-        shift = int(np.argmin(left))
-        if left[shift] < least:
-            least = float(left[shift])
+        predicted_power = np.concatenate([[0.0], np.cumsum(steps**2)])[n - 1 - shifts]
+        mean_residual = (
+            measured_power[-1] - measured_power[shifts] - correlation**2 / np.maximum(predicted_power, 1e-300)
+        ) / (n - shifts)
+        shift = int(np.argmin(mean_residual))
+        if mean_residual[shift] < least_residual:
+            least_residual = float(mean_residual[shift])
             best = np.array([shift + modes(bandwidth, order)[0] / T, logarithm])
     return best
 
 
-def _least(task: _Task, at: Floats) -> Floats:
+def _least_squares(task: _Task, at: Floats) -> Floats:
+    """Return the numbers near a start at which the whitened residual is least."""
     from scipy.optimize import least_squares
 
-    low, high = (log(each) for each in BANDWIDTHS)
-    bounds = ([-5.0, low], [2.0 * MAX_DELAY_SAMPLES + 800.0, high])
+    low, high = (log(share) for share in BANDWIDTHS)
+    bounds = ([LATENCIES[0], low], [LATENCIES[1], high])
     return np.asarray(least_squares(task.white, at, jac=task.slopes, bounds=bounds, x_scale=[1.0, 1.0]).x)
 
 
-def _with_intervals(task: _Task, at: Floats) -> ServoFit:
-    seen, T = task.seen, task.seen.sample_time
-    left = task.left(at)
-    noise, unlikely = likeliest(left, task.noise, seen.rounding, T, task.exposed, is_position=seen.is_position)
+def _fit_with_intervals(task: _Task, at: Floats) -> ServoFit:
+    """Return the fit at its best numbers, with intervals that allow for correlated residuals."""
+    servo_log, T = task.servo_log, task.servo_log.sample_time
+    residual = task.residual(at)
+    noise, minus_twice_log_likelihood = likeliest(
+        residual, task.noise, servo_log.rounding, T, task.exposed, is_position=servo_log.is_position
+    )
     task = replace(task, noise=noise)
     white, slopes = task.white(at), task.slopes(at)
     information = slopes.T @ slopes
@@ -261,11 +281,11 @@ def _with_intervals(task: _Task, at: Floats) -> ServoFit:
     robust = robust_covariance(slopes * white[:, None], information, reach)
     plain = np.linalg.inv(information)
     # convert the slope by delay and log bandwidth to one by latency: the lag decreases as the bandwidth increases
-    turn = np.array([[1.0, lag], [0.0, 1.0]])
-    robust, plain = turn @ robust @ turn.T, turn @ plain @ turn.T
+    to_latency = np.array([[1.0, lag], [0.0, 1.0]])
+    robust, plain = to_latency @ robust @ to_latency.T, to_latency @ plain @ to_latency.T
     inflation = max(1.0, float(np.max(np.diag(robust) / np.diag(plain))))
     sigma = np.sqrt(np.maximum(np.diag(robust), np.diag(plain)))
-    delay, bandwidth = _profile(task, at, sigma, inflation)
+    delay, bandwidth = _intervals(task, at, sigma, inflation)
     return ServoFit(
         order=task.order,
         delay=delay,
@@ -273,40 +293,45 @@ def _with_intervals(task: _Task, at: Floats) -> ServoFit:
         gain=task.gain(at),
         gain_sigma=task.gain_sigma(at, reach),
         lag=lag * T,
-        jitter=jitter(left, noise.encoder, lag, task.exposed, is_position=seen.is_position),
+        jitter=jitter(residual, noise.encoder, lag, task.exposed, is_position=servo_log.is_position),
         noise=noise,
         exposed=task.exposed,
         first=task.first,
-        unlikely=unlikely,
+        minus_twice_log_likelihood=minus_twice_log_likelihood,
         inflation=inflation,
-        left=left,
-        left_share=_share(np.cumsum(left), seen.position[task.first :], max(LEAST_SPAN, ceil(at[0]))),
-        told=bandwidth.high < 0.99 * BANDWIDTHS[1] / T,
+        residual=residual,
+        residual_share=_residual_share(
+            np.cumsum(residual), servo_log.position[task.first :], max(LEAST_SPAN, ceil(at[0]))
+        ),
+        bandwidth_is_bounded=bandwidth.high < 0.99 * BANDWIDTHS[1] / T,
     )
 
 
-def _share(left: Floats, position: Floats, span: int) -> float:
-    """Return the root mean square residual motion over some rows, without the drift over the whole log."""
-    span = min(span, left.size // 2)
-    of = np.sqrt(np.mean((position[span:] - position[:-span]) ** 2))
-    return float(np.sqrt(np.mean((left[span:] - left[:-span]) ** 2)) / of)
+def _residual_share(residual_motion: Floats, position: Floats, span: int) -> float:
+    """Return the root mean square residual motion over `span` rows, divided by that of the motion itself.
+
+    Differences over a span contain no drift over the whole log.
+    """
+    span = min(span, residual_motion.size // 2)
+    motion = np.sqrt(np.mean((position[span:] - position[:-span]) ** 2))
+    return float(np.sqrt(np.mean((residual_motion[span:] - residual_motion[:-span]) ** 2)) / motion)
 
 
-def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[Interval, Interval]:
+def _intervals(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[Interval, Interval]:
     """Return intervals of delay and bandwidth.
 
     An interval ends where the least chi2 at a given bandwidth exceeds its limit.
 
     For a short lag, chi2 is not a parabola. A standard deviation would then give wrong ends for the bandwidth.
     """
-    T, factor = task.seen.sample_time, joint_factor(STATED)
+    T, factor = task.servo_log.sample_time, joint_factor(JOINT_INTERVALS)
     least = float(np.sum(task.white(at) ** 2))
-    most = factor**2 * inflation
-    ends = [_end(task, at, least, most, side, float(sigma[1])) for side in (-1, 1)]
-    delays = [task.numbers(each)[0] / T for each in (*ends, at)]
+    allowance = factor**2 * inflation
+    ends = [_end_of_bandwidth(task, at, least, allowance, side, float(sigma[1])) for side in (-1, 1)]
+    delays = [task.numbers(numbers)[0] / T for numbers in (*ends, at)]  # in samples
     delay, bandwidth = task.numbers(at)
-    low_delay, high_delay = (side * max(side * each for each in delays) * T for side in (-1, 1))
-    slow, fast = (task.numbers(each)[1] for each in ends)
+    low_delay, high_delay = (side * max(side * numbers for numbers in delays) * T for side in (-1, 1))
+    slow, fast = (task.numbers(numbers)[1] for numbers in ends)
     return (
         _interval(delay, float(sigma[0]) * T, low_delay, high_delay, factor),
         _interval(bandwidth, float(sigma[1]) * bandwidth, slow, fast, factor),
@@ -318,17 +343,20 @@ def _interval(value: float, sigma: float, low: float, high: float, factor: float
 
     If the standard deviation reaches far beyond an end, chi2 is not a parabola, and the function keeps the given ends.
     """
-    sigma = min(sigma, WILD * min(value - low, high - value) / factor)
+    sigma = min(sigma, MAX_SIGMA_RATIO * min(value - low, high - value) / factor)
     return Interval(value, sigma, min(low, value - factor * sigma), max(high, value + factor * sigma))
 
 
-def _end(task: _Task, at: Floats, least: float, most: float, side: int, sigma: float) -> Floats:
-    """Return the numbers at one end of the bandwidth's interval."""
+def _end_of_bandwidth(task: _Task, at: Floats, least: float, allowance: float, side: int, sigma: float) -> Floats:
+    """Return the numbers at one end of the bandwidth's interval: the lower one for `side` -1, the upper one for 1.
+
+    The function steps outwards until chi2 exceeds its least value by the allowance, and then bisects.
+    """
     limit = log(BANDWIDTHS[0]) if side < 0 else log(BANDWIDTHS[1])
     inside, step = at, min(max(sigma, 1e-5), 0.5)
     for _ in range(60):
         further = _best_latency(task, inside, inside[1] + side * step)
-        if _excess(task, further, least) > most:
+        if _excess_chi2(task, further, least) > allowance:
             break
         if side * (further[1] - limit) >= 0:
             return further
@@ -337,25 +365,26 @@ def _end(task: _Task, at: Floats, least: float, most: float, side: int, sigma: f
         if abs(further[1] - inside[1]) < 0.05 * abs(inside[1] - at[1]) + 1e-6:
             break
         middle = _best_latency(task, inside, 0.5 * (inside[1] + further[1]))
-        if _excess(task, middle, least) > most:
+        if _excess_chi2(task, middle, least) > allowance:
             further = middle
         else:
             inside = middle
     return further
 
 
-def _excess(task: _Task, at: Floats, least: float) -> float:
+def _excess_chi2(task: _Task, at: Floats, least: float) -> float:
+    """Return how far chi2 at some numbers exceeds the least chi2."""
     return float(np.sum(task.white(at) ** 2)) - least
 
 
 def _best_latency(task: _Task, at: Floats, logarithm: float) -> Floats:
     """Return the numbers with the best latency at another bandwidth, by the method of Gauss and Newton."""
-    low, high = (log(each) for each in BANDWIDTHS)
+    low, high = (log(share) for share in BANDWIDTHS)
     at = np.array([at[0], min(max(logarithm, low), high)])
     for _ in range(6):
         slope = task.slopes(at, (0,))[:, 0]
-        by = float(slope @ task.white(at)) / float(slope @ slope)
-        at = at - np.array([by, 0.0])
-        if abs(by) < 1e-4:
+        change = float(slope @ task.white(at)) / float(slope @ slope)
+        at = at - np.array([change, 0.0])
+        if abs(change) < 1e-4:
             break
     return at

@@ -65,11 +65,11 @@ def whitened(steps: Floats, noise: Noise, exposed: Floats, *, is_position: bool)
     """
     from scipy.linalg import cholesky_banded, solve_banded
 
-    r2, late = noise.encoder**2, noise.link**2 * exposed
-    row = r2 + (late if is_position else 0.0 * late)
+    r2, link_variance = noise.encoder**2, noise.link**2 * exposed
+    row_variance = r2 + (link_variance if is_position else 0.0 * link_variance)
     band = np.zeros((2, exposed.size - 1))
-    band[0] = row[1:] + row[:-1] + (0.0 if is_position else late[1:])
-    band[1, :-1] = -row[1:-1]
+    band[0] = row_variance[1:] + row_variance[:-1] + (0.0 if is_position else link_variance[1:])
+    band[1, :-1] = -row_variance[1:-1]
     factor = cholesky_banded(band, lower=True, check_finite=False)
     return solve_banded((1, 0), factor, steps, check_finite=False), 2 * float(np.sum(np.log(factor[0])))
 
@@ -89,22 +89,22 @@ def likeliest(
     """
     from scipy.optimize import minimize
 
-    def made(at: Floats) -> Noise:
-        encoder, link = np.exp(np.clip(at, -40.0, 40.0))
+    def noise_at(logarithms: Floats) -> Noise:
+        encoder, link = np.exp(np.clip(logarithms, -40.0, 40.0))
         return Noise(max(float(encoder), least), float(link) * T)
 
-    def unlikely(at: Floats) -> float:
-        white, size = whitened(steps, made(at), exposed, is_position=is_position)
-        return float(white @ white) + size
+    def minus_twice_log_likelihood(logarithms: Floats) -> float:
+        white, log_determinant = whitened(steps, noise_at(logarithms), exposed, is_position=is_position)
+        return float(white @ white) + log_determinant
 
     start = np.log([near.encoder, max(near.link / T, LEAST_LINK)])
     simplex = start + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     options = {"xatol": 0.02, "fatol": 0.02, "initial_simplex": simplex}
-    best = minimize(unlikely, start, method="Nelder-Mead", options=options)
-    return made(best.x), float(best.fun)
+    best = minimize(minus_twice_log_likelihood, start, method="Nelder-Mead", options=options)
+    return noise_at(best.x), float(best.fun)
 
 
-def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
+def jitter(residual: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
     """Return the standard deviation of a link's delay, s.
 
     Return 0 if it is less than three of its own deviations from 0.
@@ -113,23 +113,23 @@ def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_posi
 
     Parameters
     ----------
-    left : steps that a fit leaves unexplained, m
+    residual : steps that a fit leaves unexplained, m
     encoder : standard deviation of a position sample, m
     lag : lag of the servo in rows of the log
     exposed, is_position : see `whitened`
     """
     window = max(ceil(2 * lag) + 2, 4)
-    count = left.size // window
+    count = residual.size // window
     if count < LEAST_WINDOWS:
         return 0.0
     exposure_of = exposed[1 : 1 + count * window].reshape(count, window).sum(axis=1)
     if is_position:
-        place = np.cumsum(left)
-        off = (place - place.mean())[: count * window].reshape(count, window).mean(axis=1)
-        variance, own, share = off**2, encoder**2 / window, exposure_of / window**2
+        place = np.cumsum(residual)
+        spread = (place - place.mean())[: count * window].reshape(count, window).mean(axis=1)
+        variance, encoder_variance, link_share = spread**2, encoder**2 / window, exposure_of / window**2
     else:
-        variance = left[: count * window].reshape(count, window).sum(axis=1) ** 2
-        own, share = 2 * encoder**2, exposure_of
-    beyond = variance - own
+        variance = residual[: count * window].reshape(count, window).sum(axis=1) ** 2
+        encoder_variance, link_share = 2 * encoder**2, exposure_of
+    beyond = variance - encoder_variance
     total, unsure = float(beyond.sum()), float(np.sqrt(np.sum((beyond - beyond.mean()) ** 2)))
-    return float(np.sqrt(total / share.sum())) if total > 3 * unsure > 0 else 0.0
+    return float(np.sqrt(total / link_share.sum())) if total > 3 * unsure > 0 else 0.0

@@ -19,21 +19,21 @@ from vctune.identification.box import Estimate
 from vctune.identification.motion.covariance import joint_factor, robust_covariance
 from vctune.identification.motion.signals import position_noise
 from vctune.identification.servo.servo_bands import Bands, bands
-from vctune.identification.servo.servo_fit import STATED, Interval, ServoFit, ServoLog, fit_servos
+from vctune.identification.servo.servo_fit import JOINT_INTERVALS, Interval, ServoFit, ServoLog, fit_servos
 from vctune.identification.servo.servo_motion import interpolating_velocity, positions
 from vctune.identification.servo.servo_noise import Noise, whitened
 from vctune.model.numbers.units import Units
 
-EVIDENCE = 10.0
+DECISIVE_GAIN = 10.0
 """Gain in -2 log likelihood, for independent residuals, that decides between the orders."""
-UNEXPLAINED = 0.5
+MAX_RESIDUAL_SHARE = 0.5
 """Relative residual of the motion above which vctune refuses a log."""
-GAINS = (0.8, 1.25)
+GAIN_RANGE = (0.8, 1.25)
 """Permitted range of the ratio of a servo's motion to its command. Outside this range, the unit or the axis is
 wrong."""
-CLEAR = 4.0
+SIGNIFICANT = 4.0
 """Significance, in standard deviations, with which a gain differs from 1 or a servo yields."""
-YIELDS = 0.005
+LEAST_YIELDING_SHARE = 0.005
 """A servo's yielding to the force matters if it causes more than this share of the motion."""
 LATENCY, JITTER = Note("limit-latency", "a delay and a lag are alike in this motion"), Note("limit-jitter", "jitter")
 
@@ -46,13 +46,13 @@ class Yielding:
     ----------
     compliance, mobility : m/N and m/(N s), each with its standard deviation
     share : root mean square share of the motion that follows the force, for the more significant of the two
-    clear : whether each of the two is significant
+    significant : whether each of the two is significant
     """
 
     compliance: tuple[float, float]
     mobility: tuple[float, float]
     share: float
-    clear: tuple[bool, bool]
+    significant: tuple[bool, bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,25 +61,25 @@ class ServoStudy:
 
     Attributes
     ----------
-    seen : the log as fitted
+    servo_log : the log as fitted
     fit : fit of the order that explains the log best
     other : fit of the other order
-    told : whether chi2 decides between the orders
+    order_is_known : whether chi2 decides between the orders
     yielding : part of the motion that follows the force; None if no force was recorded
     bands : measured response in bands
     """
 
-    seen: ServoLog
+    servo_log: ServoLog
     fit: ServoFit
     other: ServoFit
-    told: bool
+    order_is_known: bool
     yielding: Yielding | None
     bands: Bands
 
     @property
     def fits(self) -> tuple[ServoFit, ...]:
         """The fits that explain the log."""
-        return (self.fit,) if self.told else (self.fit, self.other)
+        return (self.fit,) if self.order_is_known else (self.fit, self.other)
 
     def of_order(self, order: int) -> ServoFit:
         """Return the fit of a given order."""
@@ -98,17 +98,17 @@ class ServoStudy:
         fit : fit of either order
         noise : noise for comparison
         """
-        white, _ = whitened(fit.left, noise, fit.exposed, is_position=self.seen.is_position)
+        white, _ = whitened(fit.residual, noise, fit.exposed, is_position=self.servo_log.is_position)
         return float(np.mean(white**2))
 
     def estimates(self, source: str) -> list[Estimate]:
         """Return the estimates of the numbers in a problem file."""
-        found = []
+        estimates = []
         for fit in self.fits:
             text = f"{source}: order {fit.order}"
-            found.append(_estimate("servo.delay", fit.delay, text, fit.jitter))
-            found.append(_estimate("servo.bandwidth_hz", fit.bandwidth, text, 0.0))
-        return found
+            estimates.append(_estimate("servo.delay", fit.delay, text, fit.jitter))
+            estimates.append(_estimate("servo.bandwidth_hz", fit.bandwidth, text, 0.0))
+        return estimates
 
 
 def likelier_order(studies: Sequence[ServoStudy]) -> int:
@@ -122,17 +122,24 @@ def likelier_order(studies: Sequence[ServoStudy]) -> int:
     """
     gain = 0.0
     for study in studies:
-        worth = (study.other.unlikely - study.fit.unlikely) / max(study.fit.inflation, study.other.inflation)
-        gain += worth if study.fit.order == 1 else -worth
+        advantage = (study.other.minus_twice_log_likelihood - study.fit.minus_twice_log_likelihood) / max(
+            study.fit.inflation, study.other.inflation
+        )
+        gain += advantage if study.fit.order == 1 else -advantage
     return 1 if gain >= 0 else 2
 
 
-def _estimate(key: str, found: Interval, source: str, jitter: float) -> Estimate:
+def _estimate(key: str, interval: Interval, source: str, jitter: float) -> Estimate:
     """Return an interval as an estimate. The excess of the estimate is the width beyond its standard deviations."""
-    own = joint_factor(STATED) * found.sigma
-    beyond = (max(found.value - own - found.low, 0.0), max(found.high - own - found.value, 0.0))
+    half_width = joint_factor(JOINT_INTERVALS) * interval.sigma
+    beyond = (
+        max(interval.value - half_width - interval.low, 0.0),
+        max(interval.high - half_width - interval.value, 0.0),
+    )
     reason = JITTER if jitter > max(beyond) else LATENCY
-    return Estimate(key, found.value, found.sigma, source, (beyond[0] + jitter, beyond[1] + jitter), reason=reason)
+    return Estimate(
+        key, interval.value, interval.sigma, source, (beyond[0] + jitter, beyond[1] + jitter), reason=reason
+    )
 
 
 def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
@@ -154,27 +161,33 @@ def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
     InputError
         If no servo explains the motion.
     """
-    seen = _seen(recording, sample_time)
-    first, second = fit_servos(seen)
-    fit, other = (first, second) if first.unlikely <= second.unlikely else (second, first)
-    told = other.unlikely - fit.unlikely > EVIDENCE * max(fit.inflation, other.inflation)
+    servo_log = _servo_log(recording, sample_time)
+    first, second = fit_servos(servo_log)
+    fit, other = (
+        (first, second) if first.minus_twice_log_likelihood <= second.minus_twice_log_likelihood else (second, first)
+    )
+    order_is_known = other.minus_twice_log_likelihood - fit.minus_twice_log_likelihood > DECISIVE_GAIN * max(
+        fit.inflation, other.inflation
+    )
     study = ServoStudy(
-        seen=seen,
+        servo_log=servo_log,
         fit=fit,
         other=other,
-        told=told,
-        yielding=_yielding(recording, seen, fit),
-        bands=bands(seen, fit),
+        order_is_known=order_is_known,
+        yielding=_yielding(recording, servo_log, fit),
+        bands=bands(servo_log, fit),
     )
     _check_explained(recording, study)
     return study
 
 
-def _spread(values: Floats) -> float:
+def _deviation(values: Floats) -> float:
+    """Return the standard deviation of values."""
     return float(np.std(values))
 
 
-def _seen(recording: Recording, T: float) -> ServoLog:
+def _servo_log(recording: Recording, T: float) -> ServoLog:
+    """Return the columns of a recording that the fit needs, with the least noise that the encoder's rounding allows."""
     position, logged = recording.channels["position"], recording.values("time")
     time = np.asarray(np.arange(position.values.size) * T if logged is None else logged, dtype=np.float64)
     command = recording.channels[commanded(recording)].values
@@ -189,17 +202,18 @@ def _seen(recording: Recording, T: float) -> ServoLog:
 
 
 def _check_explained(recording: Recording, study: ServoStudy) -> None:
+    """Refuse a recording whose motion does not follow its command, or follows it with an impossible gain."""
     command = commanded(recording)
     header, position = recording.channels[command].header, recording.channels["position"].header
     gain = study.fit.gain
-    if study.fit.left_share > UNEXPLAINED:
+    if study.fit.residual_share > MAX_RESIDUAL_SHARE:
         message = (
-            f"{study.fit.left_share:.0%} of the motion of {position} does not follow {header}: is it the command of "
-            "another axis, or was the robot moved by something else?"
+            f"{study.fit.residual_share:.0%} of the motion of {position} does not follow {header}: is it the command "
+            "of another axis, or was the robot moved by something else?"
         )
     elif gain < 0:
         message = f"{position} moves against {header}; turn one sign by scale = -1"
-    elif not GAINS[0] < gain < GAINS[1]:
+    elif not GAIN_RANGE[0] < gain < GAIN_RANGE[1]:
         message = f"{position} moves {gain:.4g} times as far as {header} says; write the unit or scale of one of them"
     else:
         return
@@ -211,43 +225,45 @@ def commanded(recording: Recording) -> str:
     return "velocity_command" if "velocity_command" in recording.channels else "position_command"
 
 
-def _yielding(recording: Recording, seen: ServoLog, fit: ServoFit) -> Yielding | None:
+def _yielding(recording: Recording, servo_log: ServoLog, fit: ServoFit) -> Yielding | None:
     """Return the part of the motion that follows the force, fitted together with gain, delay and bandwidth."""
     force = recording.values("hand")
     force = recording.values("force") if force is None else force
     if force is None or np.ptp(force) == 0:
         return None
-    measured = np.diff(seen.position[fit.first :])
-    pushed = np.stack([np.diff(force)[fit.first :], (force * seen.sample_time)[fit.first + 1 :]], axis=1)
-    columns = np.column_stack([pushed, *_slopes(seen, fit)])
-    size = np.sqrt(np.mean(columns**2, axis=0))
+    measured = np.diff(servo_log.position[fit.first :])
+    pushed = np.stack([np.diff(force)[fit.first :], (force * servo_log.sample_time)[fit.first + 1 :]], axis=1)
+    columns = np.column_stack([pushed, *_fit_and_derivatives(servo_log, fit)])
+    scale = np.sqrt(np.mean(columns**2, axis=0))
     noise = fit.noise
-    white = whitened(np.column_stack([fit.left, columns / size]), noise, fit.exposed, is_position=seen.is_position)[0]
+    white = whitened(
+        np.column_stack([fit.residual, columns / scale]), noise, fit.exposed, is_position=servo_log.is_position
+    )[0]
     regressors = white[:, 1:]
     values = np.linalg.lstsq(regressors, white[:, 0], rcond=None)[0]
-    left = white[:, 0] - regressors @ values
-    reach = ceil(sqrt(left.size))
-    covariance = robust_covariance(regressors * left[:, None], regressors.T @ regressors, reach)
+    residual = white[:, 0] - regressors @ values
+    reach = ceil(sqrt(residual.size))
+    covariance = robust_covariance(regressors * residual[:, None], regressors.T @ regressors, reach)
     sigma = np.sqrt(np.diag(covariance))
-    moved = np.abs(values[:2]) * [_spread(np.cumsum(each)) for each in (columns / size)[:, :2].T]
-    share = moved / _spread(np.cumsum(measured))
-    sure = (np.abs(values[:2]) > CLEAR * sigma[:2]) & (share > YIELDS)
-    which = int(np.argmax(share * sure))
-    compliance, mobility = ((float(values[i] / size[i]), float(sigma[i] / size[i])) for i in (0, 1))
-    return Yielding(compliance, mobility, float(share[which]), (bool(sure[0]), bool(sure[1])))
+    motion = np.abs(values[:2]) * [_deviation(np.cumsum(column)) for column in (columns / scale)[:, :2].T]
+    share = motion / _deviation(np.cumsum(measured))
+    significant = (np.abs(values[:2]) > SIGNIFICANT * sigma[:2]) & (share > LEAST_YIELDING_SHARE)
+    stronger = int(np.argmax(share * significant))
+    compliance, mobility = ((float(values[i] / scale[i]), float(sigma[i] / scale[i])) for i in (0, 1))
+    return Yielding(compliance, mobility, float(share[stronger]), (bool(significant[0]), bool(significant[1])))
 
 
-def _slopes(seen: ServoLog, fit: ServoFit) -> list[Floats]:
+def _fit_and_derivatives(servo_log: ServoLog, fit: ServoFit) -> list[Floats]:
     """Return the steps of the fit, and their derivatives with respect to delay and bandwidth."""
     delay, bandwidth = fit.delay.value, fit.bandwidth.value
 
-    def made(delay: float, bandwidth: float) -> Floats:
-        return np.diff(positions(seen.time, seen.velocity, delay, bandwidth, fit.order)[fit.first :])
+    def steps(delay: float, bandwidth: float) -> Floats:
+        return np.diff(positions(servo_log.time, servo_log.velocity, delay, bandwidth, fit.order)[fit.first :])
 
-    by = 1e-4 * seen.sample_time
-    at = made(delay, bandwidth)
-    later, faster = made(delay + by, bandwidth) - at, made(delay, 1.0001 * bandwidth) - at
-    return [at, later, faster]
+    change = 1e-4 * servo_log.sample_time
+    fitted = steps(delay, bandwidth)
+    later, faster = steps(delay + change, bandwidth) - fitted, steps(delay, 1.0001 * bandwidth) - fitted
+    return [fitted, later, faster]
 
 
 def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
@@ -259,27 +275,27 @@ def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
     study : study of the recording
     units : units of the recording
     """
-    fit, T, said = study.fit, study.seen.sample_time, []
-    if not study.told:
+    fit, T, notes = study.fit, study.servo_log.sample_time, []
+    if not study.order_is_known:
         text = f"{name}: orders 1 and 2 explain it equally well: the box contains both, and unmodelled covers the rest"
-        said.append(Note("remark-order", text))
+        notes.append(Note("remark-order", text))
     if fit.jitter > 0.01 * T:
         text = f"{name}: the delay jitters by {fit.jitter:.2g} s from command to command, which its interval includes; "
-        said.append(Note("remark-jitter", f"{text}proofs assume a constant delay"))
-    if not all(each.told for each in study.fits):
+        notes.append(Note("remark-jitter", f"{text}proofs assume a constant delay"))
+    if not all(servo.bandwidth_is_bounded for servo in study.fits):
         text = f"{name}: shows a latency of {fit.delay.value + fit.lag:.3g} s, and not how much of it is a low-pass: "
-        said.append(Note("remark-latency-only", f"{text}record a sweep up to a tenth of the sampling rate or higher"))
-    if abs(fit.gain - 1) > max(CLEAR * fit.gain_sigma, 2e-3):
+        notes.append(Note("remark-latency-only", f"{text}record a sweep up to a tenth of the sampling rate or higher"))
+    if abs(fit.gain - 1) > max(SIGNIFICANT * fit.gain_sigma, 2e-3):
         text = f"{name}: moves {fit.gain:.4g} times as far as it is told, which a servo does not: unmodelled covers it"
-        said.append(Note("warn-gain", text))
-    if study.yielding is not None and any(study.yielding.clear):
-        each = study.yielding
-        numbers = (f"{each.compliance[0]:.3g} {units.compliance}", f"{each.mobility[0]:.3g} {units.mobility}")
-        shown = " and ".join(compress(numbers, each.clear))
+        notes.append(Note("warn-gain", text))
+    if study.yielding is not None and any(study.yielding.significant):
+        yielding = study.yielding
+        numbers = (f"{yielding.compliance[0]:.3g} {units.compliance}", f"{yielding.mobility[0]:.3g} {units.mobility}")
+        significant_numbers = " and ".join(compress(numbers, yielding.significant))
         text = (
-            f"{name}: the servo yields: {each.share:.1%} of its motion goes with the force, {shown}. Such a device is "
-            "outside the model, in which the motion follows the command alone: no claim about the file "
-            "holds for it"
+            f"{name}: the servo yields: {yielding.share:.1%} of its motion goes with the force, "
+            f"{significant_numbers}. Such a device is outside the model, "
+            "in which the motion follows the command alone: no claim about the file holds for it"
         )
-        said.append(Note("warn-yields", text))
-    return said
+        notes.append(Note("warn-yields", text))
+    return notes

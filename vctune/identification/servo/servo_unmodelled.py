@@ -43,8 +43,8 @@ def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy
     device, bounds : device at the centre, and the intervals of the box
     study : study of a log
     """
-    found = study.bands
-    return _nearest(tried(device, bounds, study), 2 * pi * found.hertz, found.ratio * found.fitted)
+    bands = study.bands
+    return _nearest(tried_servos(device, bounds, study), 2 * pi * bands.hertz, bands.ratio * bands.fitted)
 
 
 def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> tuple[Floats, Floats]:
@@ -59,10 +59,10 @@ def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy
     T, other = device.sample_time, study.of_order(3 - device.servo.order)
     hertz = np.geomspace(1e-3, 0.499, BEYOND) / T
     response = sampled_response(2 * pi * hertz, T, other.delay.value, other.bandwidth.value, other.order)
-    return hertz, _nearest(tried(device, bounds, study), 2 * pi * hertz, response)
+    return hertz, _nearest(tried_servos(device, bounds, study), 2 * pi * hertz, response)
 
 
-def tried(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> list[Device]:
+def tried_servos(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> list[Device]:
     """Return servos of the box. Some of them have the latency of a log's fit.
 
     Parameters
@@ -71,23 +71,27 @@ def tried(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> list[
     study : study of a log
     """
     assert device.servo is not None
-    ends = {each.key: (each.value * (1 - each.share), each.value * (1 + each.share)) for each in bounds}
+    ends = {
+        bounded.key: (bounded.value * (1 - bounded.share), bounded.value * (1 + bounded.share)) for bounded in bounds
+    }
     (early, late), (slow, fast) = ends["servo.delay"], ends["servo.bandwidth_hz"]
     order = device.servo.order
     fit = study.of_order(order)
-    alike = []
+    same_latency = []
     for bandwidth in (*np.geomspace(slow, fast, RIDGE), float(np.clip(fit.bandwidth.value, slow, fast))):
         delay = float(np.clip(_latency(fit) - modes(bandwidth, order)[0], early, late))
-        alike.append(device.with_numbers({"servo.delay": delay, "servo.bandwidth_hz": float(bandwidth)}))
-    return [*devices(device, bounds), *alike]
+        same_latency.append(device.with_numbers({"servo.delay": delay, "servo.bandwidth_hz": float(bandwidth)}))
+    return [*devices(device, bounds), *same_latency]
 
 
 def _latency(fit: ServoFit) -> float:
+    """Return the latency of a fit, s: its delay and its lag together."""
     return fit.delay.value + fit.lag
 
 
-def _nearest(among: Sequence[Device], omega: Floats, measured: Complex) -> Floats:
-    needed = np.full(omega.size, np.inf)
-    for each in among:
-        needed = np.minimum(needed, np.abs(measured / response_of(each, omega) - 1))
-    return needed
+def _nearest(devices_of_box: Sequence[Device], omega: Floats, measured: Complex) -> Floats:
+    """Return the relative distance of a response from the nearest of some servos, at each frequency."""
+    distance = np.full(omega.size, np.inf)
+    for device in devices_of_box:
+        distance = np.minimum(distance, np.abs(measured / response_of(device, omega) - 1))
+    return distance

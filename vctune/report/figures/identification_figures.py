@@ -89,7 +89,7 @@ def _response(found: Identified, studies: list[RecordStudy], units: Units) -> Fi
     omega = first.measured.position.omega
     hertz = omega / (2 * pi)
     device, bounds = behind_force(first, studies[0].sample_time, found.device, found.bounds)
-    allowed = covered(device, bounds, found.unmodelled, omega, held=first.measured.input == "command")
+    allowed = covered(device, bounds, found.unmodelled, omega, is_command=first.measured.input == "command")
     size.fill_between(hertz, allowed[0], allowed[1], color=GREY, alpha=0.25, label="box and unmodelled")
     phase.fill_between(hertz, allowed[2], allowed[3], color=GREY, alpha=0.25)
     size.set_ylabel(f"position / {units.force_name}, {units.compliance}")

@@ -12,7 +12,7 @@ from vctune.identification.identify import Identified
 from vctune.identification.record_study import RecordStudy
 from vctune.identification.servo.servo_motion import Complex, positions
 from vctune.identification.servo.servo_study import ServoStudy
-from vctune.identification.servo.servo_unmodelled import response_of, tried
+from vctune.identification.servo.servo_unmodelled import response_of, tried_servos
 from vctune.model.numbers.units import Units
 from vctune.report.figures.style import WIDTH, decades, frequency_axis, in_prefixed
 from vctune.report.figures.with_matplotlib import canvas, legend_above
@@ -36,14 +36,14 @@ def following(studies: list[RecordStudy], units: Units) -> Figure:
     for (close, whole), study in zip(axes.reshape(-1, 2), studies, strict=True):
         servo = study.servo
         assert servo is not None
-        seen, fit = servo.seen, servo.fit
-        time, measured = seen.time[fit.first :], seen.position[fit.first :]
+        servo_log, fit = servo.servo_log, servo.fit
+        time, measured = servo_log.time[fit.first :], servo_log.position[fit.first :]
         made = fit.gain * _made(servo)
         made += float(np.mean(measured - made))
         left = measured - made
         middle = int(np.clip(np.argmax(np.abs(left)), WINDOW // 2, max(left.size - WINDOW // 2, WINDOW // 2)))
         shown = slice(middle - WINDOW // 2, middle + WINDOW // 2)
-        told = np.concatenate([[0.0], np.cumsum(seen.velocity[:-1] * np.diff(seen.time))])[fit.first :]
+        told = np.concatenate([[0.0], np.cumsum(servo_log.velocity[:-1] * np.diff(servo_log.time))])[fit.first :]
         told += float(np.mean(measured - told))
         drawn, unit = in_prefixed(np.stack([told[shown], measured[shown], made[shown]]), units.position)
         labels = "commanded", f"measured, {study.recording.name}", "fit"
@@ -59,8 +59,8 @@ def following(studies: list[RecordStudy], units: Units) -> Figure:
 
 
 def _made(servo: ServoStudy) -> Floats:
-    fit, seen = servo.fit, servo.seen
-    return positions(seen.time, seen.velocity, fit.delay.value, fit.bandwidth.value, fit.order)[fit.first :]
+    fit, servo_log = servo.fit, servo.servo_log
+    return positions(servo_log.time, servo_log.velocity, fit.delay.value, fit.bandwidth.value, fit.order)[fit.first :]
 
 
 def servo_response(found: Identified, studies: list[RecordStudy]) -> Figure:
@@ -77,7 +77,7 @@ def servo_response(found: Identified, studies: list[RecordStudy]) -> Figure:
     axis = np.geomspace(hertz.min(), hertz.max(), 200)
     first = studies[0].servo
     assert first is not None
-    responses = np.array([response_of(each, 2 * pi * axis) for each in tried(found.device, found.bounds, first)])
+    responses = np.array([response_of(each, 2 * pi * axis) for each in tried_servos(found.device, found.bounds, first)])
     x, y = np.log(np.array(found.unmodelled)).T
     radius = np.exp(np.interp(np.log(axis), x, y))
     sizes, turn = np.abs(responses), np.degrees(np.arcsin(np.minimum(radius, 1.0)))

@@ -137,17 +137,17 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     state : state after this sample
     command : command for the motor
     """
-    written, given = _written(law)
-    known = dict(given)
-    known |= {Symbol(name, before=True): getattr(state, name) for name in _REMEMBERED}
-    known[Symbol("measured_position")] = measurement.position
-    known[Symbol("measured_velocity")] = measurement.velocity
-    known[Symbol("measured_force")] = measurement.force
-    for equation in written:
-        known[Symbol(equation.quantity.name)] = value(equation.right, known, ops)
-    remembered = {name: known[Symbol(name)] for name in remembered_by(law)}
+    equations_of_law, coefficients = _written(law)
+    values = dict(coefficients)
+    values |= {Symbol(name, before=True): getattr(state, name) for name in _REMEMBERED}
+    values[Symbol("measured_position")] = measurement.position
+    values[Symbol("measured_velocity")] = measurement.velocity
+    values[Symbol("measured_force")] = measurement.force
+    for equation in equations_of_law:
+        values[Symbol(equation.quantity.name)] = value(equation.right, values, ops)
+    remembered = {name: values[Symbol(name)] for name in remembered_by(law)}
     kept = State(**{name: remembered.get(name, getattr(state, name)) for name in _REMEMBERED})
-    return kept, Command(known[Symbol("command")], known[Symbol("environment_force")])
+    return kept, Command(values[Symbol("command")], values[Symbol("environment_force")])
 
 
 _REMEMBERED = tuple(field.name for field in fields(State))
@@ -177,8 +177,11 @@ def parts_of(law: Law) -> Parts:
 
 def coefficients_of(law: Law) -> dict[str, float]:
     """Return the coefficients of a firmware, by their names in `equations.COEFFICIENTS`."""
-    T, given = law.sample_time, coupling_coefficients(law.coupling, law.sample_time, law.smoothing, law.low_passes)
-    given["resistance"] += law.virtual_mass / T + law.virtual_damping
+    T, coefficients = (
+        law.sample_time,
+        coupling_coefficients(law.coupling, law.sample_time, law.smoothing, law.low_passes),
+    )
+    coefficients["resistance"] += law.virtual_mass / T + law.virtual_damping
     return {
         "sample_time": T,
         "half_sample_time": T / 2,
@@ -188,7 +191,7 @@ def coefficients_of(law: Law) -> dict[str, float]:
         "virtual_inertance": law.virtual_mass / T,
         "smoothing": 1.0 if law.smoothing is None else law.smoothing,
         "resolution": law.position_resolution,
-        **given,
+        **coefficients,
         **environment_coefficients(law.environment, T),
         **limit_coefficients(law.limit, law.position, law.integral),
     }

@@ -103,8 +103,8 @@ INPUTS = (
     Quantity("measured_force", "f_s", "force", "force of the hand, as the sensor has it just before the command acts"),
 )
 COEFFICIENTS = {
-    name: Quantity(name, *told)
-    for name, told in {
+    name: Quantity(name, *fields)
+    for name, fields in {
         "sample_time": ("T", "time", "sample time"),
         "half_sample_time": ("T/2", "time", "half the sample time"),
         "velocity_gain": ("K_v", "damping", "velocity gain"),
@@ -130,8 +130,8 @@ COEFFICIENTS = {
     }.items()
 }
 STATE = {
-    name: Quantity(name, *told)
-    for name, told in {
+    name: Quantity(name, *fields)
+    for name, fields in {
         "reference": ("x_e", "position", "position of the environment"),
         "desired": ("v_e", "speed", "velocity of the environment"),
         "coupling": ("f_c", "force", "force of the coupling's damper and mass"),
@@ -310,32 +310,37 @@ def _late_environment(parts: Parts) -> Iterator[Equation]:
     The next velocity of a mass by explicit Euler gives the force of the mass. The firmware knows this velocity one
     sample early, so it delays the force by one sample less. With a lateness of one sample, the force acts at once.
     """
-    own = parts.late - 1 if parts.explicit else parts.late
-    at_once = parts.mass and own == 0
+    inertia_delay = parts.late - 1 if parts.explicit else parts.late
+    inertia_acts_at_once = parts.mass and inertia_delay == 0
     total: Term = _now("resistance")
     pushed: Term = _now("drive") - _was("late_1")
-    if at_once:
+    if inertia_acts_at_once:
         total = total + _now("inertance")
         pushed = pushed + _now("inertance") * _was("desired")
     yield _new("pushed", "f_p", "force", "drive without the force that acts", pushed)
     yield _kept("desired", _now("pushed") / total)
     yield _contact()
-    new: dict[int, Term] = {parts.late: _now("contact")}
+    new_force: dict[int, Term] = {parts.late: _now("contact")}
     if parts.mass:
         inertia = _now("inertance") * (_now("desired") - _was("desired"))
         if parts.trapezoid:
             yield _kept("inertia", inertia - _now("inertia_carry") * _was("inertia"))
         else:
             yield _new("inertia", "f_m", "force", "force of the mass", inertia)
-        if own:
-            new[own] = new[own] + _now("inertia") if own in new else _now("inertia")
-    yield _force(_was("late_1") + _now("inertia") if at_once else _was("late_1"))
+        if inertia_delay:
+            new_force[inertia_delay] = (
+                new_force[inertia_delay] + _now("inertia") if inertia_delay in new_force else _now("inertia")
+            )
+    yield _force(_was("late_1") + _now("inertia") if inertia_acts_at_once else _was("late_1"))
     for k in range(1, parts.late + 1):
         waiting = _was(f"late_{k + 1}")
-        yield _kept(f"late_{k}", new[k] if k == parts.late else waiting + new[k] if k in new else waiting)
+        yield _kept(
+            f"late_{k}", new_force[k] if k == parts.late else waiting + new_force[k] if k in new_force else waiting
+        )
 
 
 def _contact() -> Equation:
+    """Return the equation of the force of spring and damper at the velocity of this sample."""
     spring = _now("stiffness") * (_now("middle") - _now("zero")) + _now("slope") * _now("desired")
     return _new("contact", "f_0", "force", "force of spring and damper", spring)
 

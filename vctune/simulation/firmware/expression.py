@@ -107,23 +107,24 @@ def choice(above: Term, limit: Term, yes: Term, no: Term) -> Operation:
     return Operation("choice", (above, limit, yes, no))
 
 
-def value(term: Term, known: Mapping[Symbol, Number], ops: Arithmetic) -> Number:
+def value(term: Term, values: Mapping[Symbol, Number], ops: Arithmetic) -> Number:
     """Return the value of a term.
 
     Parameters
     ----------
     term : a number, a symbol or an operation on terms
-    known : value of every symbol in the term
+    values : value of every symbol in the term
     ops : arithmetic of these values
     """
     if isinstance(term, Symbol):
-        return known[term]
+        return values[term]
     if isinstance(term, Operation):
-        return _operate(term.operator, [value(operand, known, ops) for operand in term.operands], ops)
+        return _operate(term.operator, [value(operand, values, ops) for operand in term.operands], ops)
     return term
 
 
 def _operate(operator: Operator, on: list[Number], ops: Arithmetic) -> Number:
+    """Return the value of an operator; only the selected operation is evaluated."""
     evaluated: dict[Operator, Callable[[], Number]] = {
         "+": lambda: on[0] + on[1],
         "-": lambda: on[0] - on[1],

@@ -89,13 +89,13 @@ def run_in_the_loop(
     samples, T = sample_count(scene.operator, scene.device.sample_time), scene.device.sample_time
     with interrupt_deferred():
         steps = steps_of_hands(scene, lambda now, then: build_open(now, then=then))
-    beside, noise = _Beside(scene, controller.precision), np.random.default_rng(scene.seed)
-    recorded, wanted = np.empty((samples, len(columns(scene)))), np.empty(samples)
+    own_firmware, noise = _OwnFirmware(scene, controller.precision), np.random.default_rng(scene.seed)
+    recorded, intended = np.empty((samples, len(columns(scene)))), np.empty(samples)
     reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
     controller.start(scene)
     changes, grip = hand_changes(scene), 0.0
     state, done, diverged = steps[0, 0].start, 0, False
-    given, own, exact = np.zeros((3, samples))
+    external, own_rounded, own_exact = np.zeros((3, samples))
     while done < samples and not diverged:
         count = min(SAMPLES_PER_CALL, samples - done)
         inputs = motion_inputs(scene, done, noise)
@@ -103,21 +103,23 @@ def run_in_the_loop(
             at = done + k
             step, regrips = steps[changes.hands(at)], changes.regrips and changes.at(at)
             sampled = _sample(step, controller, state, inputs[:, k], grip, regrips=regrips)
-            state, recorded[at], grip, measured, given[at] = sampled
-            own[at], exact[at] = beside.commands(measured)
+            state, recorded[at], grip, measured, external[at] = sampled
+            own_rounded[at], own_exact[at] = own_firmware.commands(measured)
         block = recorded[done : done + count]
-        wanted[done : done + count] = inputs[0, :count]
+        intended[done : done + count] = inputs[0, :count]
         done += count
         diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
         progress(done / samples)
-    traces = traces_of(scene, recorded[:done], wanted[:done], diverged=diverged)
-    given, own, exact = (commands[: len(traces.time)] for commands in (given, own, exact))
-    apart = np.abs(given - own)
+    traces = traces_of(scene, recorded[:done], intended[:done], diverged=diverged)
+    external, own_rounded, own_exact = (commands[: len(traces.time)] for commands in (external, own_rounded, own_exact))
+    differences = np.abs(external - own_rounded)
     if tolerance is None:
         single = controller.precision == "single"
-        tolerance = float(ROUNDED * np.abs(own - exact).max() if single else REWRITTEN * np.abs(own).max())
-    at = int(apart.argmax())
-    return traces, Difference(float(apart[at]), at * T, tolerance, controller.precision)
+        tolerance = float(
+            ROUNDED * np.abs(own_rounded - own_exact).max() if single else REWRITTEN * np.abs(own_rounded).max()
+        )
+    at = int(differences.argmax())
+    return traces, Difference(float(differences[at]), at * T, tolerance, controller.precision)
 
 
 def _sample(
@@ -128,11 +130,13 @@ def _sample(
         measured = np.asarray(step.sense(state, held_at(inputs, grip))).ravel()
         answer = controller.step(measured)
         advance = from_state(step.advance, state)
-        after = after_sample(lambda held: advance(np.concatenate([held, answer])), inputs, grip, regrips=regrips)
+        after = after_sample(
+            lambda held_inputs: advance(np.concatenate([held_inputs, answer])), inputs, grip, regrips=regrips
+        )
     return *after, measured, float(answer[ANSWER.index("motor")])
 
 
-class _Beside:
+class _OwnFirmware:
     """The design's own firmware, run on the measurements of an external firmware, in the external precision and in
     double precision."""
 
@@ -140,11 +144,11 @@ class _Beside:
         begin, law = equilibrium(scene), scene.law
         start = Start(law.environment, law.limit, encoded(law, begin.position, FLOATS), begin.reference)
         parts, coefficients = exported_parts(law), coefficients_of(law)
-        self._own = SteppedFirmware(parts, coefficients, start, precision)
+        self._rounded = SteppedFirmware(parts, coefficients, start, precision)
         self._exact = SteppedFirmware(parts, coefficients, start, "double") if precision != "double" else None
 
     def commands(self, measured: Floats) -> tuple[float, float]:
         """Return the design's command in both precisions, given position, velocity and force."""
         read = measured.tolist()
-        own = self._own.command(read)
-        return own, own if self._exact is None else self._exact.command(read)
+        rounded = self._rounded.command(read)
+        return rounded, rounded if self._exact is None else self._exact.command(read)

@@ -70,25 +70,25 @@ class SteppedFirmware:
         self._number = number = NUMBERS[precision]
         blocks = (equations.estimate, equations.drive, equations.environment, equations.law)
         self._written = [equation for block in blocks for equation in block(parts)]
-        given = {name: number(constant) for name, constant in coefficients.items()}
+        constants = {name: number(constant) for name, constant in coefficients.items()}
         names = ("mass", "damping", "stiffness", "zero")
-        held = replace(start.environment, **{name: number(getattr(start.environment, name)) for name in names})
-        given |= environment_coefficients(held, given["sample_time"])
+        environment = replace(start.environment, **{name: number(getattr(start.environment, name)) for name in names})
+        constants |= environment_coefficients(environment, constants["sample_time"])
         limit = inf if start.limit is None else start.limit
-        given |= limit_coefficients(number(limit), given.get("position_gain", number(0.0)), 0.0)
-        self._known = {Symbol(name): number(constant) for name, constant in given.items()}
-        self._known |= {Symbol(name, before=True): number(0.0) for name in STATE}
-        self._known[Symbol("reference", before=True)] = number(start.reference)
-        self._known[Symbol("measured", before=True)] = number(start.position)
+        constants |= limit_coefficients(number(limit), constants.get("position_gain", number(0.0)), 0.0)
+        self._values = {Symbol(name): number(constant) for name, constant in constants.items()}
+        self._values |= {Symbol(name, before=True): number(0.0) for name in STATE}
+        self._values[Symbol("reference", before=True)] = number(start.reference)
+        self._values[Symbol("measured", before=True)] = number(start.position)
 
     def command(self, measured: Sequence[float]) -> float:
         """Return the command, given position [m], velocity [m/s] and force [N] of the next sample."""
-        known = self._known
+        values = self._values
         for name, read in zip(("position", "velocity", "force"), measured, strict=True):
-            known[Symbol(f"measured_{name}")] = self._number(read)
+            values[Symbol(f"measured_{name}")] = self._number(read)
         for equation in self._written:
-            known[Symbol(equation.quantity.name)] = value(equation.right, known, FLOATS)
+            values[Symbol(equation.quantity.name)] = value(equation.right, values, FLOATS)
         for name in STATE:
-            if Symbol(name) in known:
-                known[Symbol(name, before=True)] = known[Symbol(name)]
-        return float(known[Symbol("command")])
+            if Symbol(name) in values:
+                values[Symbol(name, before=True)] = values[Symbol(name)]
+        return float(values[Symbol("command")])

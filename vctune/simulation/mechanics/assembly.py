@@ -110,32 +110,37 @@ def assembly(scene: Scene) -> Assembly | None:
     states += drive
     states += _sensed_states(sensor)
     names = (*states, *GIVEN)
-    of = dict(zip(names, np.eye(len(names)), strict=True))
+    row_of = dict(zip(names, np.eye(len(names)), strict=True))
     rows: Rows = {name: {} for name in drive}
-    motor = _sum(drive_rows(rows, device, FLOATS, plain_rows), of)
-    rates = {"position": of["velocity"], "push": of["push_1"], "push_1": of["push_2"], "push_2": of["push_3"]}
-    rates |= {name: _sum(row, of) / device.sample_time for name, row in rows.items()}
-    swing = 0.0
+    motor = _sum(drive_rows(rows, device, FLOATS, plain_rows), row_of)
+    rates = {
+        "position": row_of["velocity"],
+        "push": row_of["push_1"],
+        "push_1": row_of["push_2"],
+        "push_2": row_of["push_3"],
+    }
+    rates |= {name: _sum(row, row_of) / device.sample_time for name, row in rows.items()}
+    bend_frequency = 0.0
     if structure is None:
-        position, velocity = of["position"], of["velocity"]
-        driven = motor - device.damping * velocity - of["friction"]
-        free = of["push"] - hand.stiffness * position - hand.damping * velocity
+        position, velocity = row_of["position"], row_of["velocity"]
+        driven = motor - device.damping * velocity - row_of["friction"]
+        hand_push = row_of["push"] - hand.stiffness * position - hand.damping * velocity
         mass = device.mass + hand.mass
-        rates["velocity"] = (driven + free) / mass
-        force = device.mass / mass * free - hand.mass / mass * driven
+        rates["velocity"] = (driven + hand_push) / mass
+        force = device.mass / mass * hand_push - hand.mass / mass * driven
     else:
-        parts, velocity = mechanism(device, structure, FLOATS), of["handle_velocity"]
-        position, mass = of["position"] + of["bend"], parts.handle + hand.mass
-        rates["bend"] = velocity - of["velocity"]
-        spring = parts.stiffness * of["bend"] + parts.viscosity * rates["bend"]
-        free = of["push"] - hand.stiffness * position - hand.damping * velocity
-        rates["velocity"] = (motor + spring - device.damping * of["velocity"] - of["friction"]) / parts.motor
-        rates["handle_velocity"] = (free - spring) / mass
-        force = parts.handle / mass * free + hand.mass / mass * spring
-        swing = sqrt(parts.stiffness * (1 / parts.motor + 1 / mass))
-    weight = device.mass / device.sample_time**2
-    units = _units(names, weight, weight, device.sample_time, swing)
-    return _assembled(tuple(states), of, rates, units, (position, velocity, force), sensor)
+        masses, velocity = mechanism(device, structure, FLOATS), row_of["handle_velocity"]
+        position, mass = row_of["position"] + row_of["bend"], masses.handle + hand.mass
+        rates["bend"] = velocity - row_of["velocity"]
+        spring = masses.stiffness * row_of["bend"] + masses.viscosity * rates["bend"]
+        hand_push = row_of["push"] - hand.stiffness * position - hand.damping * velocity
+        rates["velocity"] = (motor + spring - device.damping * row_of["velocity"] - row_of["friction"]) / masses.motor
+        rates["handle_velocity"] = (hand_push - spring) / mass
+        force = masses.handle / mass * hand_push + hand.mass / mass * spring
+        bend_frequency = sqrt(masses.stiffness * (1 / masses.motor + 1 / mass))
+    force_unit = device.mass / device.sample_time**2
+    units = _units(names, force_unit, force_unit, device.sample_time, bend_frequency)
+    return _assembled(tuple(states), row_of, rates, units, (position, velocity, force), sensor)
 
 
 def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
@@ -143,18 +148,25 @@ def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
     velocity = ("velocity", "velocity_rate")[: servo.order]
     states, T = ("position", *velocity, *_sensed_states(device.sensing)), device.sample_time
     names = (*states, *GIVEN)
-    of = dict(zip(names, np.eye(len(names)), strict=True))
-    rates = {"position": of["velocity"], "push": of["push_1"], "push_1": of["push_2"], "push_2": of["push_3"]}
-    rates |= _low_pass("velocity", servo.bandwidth_hz, servo.order, of["command"], of)
-    held = hand.stiffness * of["position"] + hand.damping * of["velocity"] + hand.mass * rates["velocity"]
-    size = hand.mass / T**2 + hand.damping / T + hand.stiffness
-    units = _units(names, size or 1.0, 1 / T, T, 0.0)
-    seen = of["position"], of["velocity"], of["push"] - held
-    return _assembled(states, of, rates, units, seen, device.sensing)
+    row_of = dict(zip(names, np.eye(len(names)), strict=True))
+    rates = {
+        "position": row_of["velocity"],
+        "push": row_of["push_1"],
+        "push_1": row_of["push_2"],
+        "push_2": row_of["push_3"],
+    }
+    rates |= _low_pass("velocity", servo.bandwidth_hz, servo.order, row_of["command"], row_of)
+    hand_resistance = (
+        hand.stiffness * row_of["position"] + hand.damping * row_of["velocity"] + hand.mass * rates["velocity"]
+    )
+    hand_force = hand.mass / T**2 + hand.damping / T + hand.stiffness
+    units = _units(names, hand_force or 1.0, 1 / T, T, 0.0)
+    handle_rows = row_of["position"], row_of["velocity"], row_of["push"] - hand_resistance
+    return _assembled(states, row_of, rates, units, handle_rows, device.sensing)
 
 
-def _sum(shares: dict[str, Number], of: dict[str, Floats]) -> Floats:
-    return np.asarray(sum(share * of[name] for name, share in shares.items()))
+def _sum(shares: dict[str, Number], row_of: dict[str, Floats]) -> Floats:
+    return np.asarray(sum(share * row_of[name] for name, share in shares.items()))
 
 
 def _sensed_states(sensor: ForceSensor) -> tuple[str, ...]:
@@ -164,10 +176,10 @@ def _sensed_states(sensor: ForceSensor) -> tuple[str, ...]:
 
 def _assembled(
     states: tuple[str, ...],
-    of: dict[str, Floats],
+    row_of: dict[str, Floats],
     rates: dict[str, Floats],
     units: Floats,
-    seen: tuple[Floats, Floats, Floats],
+    handle_rows: tuple[Floats, Floats, Floats],
     sensor: ForceSensor,
 ) -> Assembly:
     """Return an assembly with its force sensor.
@@ -175,40 +187,42 @@ def _assembled(
     Parameters
     ----------
     states : names of the states, including those of the sensor
-    of : unit row of each state and each given input
+    row_of : unit row of each state and each given input
     rates : rows of the states that change
     units : units of states and given
-    seen : rows of the handle's position, its velocity, and f_h
+    handle_rows : rows of the handle's position, its velocity, and f_h
     sensor : sensor of f_h
     """
-    position, velocity, force = seen
+    position, velocity, force = handle_rows
     if sensor.bandwidth_hz is not None:
-        rates = rates | _low_pass("sensed", sensor.bandwidth_hz, sensor.order, force, of)
-    nothing = np.zeros(len(of))
+        rates = rates | _low_pass("sensed", sensor.bandwidth_hz, sensor.order, force, row_of)
+    nothing = np.zeros(len(row_of))
     return Assembly(
         states=states,
-        rates=np.array([rates.get(name, nothing) for name in of]),
+        rates=np.array([rates.get(name, nothing) for name in row_of]),
         units=units,
         position=position,
         velocity=velocity,
         force=force,
-        sensed=of.get("sensed", force),
+        sensed=row_of.get("sensed", force),
     )
 
 
-def _low_pass(name: str, bandwidth_hz: float, order: int, source: Floats, of: dict[str, Floats]) -> dict[str, Floats]:
+def _low_pass(
+    name: str, bandwidth_hz: float, order: int, source: Floats, row_of: dict[str, Floats]
+) -> dict[str, Floats]:
     """Return the rates of a low-pass's states: its output and, for order 2, the output's rate in units of the
     corner."""
     corner = float(2 * FLOATS.pi * bandwidth_hz)
     if order == 1:
-        return {name: corner * (source - of[name])}
+        return {name: corner * (source - row_of[name])}
     rate = f"{name}_rate"
-    return {name: corner * of[rate], rate: corner * (source - of[name] - sqrt(2) * of[rate])}
+    return {name: corner * row_of[rate], rate: corner * (source - row_of[name] - sqrt(2) * row_of[rate])}
 
 
-def _units(names: tuple[str, ...], force: float, command: float, sample_time: float, swing: float) -> Floats:
+def _units(names: tuple[str, ...], force: float, command: float, sample_time: float, bend_frequency: float) -> Floats:
     """Return units: T for time, given units for forces and commands, and the size of its oscillation for a bend."""
-    units = {"position": 1.0, "command": command, "bend": 1 / (1 + swing * sample_time)}
+    units = {"position": 1.0, "command": command, "bend": 1 / (1 + bend_frequency * sample_time)}
     units |= dict.fromkeys(("velocity", "handle_velocity", "velocity_rate"), 1 / sample_time)
     units |= {f"push_{k}": force / sample_time**k for k in (1, 2, 3)}
     return np.array([units.get(name, force) for name in names])
@@ -230,29 +244,32 @@ def transition(scene: Scene, moving: Assembly) -> Transition:
     Transition
         Over the states and, if there is one, the force that is sensed between samples.
     """
-    when, at, n = timing(scene), sensing(scene), moving.size
+    command_timing, reading, n = timing(scene), sensing(scene), moving.size
     command, push = n + GIVEN.index("command"), slice(n + GIVEN.index("push"), None)
-    one, T = np.eye(len(moving.rates)), scene.device.sample_time
+    identity, T = np.eye(len(moving.rates)), scene.device.sample_time
     derivatives = hand_force_derivatives(scene.operator, T)
 
     def after(time: float) -> tuple[Floats, Floats]:
         """Return states and given inputs after a time, as a function of their earlier values and of the late
         command."""
-        early = one + moving.changed(min(time, when.early))
-        if time <= when.early:
-            return early, np.zeros(len(one))
-        late = one + moving.changed(time - when.early)
-        arriving = late[:, command].copy()
-        late[:, command] = 0.0  # the early command no longer acts
-        return late @ early, arriving
+        early = identity + moving.changed(min(time, command_timing.early))
+        if time <= command_timing.early:
+            return early, np.zeros(len(identity))
+        late_change = identity + moving.changed(time - command_timing.early)
+        arriving = late_change[:, command].copy()
+        late_change[:, command] = 0.0  # the early command no longer acts
+        return late_change @ early, arriving
 
-    moved, late = (part[:n] for part in after(T))
-    if at.instant is not None:
-        then, then_late = after(at.instant)
-        moved, late = np.vstack([moved, moving.sensed @ then]), np.append(late, moving.sensed @ then_late)
-    state = np.zeros((len(moved), len(moved)))
-    state[:, :n] = moved[:, :n]
-    return Transition(state, moved[:, command], late, moved[:, push] @ derivatives)
+    change, late_change = (part[:n] for part in after(T))
+    if reading.instant is not None:
+        at_reading, late_at_reading = after(reading.instant)
+        change, late_change = (
+            np.vstack([change, moving.sensed @ at_reading]),
+            np.append(late_change, moving.sensed @ late_at_reading),
+        )
+    state = np.zeros((len(change), len(change)))
+    state[:, :n] = change[:, :n]
+    return Transition(state, change[:, command], late_change, change[:, push] @ derivatives)
 
 
 def applied(row: Floats, values: list[Number]) -> Number:

@@ -84,9 +84,9 @@ def assembly_step(
     compliance = -float(step.change[0, step.friction])  # reduction of the motor's travel per newton, m/N
     way = applied(step.change[0], at.values)  # the travel without friction
     w = (way - compliance * (bristles.stiffness * at.z)) / (h + compliance * bristles.slope)
-    given = [*at.values]
-    given[step.friction] = bristles.stiffness * at.z + bristles.slope * w
-    values = [value + applied(row, given) for value, row in zip(at.values, step.change, strict=True)]
+    inputs_and_states = [*at.values]
+    inputs_and_states[step.friction] = bristles.stiffness * at.z + bristles.slope * w
+    values = [value + applied(row, inputs_and_states) for value, row in zip(at.values, step.change, strict=True)]
     return AssemblyState(values, bristles.deflection_after(at.z, w)), w
 
 

@@ -28,13 +28,13 @@ class HandChanges:
     Attributes
     ----------
     every : number of samples from one change to the next; 0 if the hand does not change, or changes at given samples
-    given : samples at which the hand changes, increasing; empty if it has a dwell time
+    changes_at : samples at which the hand changes, increasing; empty if it has a dwell time
     alternates : whether the hand's damping changes
     regrips : whether the hand takes hold again
     """
 
     every: int
-    given: tuple[int, ...]
+    changes_at: tuple[int, ...]
     alternates: bool
     regrips: bool
 
@@ -50,7 +50,7 @@ class HandChanges:
 
     def _until(self, sample: int) -> int:
         """Return the number of changes up to a sample."""
-        return sample // self.every if self.every else bisect_right(self.given, sample)
+        return sample // self.every if self.every else bisect_right(self.changes_at, sample)
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
@@ -65,8 +65,8 @@ def hand_changes(scene: Scene) -> HandChanges:
         return HandChanges(0, (), alternates=False, regrips=False)
     T, alternates = scene.device.sample_time, hand.other_damping is not None
     if hand.dwell is None:
-        given = tuple(max(1, round(time / T)) for time in hand.changes_at)
-        return HandChanges(0, given, alternates=alternates, regrips=hand.regrip)
+        changes_at = tuple(max(1, round(time / T)) for time in hand.changes_at)
+        return HandChanges(0, changes_at, alternates=alternates, regrips=hand.regrip)
     return HandChanges(max(1, round(hand.dwell / T)), (), alternates=alternates, regrips=hand.regrip)
 
 
@@ -98,14 +98,14 @@ def after_sample(advance: OneSample, inputs: Floats, grip: float, *, regrips: bo
     grip : where the hand holds, m
     regrips : whether the hand takes hold again at this sample
     """
-    held = held_at(inputs, grip)
-    state, record = advance(held)
+    held_inputs = held_at(inputs, grip)
+    state, record = advance(held_inputs)
     if not regrips:
         return state, record, grip
     # the spring is loose where the handle, the record's first column, is: at the grip plus the intended position
     new_grip = float(record[0]) - inputs[INTENDED]
-    held[REGRIP] = new_grip - grip
-    return *advance(held), new_grip
+    held_inputs[REGRIP] = new_grip - grip
+    return *advance(held_inputs), new_grip
 
 
 def from_state(step: Any, state: Floats) -> OneSample:

@@ -71,13 +71,13 @@ def fastest_mode(scene: Scene) -> Mode:
     """Return the mode that decides whether hand, device and environment oscillate together.
 
     If the hand has a dwell time, the mode belongs to one period of the changes. The growth is still per sample. The
-    frequency is that of the mode's repetition from period to period. If the hand changes at given times, the mode is
-    that of the one of its hands in which the loop grows most.
+    frequency is that of the mode's repetition from period to period. If the hand changes at given times, the
+    function examines each of its hands alone and returns the mode that grows most.
     """
     T, changes = scene.device.sample_time, hand_changes(scene)
     if changes.every == 0:
-        held = scenes_of_hands(scene) if changes.alternates else (scene,)
-        modes = [_fastest(loop_matrix(linear), T) for one in held for linear in linear_scenes(one)]
+        scenes = scenes_of_hands(scene) if changes.alternates else (scene,)
+        modes = [_fastest(loop_matrix(linear), T) for of_hand in scenes for linear in linear_scenes(of_hand)]
     else:
         period = changes.every * (2 if changes.alternates else 1)
         modes = [_fastest(_period_matrix(linear, changes), T, period) for linear in linear_scenes(scene)]
@@ -92,24 +92,24 @@ def _period_matrix(scene: Scene, changes: HandChanges) -> Floats:
     def matrix(pair: tuple[int, int], *, regrips: bool) -> Floats:
         size = len(steps[pair].start)
 
-        def after(whole: Floats) -> Floats:
-            advance = from_state(steps[pair].advance, whole[:-1])
-            state, _, grip = after_sample(advance, np.zeros(len(INPUT_NAMES)), whole[-1], regrips=regrips)
+        def after(state_and_grip: Floats) -> Floats:
+            advance = from_state(steps[pair].advance, state_and_grip[:-1])
+            state, _, grip = after_sample(advance, np.zeros(len(INPUT_NAMES)), state_and_grip[-1], regrips=regrips)
             return np.append(state, grip)
 
-        rest = after(np.zeros(size + 1))
-        return np.array([after(unit) - rest for unit in np.eye(size + 1)]).T
+        at_zero = after(np.zeros(size + 1))
+        return np.array([after(unit) - at_zero for unit in np.eye(size + 1)]).T
 
-    whole = np.eye(len(steps[0, 0].start) + 1)
+    product = np.eye(len(steps[0, 0].start) + 1)
     with interrupt_deferred():
         for now, then in [(0, 1), (1, 0)] if changes.alternates else [(0, 0)]:
-            held, changed = matrix((now, now), regrips=False), matrix((now, then), regrips=changes.regrips)
-            whole = changed @ np.linalg.matrix_power(held, changes.every - 1) @ whole
-    return whole if changes.regrips else whole[:-1, :-1]
+            unchanged, changed = matrix((now, now), regrips=False), matrix((now, then), regrips=changes.regrips)
+            product = changed @ np.linalg.matrix_power(unchanged, changes.every - 1) @ product
+    return product if changes.regrips else product[:-1, :-1]
 
 
 def _fastest(matrix: Floats, sample_time: float, samples: int = 1) -> Mode:
-    """Return the mode that grows the fastest, of a matrix over some samples."""
+    """Return the fastest growing mode of a matrix that covers some samples."""
     values = np.linalg.eigvals(matrix)
     oscillating = values[np.abs(values - 1) > STANDING]
     dominant = oscillating[np.argmax(np.abs(oscillating))]
@@ -140,13 +140,13 @@ def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> floa
         return fastest_mode(baseline_scene(device, experiment, lighter)).radius < 1
 
     shares = np.geomspace(10.0**DECADES, 10.0**-DECADES, 4 * DECADES + 1)
-    found = [stable(share) for share in shares]
-    if True not in found:
+    is_stable = [stable(share) for share in shares]
+    if True not in is_stable:
         return None
-    begin = found.index(True)
-    if False not in found[begin:]:
+    begin = is_stable.index(True)
+    if False not in is_stable[begin:]:
         return 0.0
-    first = begin + found[begin:].index(False)
+    first = begin + is_stable[begin:].index(False)
     good, bad = float(shares[first - 1]), float(shares[first])
     for _ in range(BISECTIONS):
         middle = (good * bad) ** 0.5

@@ -148,10 +148,10 @@ def _compiled(scene: Scene, stretch: Stretch, wired: SampleSymbols, firmware: _F
     """Compile a sample: record and firmware of the scene, and then the motion of the scene from this sample on."""
     scene_after = scene if then is None else then
     mechanism = wired.mechanism if then is None else assembly(then)
-    seen, inputs, body, begin = wired.motion, wired.inputs, wired.body, wired.begin
-    record = [seen.handle.x, seen.handle.v, seen.force, *firmware.answer, wired.measurement.force]
-    record += [seen.motor.x, seen.motor.v] if scene.device.structure is not None else []
-    commands, forces = [firmware.answer[-1], *wired.commands], [seen.sensed, *wired.unread]  # the newest first
+    motion, inputs, body, begin = wired.motion, wired.inputs, wired.body, wired.begin
+    record = [motion.handle.x, motion.handle.v, motion.force, *firmware.answer, wired.measurement.force]
+    record += [motion.motor.x, motion.motor.v] if scene.device.structure is not None else []
+    commands, forces = [firmware.answer[-1], *wired.commands], [motion.sensed, *wired.unread]  # the newest first
     state = ca.vertcat(body, *firmware.memory, *wired.commands, *wired.unread)
     kept = ca.vertcat(*firmware.kept, *commands[:-1], *forces[:-1])  # the oldest of both have served
     *_, late, early = acting(scene, commands)  # u[k-N] and u[k-N-1] of `Timing`
@@ -162,7 +162,7 @@ def _compiled(scene: Scene, stretch: Stretch, wired: SampleSymbols, firmware: _F
         *(begin.hand for _ in wired.unread),
     ]
     if scene.friction is None:
-        body_after = _moved_exactly(scene_after, mechanism, body, inputs, early, late)
+        body_after = _body_after_without_friction(scene_after, mechanism, body, inputs, early, late)
         advance = ca.Function("one", [state, inputs], [ca.vertcat(body_after, kept), ca.vertcat(*record)])
     else:
         outputs = ca.Function("firmware", [state, inputs], [kept, ca.vertcat(*record), early, late])
@@ -182,7 +182,9 @@ def _sensed_at(scene: Scene, mechanism: Assembly, time: float) -> Any:
     return ca.Function("felt", [body, motor, push], [applied(mechanism.sensed, values)])
 
 
-def _moved_exactly(scene: Scene, mechanism: Assembly | None, body: Any, inputs: Any, early: Any, late: Any) -> Any:
+def _body_after_without_friction(
+    scene: Scene, mechanism: Assembly | None, body: Any, inputs: Any, early: Any, late: Any
+) -> Any:
     """Return the body after a sample without friction, by matrix exponentials: `early` acts first, then `late`."""
     exact = rigid_motion.transition(scene) if mechanism is None else assembled_transition(scene, mechanism)
     after = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), _motion(scene, inputs))

@@ -26,6 +26,6 @@ def held_at(inputs: Floats, grip: float) -> Floats:
     inputs : inputs of one sample
     grip : position at which the hand holds, m
     """
-    held = inputs.copy()
-    held[[INTENDED, NEXT_INTENDED]] += grip
-    return held
+    shifted = inputs.copy()
+    shifted[[INTENDED, NEXT_INTENDED]] += grip
+    return shifted

@@ -72,8 +72,8 @@ def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
     commands = [ca.SX.sym(f"u{age}") for age in range(count)]
     unread = [ca.SX.sym(f"f{age}") for age in range(sensor.whole_samples)]
     # the oldest command acts just before the sample, when the new command does not exist yet
-    seen = _seen(scene, mechanism, body, inputs, acting(scene, commands)[-1])
-    delayed = unread[-1] if unread else seen.sensed
+    motion = _motion_at_sample(scene, mechanism, body, inputs, acting(scene, commands)[-1])
+    delayed = unread[-1] if unread else motion.sensed
     force = delayed + inputs[NOISE] if scene.force_noise > 0 else delayed
     return SampleSymbols(
         begin=begin,
@@ -82,8 +82,8 @@ def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
         inputs=inputs,
         commands=commands,
         unread=unread,
-        motion=seen,
-        measurement=Measurement(seen.motor.x, seen.motor.v, force),
+        motion=motion,
+        measurement=Measurement(motion.motor.x, motion.motor.v, force),
     )
 
 
@@ -124,7 +124,7 @@ def at_rest(scene: Scene, mechanism: Assembly | None, begin: Equilibrium) -> lis
     return body if sensing(scene).instant is None else [*body, begin.hand]
 
 
-def _seen(scene: Scene, mechanism: Assembly | None, body: Any, inputs: Any, command: Any) -> SampleValues:
+def _motion_at_sample(scene: Scene, mechanism: Assembly | None, body: Any, inputs: Any, command: Any) -> SampleValues:
     """Return the values just before a sample, while a held command acts. For a single mass, the handle is the motor."""
     size = 2 if mechanism is None else mechanism.size
     motor = Slide(body[0], body[1], body[size] if scene.friction is not None else 0.0)

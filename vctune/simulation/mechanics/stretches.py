@@ -104,10 +104,10 @@ def _assembly_stretch(moving: Assembly, friction: Friction, begin: float, length
     at, foreseen = ca.SX.sym("at", n + len(GIVEN) + 1), ca.SX.sym("foreseen")
     *values, z = ca.vertsplit(at)
     end, w = assembly_step(over, friction, AssemblyState(values, z), foreseen, SYMBOLS)
-    one = ca.Function("step", [at, foreseen], [ca.vertcat(*end.values, end.z), w])
+    compiled_step = ca.Function("step", [at, foreseen], [ca.vertcat(*end.values, end.z), w])
 
     def step(at: AssemblyState, foreseen: Any) -> tuple[AssemblyState, Any]:
-        after, w = one(ca.vertcat(*at.values, at.z), foreseen)
+        after, w = compiled_step(ca.vertcat(*at.values, at.z), foreseen)
         *values, z = ca.vertsplit(after)
         return AssemblyState(values, z), w
 
@@ -123,10 +123,10 @@ def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> Sli
     numbers = ca.SX.sym("numbers", 5)
     x, v, z, foreseen, push = ca.vertsplit(numbers)
     end, mean = slide_step(scene.carriage, friction, Slide(x, v, z), foreseen, push, h, theta, SYMBOLS)
-    one = ca.Function("slide", [numbers], [ca.vertcat(end.x, end.v, end.z, mean)])
+    compiled_step = ca.Function("slide", [numbers], [ca.vertcat(end.x, end.v, end.z, mean)])
 
     def step(at: Slide, foreseen: Any, push: Any) -> tuple[Slide, Any]:
-        x, v, z, w = ca.vertsplit(one(ca.vertcat(at.x, at.v, at.z, foreseen, push)))
+        x, v, z, w = ca.vertsplit(compiled_step(ca.vertcat(at.x, at.v, at.z, foreseen, push)))
         return Slide(x, v, z), w
 
     return step
