@@ -62,7 +62,7 @@ class Design:
 
 
 def figures(design: Design) -> dict[str, Drawing]:
-    """Return every figure that the design has, by name, in the order of the page."""
+    """Return all figures of a design by name, in the order of the page."""
     contact, found = design.record.contact, design.record.optimality
     drawn = {
         **_in_hands(design),
@@ -81,7 +81,7 @@ def figures(design: Design) -> dict[str, Drawing]:
 
 
 def _in_hands(design: Design) -> dict[str, Drawing]:
-    """Return the figure of the hands of the criterion, or of any hand on an impedance display; else None."""
+    """Return the figure of the hands that the criterion requires, or of any hand on an impedance display; else none."""
     hands = design.problem.hands_met
     if design.problem.any_hand:
         return {"any-hand": any_hand_figure(design.problem, design.gains, design.coupling)}
@@ -92,7 +92,7 @@ def _in_hands(design: Design) -> dict[str, Drawing]:
 
 
 def _rendered(design: Design) -> dict[str, Drawing]:
-    """Return the coarse map of what may be rendered, where environments are stated that are lossless and on time."""
+    """Return the coarse map of what may be rendered, if the problem states lossless environments without lateness."""
     problem = design.problem
     if problem.worlds is None or not problem.worlds.lossless:
         return {}
@@ -200,7 +200,7 @@ def _impedance(design: Design) -> Drawing:
 
 
 def _promised(panel: Panel, design: Design) -> None:
-    """Shade the band where stability is proved, or hatch the band of a failed proof, and mark the transparency band.
+    """Shade the band on which stability is proved, or hatch the band of a failed proof, and mark the transparency band.
 
     A proved claim in hands holds at every frequency, so the shade then covers the whole axis.
     """
@@ -208,7 +208,7 @@ def _promised(panel: Panel, design: Design) -> None:
     assert proof is not None, "a design is judged"
     everywhere = Band(0.0, inf)
     if design.record.status != "certified":
-        shade(panel, problem.stability.band if problem.passive else everywhere, RED, "asked for, not proved", "//")
+        shade(panel, problem.stability.band if problem.passive else everywhere, RED, "required, not proved", "//")
     elif proof.proved_band_hz is not None:
         low, high = proof.proved_band_hz
         shade(panel, Band(2 * pi * (low or 0.0), inf if high is None else 2 * pi * high), GREY, "proved stable")
@@ -218,7 +218,7 @@ def _promised(panel: Panel, design: Design) -> None:
 
 
 def _optimality(found: OptimalityRecord, problem: Problem) -> Drawing:
-    """Draw the bound and the best design as boxes are searched, and the boxes that are still open, by their gains."""
+    """Draw the bound and the best design against the number of searched boxes, and the gains of the open boxes."""
     boxes, bound, error = (
         [np.nan if (value := getattr(row, key)) is None else value for row in found.history]
         for key in ("boxes", "lower_bound", "error")

@@ -27,7 +27,7 @@ HAND = 0.43
 WIDTH, HEIGHT, TALL, LINE = 1.26, 0.82, 1.1, 0.195
 """Width and height of a box, height of a box in the top row, and height of a line of text."""
 FITS = 17 / WIDTH
-"""Letters of a line that an inch of a box has room for; a longer line is in smaller ones."""
+"""Number of letters that fit into an inch of a box. A longer line gets smaller letters."""
 HEAD = 5.0
 """Length of an arrow's head, points."""
 POSITION_AT = 4.58
@@ -80,7 +80,7 @@ def _force_path(drawing: Drawing, device: Device, coupling: Coupling) -> None:
 
 
 def _servo_loop(drawing: Drawing, device: Device, servo: Servo, coupling: Coupling) -> None:
-    """Draw the way from the hand's force to the motion, which follows the command alone, and back to the hand."""
+    """Draw the paths from the hand's force to the motion, which follows the command alone, and back to the hand."""
     low, edge = BOTTOM, LAW + WIDTH / 2
     _firmware(drawing, device, COUPLING + 0.95)
     _force_path(drawing, device, coupling)
@@ -101,7 +101,7 @@ def _servo_loop(drawing: Drawing, device: Device, servo: Servo, coupling: Coupli
 
 
 def _motion_path(drawing: Drawing, coupling: SpringDamper, units: Units) -> None:
-    """Draw the path of the measured motion to the coupling: past its estimate, whose velocity it shares."""
+    """Draw the path of the measured motion to the coupling. It branches off behind the velocity estimate."""
     _arrow(drawing, (LAW - WIDTH / 2, MIDDLE), (COUPLING, MIDDLE), (COUPLING, TOP - TALL / 2), label="x, v̂")
     lines = [f"k_c {quantity(coupling.stiffness, units.stiffness)}"]
     lines += [f"b_c {quantity(coupling.damping, units.damping)}"] if coupling.damping > 0 else []
@@ -174,7 +174,7 @@ def _spring(drawing: Drawing, left: float, right: float, structure: Structure) -
 
 
 def _feedback(drawing: Drawing, device: Device, gains: Gains) -> None:
-    """Draw the feedback to the law: the velocity, estimated or not, and the position."""
+    """Draw the feedback to the control law: the measured or estimated velocity, and the position."""
     low, high, estimate = BOTTOM + HEIGHT / 2, TOP - TALL / 2, device.velocity
     if estimate is None:
         _arrow(drawing, (LAW, low), (LAW, high), label="v, x" if gains.position > 0 else "v")
@@ -211,7 +211,7 @@ def _box(
 
 
 def _arrow(drawing: Drawing, *points: tuple[float, float], label: str = "", both: bool = False) -> None:
-    """Draw a line through points with a head at its end, and a label beside the middle of its last part."""
+    """Draw a polyline with an arrow head at its end, and a label beside the middle of its last part."""
     _line(drawing, points)
     (x_0, y_0), (x_1, y_1) = points[-2:]
     _head(drawing, points[-2], points[-1])

@@ -18,7 +18,7 @@ HEADINGS = ("experiment", "controller", "felt", "off by", "non-overlap", "residu
 
 
 def simulation_figure(simulation: SimulationRecord) -> Drawing:
-    """Return the figure: an experiment in each row, a regular PID on the left and the design on the right."""
+    """Return a figure with an experiment in each row, a regular PID on the left and the design on the right."""
     count, units = len(simulation.experiments), simulation.units
     drawing = Drawing(WIDTH, 1.95 * count + 0.2, left=0.72, right=0.12, top=0.3)
     panels = drawing.divide(count, 2, (0.12, 0.62))

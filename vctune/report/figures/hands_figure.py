@@ -36,7 +36,7 @@ LOWEST, MAPPED = 1e-3, 24
 """Least angle, rad, and number of angles per decade of the map. With half as many the map is wrong by 2 % where it is
 steepest, with twice as many by 0.1 %."""
 LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
-"""Levels of the map, %: closer where it is tight. Half or twice as many read no better."""
+"""Levels of the map, %, which are closer near the limit of 100 %. Half or twice as many are no easier to read."""
 COLOURS = "#003170", "#434e6c", "#6a6c71", "#868379", "#9b9476", "#b0a571", "#c1b26a", "#cdbb63", "#e9d34e"
 """Of cividis, which is read by every kind of sight and in grey."""
 SCALE_WIDTH = 62.0
@@ -98,10 +98,10 @@ def hands_figure(
 
     Parameters
     ----------
-    problem : problem with the device
+    problem : the device
     hands : hands of the claim
     gains, coupling : the design
-    least : the least ratios in the hands with any passive environment; None to compute them
+    least : the least ratios in the hands, before passive environments; None to work them out
 
     Returns
     -------
@@ -126,8 +126,8 @@ def draw_required_in_hands(
 
     Parameters
     ----------
-    axes : Matplotlib's, or a panel
-    problem : the device and its hands
+    axes : axes of Matplotlib, or a panel
+    problem : problem with the device and its hands
     gains, coupling : the design
     met : curves of the design (`met_in_hands`); None to compute them
 
@@ -163,8 +163,8 @@ def draw_ratio_in_hands(
 
     Parameters
     ----------
-    axes : Matplotlib's, or a panel
-    problem : the device and its hands
+    axes : axes of Matplotlib, or a panel
+    problem : problem with the device and its hands
     gains, coupling : the design
     met : curves of the design (`met_in_hands`); None to compute them
 
@@ -183,7 +183,7 @@ def draw_ratio_in_hands(
 
 
 def _map(panel: Panel, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling, worst: Hand) -> None:
-    """Draw the greatest R/Re Z_c over angle and damping, as a share, and mark the worst hand."""
+    """Draw the greatest R/Re Z_c over all angles and dampings as a percentage, and mark the worst hand."""
     device, units, shares = problem.device, problem.units, np.linspace(0.0, 1.0, PLACES) ** 2
     places = {"mass": shares, "damping": np.array(DAMPINGS), "stiffness": shares}
     of = {name: low + (high - low) * places[name] for name, (low, high) in hands.ranges.items()}
@@ -225,7 +225,7 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Dr
 
     Parameters
     ----------
-    problem : problem with the device
+    problem : the device
     gains, coupling : the design
 
     Returns

@@ -59,8 +59,8 @@ def draw_required(
 
     Parameters
     ----------
-    axes : Matplotlib's, or a panel
-    problem : of an admittance display
+    axes : axes of Matplotlib, or a panel
+    problem : problem of an admittance display
     gains, coupling : the design
     curves : curves of the design (`demanded`); None to compute them
 
@@ -97,8 +97,8 @@ def draw_ratio(
 
     Parameters
     ----------
-    axes : Matplotlib's, or a panel
-    problem : of an admittance display
+    axes : axes of Matplotlib, or a panel
+    problem : problem of an admittance display
     gains, coupling : the design
     least : the least ratio and its frequency, Hz, which the function marks; None for no mark
     curves : curves of the design (`demanded`); None to compute them
@@ -150,9 +150,9 @@ def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
 
     Parameters
     ----------
-    axes : Matplotlib's, or a panel
-    problem : with a velocity loop, of no servo
-    gains : of the loop
+    axes : axes of Matplotlib, or a panel
+    problem : problem with a velocity loop, not of a servo
+    gains : gains of the velocity loop
 
     Returns
     -------
@@ -186,8 +186,8 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
 
     Parameters
     ----------
-    axes : Matplotlib's, or a panel
-    problem : the device and its band
+    axes : axes of Matplotlib, or a panel
+    problem : problem with the device and its band
     gains, coupling : the design
     part : "error", or a term: "admittance", "tracking" or "coupling"
 
@@ -228,9 +228,9 @@ def draw_part(axes: Axes, problem: Problem, cases: Cases, part: str) -> None:
 
     Parameters
     ----------
-    axes : Matplotlib's, or a panel
-    problem : whose band is shaded
-    cases : curves to be drawn
+    axes : axes of Matplotlib, or a panel
+    problem : problem whose band the function shades
+    cases : curves to draw
     part : name of the part
     """
     for name, (curves, line, width) in cases.items():
@@ -247,8 +247,8 @@ def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoup
 
     Parameters
     ----------
-    axes : Matplotlib's, or a panel
-    problem : the device and its bands
+    axes : axes of Matplotlib, or a panel
+    problem : problem with the device and its bands
     gains, coupling : the design
 
     Returns

@@ -15,10 +15,10 @@ from vctune.report.svg.scales import decades_between
 from vctune.report.typography import prefixed, quantity, tick
 
 LEAST_SPAN = 0.1
-"""Ratios nearer to one another than this share one view."""
+"""Least difference of ratios for which the axis adapts to them; closer ratios share one view."""
 WIDTH = 4.2
-"""Width of a figure of a design, inches: two stand side by side on a desk, one can be read on a telephone and in a
-column of 8 cm."""
+"""Width of a design's figure, inches. Two figures fit side by side on a desktop screen. One figure remains legible on a
+telephone and in a column of 8 cm."""
 
 
 def frequency_axis(axes: Axes, low: float, high: float) -> None:
@@ -50,7 +50,7 @@ def in_prefixed(values: Floats, unit: str) -> tuple[Floats, str]:
 
 
 def decades(axes: Axes) -> None:
-    """Make the y axis logarithmic, marked at the powers of ten, or between them too where those are few."""
+    """Make the y axis logarithmic with ticks at the powers of ten, and also between them if there are few powers."""
     axes.set(yscale="log")
     marked = decades_between(*axes.get_ylim())
     axes.set_yticks(marked, [tick(value) for value in marked])

@@ -62,7 +62,7 @@ def canvas(
     top: float = 0.15,
     gaps: tuple[float, float] = (0.0, 0.0),
 ) -> Figure:
-    """Return a figure whose axes keep their place beside any text.
+    """Return a figure whose axes keep their position whatever texts surround them.
 
     Parameters
     ----------
@@ -99,13 +99,13 @@ def legend_above(axes: Axes, columns: int, **options: Any) -> None:
 def svg(figure: Figure, name: str) -> str:
     """Return a figure as SVG.
 
-    The same figure always gives the same bytes. The function rounds coordinates to a hundredth of a point, and removes
-    superfluous text and groups.
+    The same figure always gives the same bytes. The function rounds coordinates to a hundredth of a point. It also
+    removes superfluous text and groups.
 
     Parameters
     ----------
-    figure : drawn
-    name : salt of the identifiers in the file, so that figures of several names go on one page
+    figure : the drawn figure
+    name : prefix of the identifiers in the file, so that several figures can be on one page
     """
     check_time()
     stream = BytesIO()
@@ -119,7 +119,7 @@ def svg(figure: Figure, name: str) -> str:
 
 
 def _classed(text: str, name: str) -> str:
-    """Return an SVG with its repeated styles as classes, whose names no other figure of a page has."""
+    """Return an SVG in which classes replace repeated styles. Each class name belongs to one figure of the page."""
     styles = Counter(re.findall(r' style="([^"]*)"', text))
     names = {style: f"{name[0]}{name[-1]}{k}" for k, (style, count) in enumerate(styles.items()) if count > 1}
     rules = "".join(f".{named}{{{style}}}\n" for style, named in names.items())
@@ -144,13 +144,13 @@ def _ungrouped(text: str) -> str:
 
 
 def _shortened(attribute: re.Match[str]) -> str:
-    """Return an attribute with its places to a hundredth, and each run of lines as steps of tenths."""
+    """Return an attribute with positions rounded to a hundredth, and with each polyline as relative steps of tenths."""
     text = re.sub(r"M [^A-Za-z\"]+(L [^A-Za-z\"]+)+", _as_steps, attribute[0])
     return re.sub(r"-?\d*\.\d+(e-?\d+)?", lambda number: _rounded(float(number[0]), 2), text).replace(" \n", "\n")
 
 
 def _as_steps(run: re.Match[str]) -> str:
-    """Return a run of lines as its start and the steps from one rounded place to the next."""
+    """Return a polyline as its start and the steps from one rounded position to the next."""
     places = [[round(10 * float(each)) for each in place.split()] for place in re.split("[ML]", run[0])[1:]]
     steps = [(x_end - x, y_end - y) for (x, y), (x_end, y_end) in pairwise(places)]
     seen = [step for step in steps if step != (0, 0)] or steps[:1]
@@ -167,9 +167,9 @@ def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:
 
     Parameters
     ----------
-    figure : drawn
+    figure : the drawn figure
     folder : folder for the file
-    stem : stem of its name
+    stem : stem of the file's name
 
     Returns
     -------

@@ -19,23 +19,23 @@ from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
 
 GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "--")
-"""Colour and hatching, apart for every kind of sight and in grey."""
+"""Colours and hatchings that remain distinct in grey and for readers with a colour deficiency."""
 FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
 LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
 WORLD_LABELS = {Kind.FEASIBLE: "may be rendered", Kind.INFEASIBLE: "refused in some hand", Kind.UNDECIDED: "undecided"}
 STRIP, GAP = 0.03, 0.008
-"""Height of the strip for the line K_p = 0, and its distance from the plane."""
-INTERRUPTED = "interrupted: some of what is undecided was not looked at"
+"""Height of the strip for the line K_p = 0, and distance of the strip from the plane."""
+INTERRUPTED = "interrupted: some undecided cells were not examined"
 APART = (0.07, 0.035)
-"""Least distance of the marks on x and y."""
+"""Least distance between the ticks on x and on y."""
 
 
 def world_figure(problem: Problem, region: Region) -> Drawing:
-    """Return which environments given gains bear, the Z-width of the device with them.
+    """Return the map of environments with which given gains are stable: the Z-width of the device with these gains.
 
     Parameters
     ----------
-    problem : its box of environments is drawn, if it states one
+    problem : problem; the figure shows its box of environments if it has one
     region : cells of environments
     """
     plane, drawing = region.plane, Drawing(WIDTH, 3.8, left=0.78, top=0.6)
@@ -82,7 +82,7 @@ def marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
     at = place(plane, k, values)
     zero = [] if edges[0] > 0 else [-(STRIP + GAP) / 2 if plane.has_line(k) else 0.0]
     kept: list[int] = []
-    for i in np.flatnonzero(np.isfinite(at)).tolist()[::-1]:  # from the top, where the marks are furthest apart
+    for i in np.flatnonzero(np.isfinite(at)).tolist()[::-1]:  # from the top, where the ticks are farthest apart
         nearest = min((abs(at[i] - other) for other in [*zero, *at[kept[-1:]]]), default=1.0)
         kept += [i] if nearest >= APART[k] else []
     return np.concatenate((np.zeros(len(zero)), values[kept])), np.concatenate((zero, at[kept]))
@@ -126,7 +126,7 @@ def spot(plane: Plane, k: int, value: float) -> float:
 
 
 def _joined(squares: Squares, along: int) -> Squares:
-    """Join cells that touch along an axis, 0 or 1, and reach equally far across it."""
+    """Join cells that touch along an axis, 0 or 1, and have the same extent across it."""
     low, high = 2 * along, 2 * along + 1
     start, end = 2 - low, 3 - low
     ordered = squares[:, np.lexsort(squares[[low, end, start]])]

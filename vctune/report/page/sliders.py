@@ -81,11 +81,11 @@ def _hands(problem: Problem, worst: Sequence[RatioInHand | RatioInAnyHand]) -> l
 
 
 def overlays(drawn: dict[str, Drawing]) -> dict[str, list[dict[str, Any]]]:
-    """Return where in each figure, in its own points, the panels are in which tried curves are drawn.
+    """Return the positions, in each figure's points, of the panels into which the script draws tried curves.
 
     Parameters
     ----------
-    drawn : figures
+    drawn : figures by name
     """
     named = {name: tuple(panel.name for panel in drawn[name].panels) for name in ("transparency",) if name in drawn}
     return {

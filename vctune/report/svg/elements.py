@@ -13,13 +13,13 @@ from vctune.analysis.extrema import Floats
 from vctune.report.typography import svg_text
 
 INK, PAPER = "#010203", "#fefdfc"
-"""Text and ground; a page replaces both by its own."""
+"""Colours of text and background; the page replaces them by its own."""
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
-"""Never the only difference between two curves: line style or marker differs too."""
+"""Two curves never differ by colour only: their line style or marker differs, too."""
 SIZE = 9.0
 """Points of a text, unless it has its own."""
 LETTER, LINE = 0.54, 1.2
-"""Width of a letter and height of a line over the size: rather more than most fonts have."""
+"""Width of a letter and height of a line, as multiples of the size; slightly more than in most fonts."""
 STRAIGHT = 0.05
 """Greatest distance from a curve to its points that are left out, in each of `PASSES` passes, points: a tenth of what a
 screen resolves."""

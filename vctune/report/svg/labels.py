@@ -1,7 +1,7 @@
-"""Labels beside the curves that they name, where there is room; a legend names the others.
+"""Labels beside the curves that they name, if there is room. A legend names the other curves.
 
-The axes are a raster of points (1/72 inch). The distance of each to the nearest curve gives the room around a label at
-every place at once.
+The code divides the axes into a raster of points (1/72 inch). It computes the distance of each point to the nearest
+curve. This distance gives the room around a label at every position at once.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from vctune.report.svg.panel import Panel
 
 Mask = NDArray[np.bool_]
 SMALL = 7.8
-"""Points of a label."""
+"""Size of a label's letters, points."""
 ROOM, ENOUGH = 2, 12
-"""Least distance from a label to a curve, and the distance from which on more is no better, points."""
+"""Least distance from a label to a curve, and distance beyond which more room is no better, points."""
 NEAR = 6.0
-"""Greatest distance from a label to its curve, points. From further on a line leads from a point to its label."""
+"""Greatest distance from a label to its curve, points. A label that is farther away gets a line to a point of its
+curve."""
 FAR = 0.15
-"""Points of room that a point of distance to the named point is worth."""
+"""Weight of the distance from the label to the named point, relative to the weight of the room around the label."""
 HANDLE, SPACE = 1.7, 1.0
 """Length of a curve in a legend, and the space between its columns, over the size of its letters."""
 
@@ -103,7 +104,7 @@ def _piece(mark: Mark, x: float, y: float, size: float) -> str:
 
 
 def _of_line(points: Floats, shape: tuple[int, int]) -> Mask:
-    """Return which cells a line passes."""
+    """Return which cells of the raster a line passes through."""
     mask, points = np.zeros(shape, bool), np.clip(points[np.isfinite(points).all(axis=1)], -1e4, 1e4)
     if len(points) > 1:
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
@@ -127,7 +128,7 @@ def _of_area(corners: Floats, shape: tuple[int, int]) -> Mask:
 
 
 def _room(taken: Mask, size: tuple[int, int]) -> Floats:
-    """Return the distance from a box around each cell to the nearest one that is taken; -1 if it covers one."""
+    """Return the distance from a box around each cell to the nearest taken cell; -1 if the box covers a taken cell."""
     (rows, columns), room = taken.shape, np.full(taken.shape, -1.0)
     around = [(each // 2 + ENOUGH + 1, each // 2 + ENOUGH) for each in size]
     total = np.pad(taken, around).cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
@@ -142,7 +143,7 @@ def _room(taken: Mask, size: tuple[int, int]) -> Floats:
 
 
 def _beside(taken: Mask, own: Mask, size: tuple[int, int], *, alone: bool) -> tuple[int, int] | None:
-    """Return the middle of the box beside a line, or around a point that is alone, with the most room."""
+    """Return the middle of the box with the most room beside a line, or around a single point (`alone`)."""
     if not own.any():
         return None
     if alone:
@@ -156,7 +157,7 @@ def _beside(taken: Mask, own: Mask, size: tuple[int, int], *, alone: bool) -> tu
 
 
 def _within(taken: Mask, extent: Floats, size: tuple[int, int]) -> tuple[int, int] | None:
-    """Return the middle of the box with the most room in the columns of an area."""
+    """Return the middle of the box with the most room among the columns of an area."""
     room = _room(taken, size)
     x = np.arange(taken.shape[1])
     inside = (x - size[1] / 2 >= extent[:, 0].min() - 1) & (x + size[1] / 2 <= extent[:, 0].max() + 1)
@@ -169,7 +170,7 @@ def _best(score: Floats) -> tuple[int, int] | None:
 
 
 def _lead(panel: Panel, point: Floats, middle: tuple[int, int], size: tuple[int, int]) -> None:
-    """Draw a thin line from a point to its label, if they are apart."""
+    """Draw a thin line from a point to its label if they are far apart."""
     half, (left, top, _, height) = np.array(size) / 2, panel.box
     end = np.clip(point, middle - half, middle + half)
     if np.hypot(*(end - point)) > 2 * NEAR:
