@@ -19,14 +19,14 @@ def parts_alike(device: Device, devices: DeviceBox | None) -> list[tuple[Device,
 
     Parameters
     ----------
-    device : the device, if it is certain
-    devices : box of devices; None if the device is certain
+    device : the device, if its numbers are exact
+    devices : box of devices; None for the device alone
 
     Returns
     -------
     list
-        Empty if two delays are uncertain, because no such part is a box. For hands that change, the delays of a servo
-        do not act as one either: the damping acts between them.
+        Empty if two delays are uncertain, because no such part is a box. In hands that change, not only the sum of a
+        servo's delays matters, because the damping changes between them.
     """
     if devices is None or not devices.uncertain:
         return [(device, ())]
@@ -45,7 +45,7 @@ def parts_alike(device: Device, devices: DeviceBox | None) -> list[tuple[Device,
 
 
 def _between_wholes(late: Range, known: float, T: float) -> list[Range]:
-    """Return the parts of a range between whole numbers of samples, of the delay and of its sum with a known one.
+    """Divide a range at whole numbers of samples of the delay, and of its sum with a known delay.
 
     A whole number at the upper end is a part of its own, because the sensed force jumps there.
     """

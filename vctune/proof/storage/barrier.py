@@ -1,7 +1,8 @@
-"""Numbers with which symmetric matrices that are affine in them are all positive definite: an interior point method.
+"""Coefficients that make symmetric matrices, affine in them, positive definite: an interior point method.
 
-In floats. A storage function has some hundred numbers and some dozen small matrices, for which Newton's method on the
-logarithms of the determinants takes .05 s; a solver of semidefinite programs would be one more dependency.
+The search runs in floats. A storage function has some hundred coefficients and some dozen small matrices. Newton's
+method on the logarithms of the determinants takes 0.05 s for them. A solver of semidefinite programs would be one more
+dependency.
 """
 
 from __future__ import annotations
@@ -15,22 +16,28 @@ from vctune.proof.enclosures.array_intervals import TINY, Flags, Floats
 from vctune.running import check_time
 
 CENTRED = 0.5
-"""Newton decrement, squared, at which a centre is near enough. Half and twice it: as many steps."""
+"""Squared Newton decrement at which the search accepts a centre. With half or twice this value, the search takes as many
+steps."""
 MAX_STEPS = 250
-"""Steps after which nothing is found. Feasible problems take 30 to 60."""
+"""Number of steps after which the search stops. Feasible problems take 30 to 60 steps."""
 LESS = 0.1
-"""Factor of the weight of the barrier in each round. Half and twice it: as many steps."""
+"""Factor of the weight of the barrier from one round to the next. With half or twice this factor, the search takes as
+many steps."""
 GIVE_UP = 0.2
-"""Weight of the barrier, relative to the shortfall, at which there is no solution: the least shortfall is smaller than
-the present one by no more than that weight. Half and twice it: the same proofs."""
+"""Weight of the barrier, relative to the shortfall, at which the search concludes that there is no solution. The least
+possible shortfall is smaller than the present one by at most that weight. Half or twice this value leads to the same
+proofs."""
 BETTER = 1.1
-"""Factor by which the least eigenvalue must grow in a round for another round. Half its excess takes a round more."""
+"""Factor by which the least eigenvalue must grow in a round before the search starts another round. With half the excess
+over 1, the search takes one more round."""
 LONGEST = 16.0
-"""Longest step, in Newton decrements. Longer and shorter steps: more of them."""
+"""Greatest length of a step, in Newton decrements. With a greater or a smaller value, the search takes more steps."""
 INSIDE = 0.9
-"""Share of the way to the border of the feasible numbers that a step goes at most. Half of it takes twice as long."""
+"""Greatest share of the way to the border of the feasible coefficients that a step covers. With half this share, the
+search takes twice as long."""
 RIDGE = 1e-13
-"""Share of the identity that is added to a curvature of unit diagonal, which numbers without effect leave singular."""
+"""Multiple of the identity that the search adds to the curvature, scaled to a diagonal of 1. Coefficients without effect
+would make the curvature singular."""
 
 
 class Family(NamedTuple):
@@ -52,8 +59,8 @@ class Sums(NamedTuple):
     Attributes
     ----------
     constant : p symmetric matrices, shape (p, n, n)
-    families : the sum runs over all of them; all have the same numbers t and u
-    free : whether a number may be other than 0, shape (t, u)
+    families : families of terms over which the sum runs; the coefficients y_tu are the same for all of them
+    free : whether a coefficient may differ from 0, shape (t, u)
     """
 
     constant: Floats
@@ -65,8 +72,8 @@ class Sums(NamedTuple):
 
         Parameters
         ----------
-        numbers : y, shape (t, u)
-        added : the multiple
+        numbers : coefficients y, shape (t, u)
+        added : multiple of the identity
         """
         found = self.constant + added * np.eye(self.constant.shape[-1])
         for weights, units in self.families:
@@ -76,11 +83,11 @@ class Sums(NamedTuple):
 
 
 def well_inside(sums: Sums) -> Floats | None:
-    """Return numbers with which all matrices are positive definite, with about the greatest least eigenvalue.
+    """Return coefficients that make all matrices positive definite, with nearly the greatest possible least eigenvalue.
 
     Parameters
     ----------
-    sums : the matrices
+    sums : the matrices, as functions of the coefficients
 
     Returns
     -------
@@ -88,7 +95,7 @@ def well_inside(sums: Sums) -> Floats | None:
         Shape (t, u), 0 for coefficients that are not free; None if the search finds none.
     """
     numbers, weight, least = np.zeros(sums.free.shape), 1.0, 0.0
-    added = 1 - float(np.linalg.eigvalsh(sums.constant).min())  # a multiple of the identity, to become negative
+    added = 1 - float(np.linalg.eigvalsh(sums.constant).min())  # multiple of the identity; the search makes it negative
     count = sums.constant.shape[0] * sums.constant.shape[-1]
     for _ in range(MAX_STEPS):
         check_time()
@@ -110,14 +117,17 @@ def well_inside(sums: Sums) -> Floats | None:
 
 
 def _newton(sums: Sums, numbers: Floats, added: float, price: float) -> tuple[Floats, float, float]:
-    """Return Newton's step for price times `added` less all logarithms, and the squared decrement."""
+    """Return Newton's step in the coefficients and in `added`, and its squared decrement.
+
+    The objective is price times `added` minus the logarithms of all determinants.
+    """
     matrices = sums.at(numbers, added)
     turn = np.linalg.inv(np.linalg.cholesky(matrices))
     rows, columns = np.triu_indices(turn.shape[-1])
     twice = np.where(rows == columns, 1.0, np.sqrt(2.0))
 
     def halved(units: Floats) -> Floats:
-        """Return half of each unit in coordinates in which the sums are 1. Scalar products do not change."""
+        """Return the upper triangle of each unit in coordinates in which the sums are 1. Scalar products do not change."""
         seen = turn[:, None] @ units @ turn[:, None].swapaxes(-1, -2)
         return np.asarray(seen[..., rows, columns] * twice)
 
@@ -153,7 +163,7 @@ def _crossed(weights: Floats, units: Floats, others: Floats, more: Floats) -> Fl
 
 
 def _definite(matrices: Floats) -> bool:
-    """Return whether matrices are positive definite, in floats."""
+    """Return whether all matrices are positive definite, computed in floats."""
     try:
         np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:

@@ -19,30 +19,33 @@ from vctune.proof.enclosures.array_intervals import TINY, Floats
 from vctune.proof.storage.barrier import Family, Sums, well_inside
 
 ACROSS = 3
-"""Dampings and stiffnesses at which the first candidate is sought. Two are too few for many a design."""
+"""Number of dampings, and of stiffnesses, in the grid of hands for the first candidate. Two are too few for many
+designs."""
 DIGITS = 14
-"""Significant digits of the decimals. Half are too few for loops with little room; twice are more than a double has."""
+"""Significant digits of the decimals. Half as many are too few for loops with a small margin; twice as many exceed the
+digits of a double."""
 DOUBLINGS = 60
 """Number of doublings of the time over which noise drives the states: 2^60 samples, after which the states of every
 stable loop are stationary."""
 
 Places = Floats
-"""Hands and devices in which a storage is sought, each with one damping when the force was sampled, which is one of the
-ends: the inequality is affine in it. Rows are the numbers of `Holding.ends` and that damping; shape (rows + 1, p)."""
+"""Hands and devices for which the search needs a storage function, each with the damping when the sensor sampled the
+force. This damping is the least or the greatest, because the inequality is affine in it. The rows are the numbers of
+`Holding.ends` and that damping; shape (rows + 1, p)."""
 
 
 def vertices(box: Holding) -> Places:
-    """Return the vertices of a box."""
+    """Return the vertices of a box of hands and devices."""
     return _all_of([_different(ends) for ends in box.ends], box)
 
 
 def grid(design: Design, box: Holding) -> Places:
-    """Return hands all over a box, on the devices at its vertices.
+    """Return a grid of hands over the whole box, on the devices at its vertices.
 
     Parameters
     ----------
-    design : in plain numbers
-    box : hands and devices
+    design : design in plain numbers
+    box : box of hands and devices
     """
     masses, dampings, stiffnesses, *numbers = box.ends
     own = moved_mass(design.device)
@@ -63,24 +66,24 @@ def _all_of(axes: list[list[float]], box: Holding) -> Places:
 
 
 def joined(at: Places, row: Floats, box: Holding) -> Places:
-    """Return places and one more, with the least and with the greatest sensed damping.
+    """Return these places and one more, both with the least and with the greatest sensed damping.
 
     Parameters
     ----------
     at : places of the box
-    row : numbers of the new one, as in `Holding.ends`
-    box : hands and devices
+    row : numbers of the new place, as in `Holding.ends`
+    box : box of hands and devices
     """
     return np.concatenate([at, _all_of([[number] for number in row.tolist()], box)], axis=1)
 
 
 def candidate(design: Design, box: Holding, at: Places) -> Storage | None:
-    """Return a storage that grows by less than the port supplies in some hands; None if none is found.
+    """Return a storage that grows by less than the port supplies at given places; None if the search finds none.
 
     Parameters
     ----------
-    design : in plain numbers
-    box : box to which its functions refer
+    design : design in plain numbers
+    box : box to which the weights of the storage refer
     at : places of the box
     """
     sums, basis = _affine(design, box, at)
@@ -93,18 +96,18 @@ def candidate(design: Design, box: Holding, at: Places) -> Storage | None:
 
 
 def hand_without(design: Design, box: Holding) -> Hand | None:
-    """Return a corner of the masses and stiffnesses for whose dampings alone no storage is found.
+    """Return a corner of the masses and stiffnesses for which the search finds no storage for all dampings.
 
     Parameters
     ----------
-    design : in plain numbers
-    box : hands; on the design's own device
+    design : design in plain numbers
+    box : box of hands, on the design's own device
 
     Returns
     -------
     Hand or None
         A corner, with the greatest damping; None if each corner has a storage. The function tries no hand between
-            corners.
+        corners.
     """
     for corner in box.hands.corners:
         if corner.damping < box.hands.high.damping:
@@ -122,9 +125,9 @@ def _rounded(x: float) -> float:
 def _affine(design: Design, box: Holding, at: Places) -> tuple[Sums, Floats]:
     """Return the inequality at each place as a matrix that is affine in the entries of Y (model/README.md, section 21).
 
-    The second result has the units of Y, one for each entry of a triangle. With Y^- at the damping when the force was
-    sampled and Y at the damping from then on, both weighted sums of the same terms, Y^- - F'YF is the sum of
-    weights_before (U - F'UF) + (weights_before - weights_after) F'UF over the terms.
+    Y^- belongs to the damping when the sensor sampled the force, and Y to the damping from then on. Both are weighted
+    sums of the same terms U. Y^- - F'YF is therefore the sum of weights_before (U - F'UF) + (weights_before -
+    weights_after) F'UF over the terms. The second result contains a matrix U for each entry of a triangle of Y.
     """
     law, count, sensed = Law(design.gains, design.series), at.shape[1], at[-1]
     hand, device = box.on(design.device, list(at[:-1]))

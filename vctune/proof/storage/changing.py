@@ -19,12 +19,13 @@ from vctune.proof.storage.storage_proof import prove_storage
 
 
 class Effort(NamedTuple):
-    """How much a proof may cost.
+    """The effort after which the prover stops.
 
     Attributes
     ----------
-    rounds : candidates that are tried, each with a hand more in which the last one failed; most proofs take the first
-    boxes : boxes before a candidate is given up
+    rounds : greatest number of candidates. For each further candidate, the search adds the hand in which the last one
+        failed. Most proofs need only the first
+    boxes : number of boxes after which the prover gives up on a candidate
     """
 
     rounds: int
@@ -32,13 +33,15 @@ class Effort(NamedTuple):
 
 
 ASKED = Effort(4, 5_000)
-"""For a design that asks for the claim. A flexible handle takes 3,067 boxes, a rigid device some hundred."""
+"""Effort if the problem requires the claim. A flexible handle takes 3,067 boxes, a rigid device some hundred."""
 IN_PASSING = Effort(1, 150)
-"""For a design that does not: .1 s for a rigid device and .3 s for one with parts, in the median."""
+"""Effort if the problem does not require the claim. The median time is 0.1 s for a rigid device and 0.3 s for one with
+parts."""
 FEW_STATES = 7
-"""Greatest number of states of a loop that is examined although nobody asks. A storage for 9 states takes seconds."""
+"""Greatest number of states of a loop that vctune examines without being told to. A search for a storage with 9 states
+takes seconds."""
 LEAST_MASSES = (0.0, 0.1, 0.5)
-"""Least masses of the hands that are tried where nobody states one, as shares of the greatest mass."""
+"""Least masses of the hands that `examine_changing` tries, as shares of the greatest mass."""
 
 
 def prove_changing(design: Design, hands: Hands, devices: DeviceBox | None = None) -> Outcome:
@@ -46,15 +49,15 @@ def prove_changing(design: Design, hands: Hands, devices: DeviceBox | None = Non
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
-    hands : box of hands; mass and stiffness of each stay as they are
-    devices : box of devices, which stay as they are; None for the design's own device
+    design : design; its floats stand for the decimals that they print as
+    hands : box of hands; mass and stiffness of each hand are constant
+    devices : box of devices, each of them constant; None for the design's own device
 
     Returns
     -------
     Outcome
-        Proved with its storage functions, one for each number of whole samples of the delays, or undecided. Never
-        refuted, because another storage function may exist.
+        Proved, with a storage function for each number of whole samples of the delays; or undecided. The function
+        refutes nothing, because another storage function may exist.
     """
     boxes, storages = 0, list[Storage]()
     parts = parts_alike(design.device, devices)
@@ -70,11 +73,11 @@ def prove_changing(design: Design, hands: Hands, devices: DeviceBox | None = Non
 
 
 class Examined(NamedTuple):
-    """What is known of changing hands of a design that does not ask for the claim.
+    """The result of `examine_changing` for a design whose problem does not require the claim.
 
     Attributes
     ----------
-    hands : box of hands; if nothing is proved, the box of the problem
+    hands : box of hands that the proof covers; without a proof, the box of the problem
     outcome : proved or undecided
     """
 
@@ -83,13 +86,13 @@ class Examined(NamedTuple):
 
 
 def examine_changing(design: Design, hands: Hands, beside: Sequence[Device] = ()) -> Examined | None:
-    """Look whether the damping of the hand may change at every sample, with little effort.
+    """Examine with little effort whether the damping of the hand may change at every sample.
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
-    hands : box of hands; the least mass is raised if the lightest hands fail
-    beside : devices for which the same must hold, on both sides of a whole number of samples of delay
+    design : design; its floats stand for the decimals that they print as
+    hands : box of hands; if the lightest hands fail, the function raises the least mass
+    beside : further devices that the proof has to cover, on both sides of a whole number of samples of delay
 
     Returns
     -------
@@ -111,7 +114,7 @@ def examine_changing(design: Design, hands: Hands, beside: Sequence[Device] = ()
 
 
 def _proved(design: Design, box: Holding, effort: Effort) -> Outcome:
-    """Return the outcome for one design whose states are those of every device of a box."""
+    """Return the outcome for a design and a box whose devices all have the states of the design's own device."""
     boxes, at, open_ = 0, grid(design, box), None
     for _ in range(effort.rounds):
         storage = candidate(design, box, at)

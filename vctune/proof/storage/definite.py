@@ -1,9 +1,9 @@
 """Positive definite matrices over boxes: symmetric matrices whose entries are polynomials in the rows of a box.
 
-W A W' is positive definite only if A is, whatever W. W is chosen so that the product is nearly 1 in the middle of a
-box. Without its squares of one row, the product is affine in each row. It is then positive definite throughout if it is
-so at the vertices of the box, where interval LDL' has positive pivots. The enclosures of all entries contain the
-squares.
+If W A W' is positive definite, then so is A, for any W. The function chooses W so that the product is nearly the
+identity in the middle of a box. Without the squares of single rows, the product is affine in each row. It is then
+positive definite throughout the box if it is positive definite at every vertex. The function factors the product at
+each vertex by interval LDL' and tests that all pivots are positive. The enclosures of the entries contain the squares.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def surely_definite(matrix: Taylor) -> Definite:
         by *= unit[:, None, :]
         across, size = by.swapaxes(-1, -2), np.abs(by)
         turned = by @ poly @ across
-        # a product of three m x m matrices: fewer than 4 m + 8 roundings of the sizes' product
+        # a product of three m x m matrices takes fewer than 4 m + 8 roundings of the magnitudes
         rounding = (4 * m + 8) * UNIT * (np.abs(poly).sum(axis=0) + TINY)
         rests = size @ np.concatenate([rest, rounding[None]]) @ size.swapaxes(-1, -2)
         proved: Flags = usable & _at_vertices(turned, rests.sum(axis=0), k)
@@ -62,7 +62,7 @@ def surely_definite(matrix: Taylor) -> Definite:
 
 
 def _at_vertices(turned: Floats, rest: Floats, rows: int) -> Flags:
-    """Return where matrices are positive definite at each vertex, whatever the squares and the remainder are.
+    """Return which matrices are positive definite at each vertex, for all values of the squares and of the remainder.
 
     Parameters
     ----------

@@ -22,9 +22,10 @@ from vctune.proof.storage.definite import Definite, surely_definite
 from vctune.running import check_time
 
 AT_ONCE = 1024
-"""Boxes that are evaluated at once. Half and twice it take as long."""
+"""Number of boxes that the prover evaluates together. Half or twice this number takes the same time."""
 AHEAD = 64
-"""Boxes up to which halves are halved again before they are evaluated. So many take twice as long as a single one."""
+"""Number of boxes up to which the prover halves the halves again before it evaluates them. So many boxes take twice as
+long as one."""
 
 
 class StorageProof(NamedTuple):
@@ -33,8 +34,8 @@ class StorageProof(NamedTuple):
     Attributes
     ----------
     boxes : number of evaluated boxes
-    open : numbers of a hand and a device that are left open, as in `Holding.ends`; None if all are proved
-    fails : whether the storage grows by more than the port supplies there, in floats
+    open : numbers of a hand and a device that the prover left open, as in `Holding.ends`; None if the proof covers all
+    fails : whether the storage grows by more than the port supplies there, computed in floats
     """
 
     boxes: int
@@ -47,9 +48,9 @@ def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StoragePr
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
-    storage : in decimals, with its box of hands and devices
-    max_boxes : effort before giving up
+    design : design; its floats stand for the decimals that they print as
+    storage : storage function in decimals, with its box of hands and devices
+    max_boxes : number of boxes after which the prover gives up
 
     Returns
     -------
@@ -75,7 +76,7 @@ def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StoragePr
 
 
 def _halved(low: Floats, high: Floats, losses: Floats) -> tuple[Floats, Floats]:
-    """Return the halves of boxes, across the row that loses most; few boxes are halved several times."""
+    """Return the halves of boxes, cut across the row that loses most. The function halves a few boxes several times."""
     worth = np.where(high > low, np.where(np.isfinite(losses), losses, 1.0), 0.0)
     while True:
         row, at = np.argmax(worth, axis=0), np.arange(low.shape[1])
@@ -135,20 +136,20 @@ def _stacked(matrix: Matrix) -> Taylor:
 
 
 def _lost(storage: Storage, hand: Hand, sensed: Number) -> Matrix:
-    """Return how much more Y is with the sensed damping than with that of a hand."""
+    """Return by how much Y with the sensed damping exceeds Y with the hand's own damping."""
     low, high = storage.box.hands.ranges["damping"]
     share: Number = 0 if low == high else 2 * (sensed - hand.damping) / (decimal(high) - decimal(low))
     return tuple(tuple(times(share, decimal(x)) for x in row) for row in storage.terms[BETA])
 
 
 def stored(storage: Storage, device: Device, hand: Hand) -> Matrix:
-    """Return Y in a hand, enclosed.
+    """Return an enclosure of Y in a hand.
 
     Parameters
     ----------
-    storage : in decimals
-    device : device of its box
-    hand : its damping is that of the last sample
+    storage : storage function in decimals
+    device : device of the storage's box
+    hand : the hand; its damping is that of the last sample
     """
     shares = weights(storage.box, device, hand, decimal)
     used = [(share, term) for share, term in zip(shares, storage.terms, strict=True) if not nothing(share)]

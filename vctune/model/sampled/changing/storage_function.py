@@ -74,9 +74,10 @@ class Storage:
 
     Attributes
     ----------
-    plain : the device whose states zeta are, with plain numbers
-    box : box on which the functions are defined
-    terms : the symmetric matrices of `terms_of`, dimensionless, as decimals
+    plain : device in plain numbers; zeta holds its states
+    box : box of hands and devices on which the functions are defined
+    terms : a symmetric matrix for each function of `terms_of`, dimensionless; the floats stand for the decimals that
+        they print as
     """
 
     plain: Device
@@ -104,7 +105,7 @@ def weights(box: Holding, device: Device, hand: Hand, number: Callable[[float], 
     ----------
     box : box, in plain numbers
     device : device of the box, in any arithmetic
-    hand : its damping is that of the last sample
+    hand : the hand; its damping is that of the last sample
     number : a plain number in the arithmetic of device and hand
 
     Returns
