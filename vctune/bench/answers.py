@@ -1,4 +1,4 @@
-"""Measure the time to an answer under the default criterion: its error as it runs, with its report, and of a sweep."""
+"""Measure the time of `vctune solve` until each design, with the report, and the time of a sweep."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from vctune.report.figures.benchmark_figures import Panel, Series
 
 PROBLEMS = "friction-wheel-hands", "desktop", "cobot-wrist", "friction-wheel-real"
 QUICK, REPEATS = 2, 5
-"""Number of problems, and number of runs whose median counts."""
+"""Number of problems of the quick measurement, and number of runs; the benchmark reports their median."""
 SIDES = {"quick": 3, "full": 10}
 """Values of mass and of damping in the sweep."""
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
@@ -41,12 +41,12 @@ FIRST, BEST, PROVED, REPORT, SWEEP = "scan", "search", "proof", "with report", "
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One measured piece of work.
+    """A measured task.
 
     Attributes
     ----------
-    work : the scan of designs, the search from its starts, both with the proof; the command with its report; or a point
-        of a sweep
+    work : the scan; the search from the starts of the scan; both with the proof; the command with its report; or a
+        point of a sweep
     problem : name of the problem, or the criterion of the sweep
     seconds : processor time; of a point of a sweep the wall time, with the start of the command
     error : error of the design; nan for commands
@@ -59,11 +59,11 @@ class Row:
 
 
 def measure(quick: bool, seed: int, tick: Tick) -> Measured:
-    """Solve examples, alone and by command, and sweep over mass and damping.
+    """Solve examples by the library and by the command, and sweep over mass and damping.
 
     Parameters
     ----------
-    quick : whether to measure few problems once
+    quick : whether to measure only a few problems, each once
     seed : ignored, because nothing is random
     tick : function that receives the name of the work
 
@@ -109,7 +109,7 @@ def solved(name: str, folder: Path, repeats: int) -> list[Row]:
 
 
 def scanned(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best design of the scan that meets the constraints at its frequencies, SI units; None without one."""
+    """Return the best admissible design of the scan, in SI units; None if the scan finds no admissible design."""
     prepared = prepare(problem)
     starts = [start for start in scan(prepared.scaled).starts if start.admissible]
     if not starts:
@@ -126,11 +126,11 @@ def _estimate(
 
 
 def swept(criterion: str, side: int, folder: Path) -> Row:
-    """Return the wall time of a point of a sweep by command, with the start.
+    """Return the wall time of the sweep command for each point of the sweep, including its start.
 
     Parameters
     ----------
-    criterion : of stability
+    criterion : stability criterion
     side : number of values of mass and of damping
     folder : folder for files
     """
@@ -144,7 +144,7 @@ def swept(criterion: str, side: int, folder: Path) -> Row:
 
 
 def _command(folder: Path, *arguments: str) -> float:
-    """Run a command of vctune and return its processor time, s; only on Windows it is the wall time."""
+    """Run a command of vctune and return its processor time, s; on Windows, its wall time."""
     began, before = perf_counter(), _of_children()
     subprocess.run([sys.executable, "-m", "vctune", *arguments, "--quiet"], cwd=folder, check=False)
     return perf_counter() - began if before is None else (_of_children() or 0.0) - before

@@ -1,4 +1,4 @@
-"""Look whether the damping of the hand may change, for designs that do not ask for the claim."""
+"""Examine whether the damping of the hand may change, for designs whose problem does not require the claim."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from vctune.proof.storage.changing import examine_changing
 from vctune.running import OutOfTimeError
 
 EXAMINED = "the proof of changing hands"
-"""Name of a stage that a time limit may cut short."""
+"""Name of the stage for the message that a time limit interrupted it."""
 
 
 @np.errstate(all="ignore")
 def with_changing(solved: Solved) -> Solved:
-    """Return a result with what is known of hands whose damping changes, if its design is certified in a box of hands.
+    """Return a result that also states whether the damping of the hand may change, if the design is certified in hands.
 
-    An impedance display, an uncertain device and a box of environments are not examined. No verdict depends on it.
+    The function does not examine impedance displays, uncertain devices and boxes of environments. No verdict depends on
+    its result.
 
     Parameters
     ----------

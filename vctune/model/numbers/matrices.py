@@ -204,7 +204,8 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
 
 
 STEP = 4
-"""Powers of a matrix in a part of `_series`. The exponential's 15 terms take 6 products, with 3 or 5 powers as many."""
+"""Number of powers of a matrix in a part of `_series`. The 15 terms of the exponential take 6 products, and as many with
+3 or 5 powers."""
 
 
 def _series(shares: Sequence[float], x: Block) -> Block:
@@ -212,7 +213,7 @@ def _series(shares: Sequence[float], x: Block) -> Block:
 
     Parameters
     ----------
-    shares : c_1 and those after it
+    shares : the coefficients c_1, c_2, ...
     x : X, n x n
     """
     powers = [x.entries]
@@ -228,7 +229,7 @@ def _series(shares: Sequence[float], x: Block) -> Block:
 
 
 def _reached(nonzero: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which entries some power of a matrix has."""
+    """Return which entries are nonzero in some power of a matrix."""
     for _ in range(len(nonzero).bit_length()):
         nonzero = nonzero | nonzero @ nonzero
     return nonzero

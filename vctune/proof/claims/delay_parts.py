@@ -28,7 +28,7 @@ class Part:
     names : names of the rows except the angle
     low, high : ends of the numbers, shape (rows, 1), or (rows, n) for n parts
     delays : whole samples of the delays
-    sample_time, other : T, s; and the one delay of device or sensor that is not a row, s
+    sample_time, other : T, s; and the delay, s, of the device or the sensor that is not a row
     range : least and greatest delay, s, if `SAMPLES_BEFORE` is a row; None otherwise
     """
 
@@ -46,7 +46,7 @@ class Part:
         return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
 
     def within(self, test: Test) -> Test:
-        """Return a test that ignores points at which the sum of both delays has other whole samples.
+        """Return a test that ignores points at which the sum of both delays has another number of whole samples.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
 def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
-    """Divide a box of devices by the whole samples of their delays; return its parts.
+    """Divide a box of devices by the whole samples of their delays, and return its parts.
 
     If the delays are known exactly, there is one part.
 
@@ -94,7 +94,7 @@ def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
     ----------
     device : device with the delays that are not rows
     ends : least and greatest number of each row except the angle
-    apart : whether the whole samples may be a row, in margins of one hand with every passive environment
+    apart : whether the whole samples may be a row; only for margins of one hand with every passive environment
     """
     names = tuple(ends)
     low, high = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
@@ -189,7 +189,7 @@ def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
 
 
 def _at_delay(ends: Ends, row: str, whole: float, rest: float, end: int) -> Floats:
-    """Return one end of all rows, of which that of the delay holds only the rest beside the whole samples."""
+    """Return one end of all rows. The row of the delay holds only the rest of the delay after its whole samples."""
     numbers = [np.full_like(pair[end], rest) if name == row else pair[end] for name, pair in ends.items()]
     return np.array([*numbers, np.full_like(numbers[0], whole)])
 

@@ -493,7 +493,7 @@ def boxes_over(part: Part, near: Resonance | None = None) -> Boxes:
     Parameters
     ----------
     part : part with the ends of the rows
-    near : resonance to which the hands are near; None for all hands
+    near : resonance near which the hands lie; None for all hands
     """
     boxes = over_band(part.names, part.low, part.high, band_of(near.first if near else 0.0, HALF_TURN, STEP))
     return replace(boxes, owner=np.zeros_like(boxes.owner))
@@ -536,9 +536,9 @@ def _in_doubt(
     boxes: int,
     near: Resonance | None,
 ) -> Outcome:
-    """Decide in ball arithmetic at a point where array arithmetic has not proved the claim."""
+    """Decide in ball arithmetic at a point where array arithmetic did not prove the claim."""
     for row, name in enumerate(part.names):
-        if name in DELAY_ROWS:  # at its ends the number of whole samples changes
+        if name in DELAY_ROWS:  # at the ends of this row the number of whole samples changes
             inwards = np.minimum(NEXT_TO * design.device.sample_time, (part.high[row] - part.low[row]) / 2)
             part.low[row], part.high[row] = part.low[row] + inwards, part.high[row] - inwards
     within = np.clip(point[1:], part.low.min(axis=1), part.high.max(axis=1)).tolist()

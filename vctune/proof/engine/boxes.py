@@ -157,8 +157,8 @@ class Boxes:
     def halved(self, axis: Integers) -> Boxes:
         """Return both halves of each box, cut along the axis that is given for the box.
 
-        A wide interval is halved in the logarithm. An interval that starts at 0 is cut near 0.
-        Whole samples are cut between two whole numbers.
+        The function cuts a wide interval at the mean of the logarithms, and an interval that starts at 0 near 0. It
+        cuts whole samples between two whole numbers.
         """
         at = np.arange(len(self))
         low, high = self.low[axis, at], self.high[axis, at]

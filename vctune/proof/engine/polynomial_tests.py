@@ -135,7 +135,10 @@ def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans:
 
 
 def _by_polynomials(number: Number, boxes: Boxes, varied: Sequence[bool], spans: Floats) -> Decided:
-    """Decide boxes by one of several margins. Where it is negative somewhere, the cost is its variation."""
+    """Decide boxes by one of several margins.
+
+    If that margin is negative at a point of a box, the cost of a row is the margin's variation with the row.
+    """
     least, n = least_over_boxes(number), len(boxes)
     width = boxes.high - boxes.low
     at, lost, varies = np.zeros_like(width), np.zeros_like(width), np.zeros_like(width)
@@ -162,10 +165,11 @@ def _by_polynomials(number: Number, boxes: Boxes, varied: Sequence[bool], spans:
 def _or_mixed(
     numbers: tuple[Number, ...], best: Decided, boxes: Boxes, varied: Sequence[bool], spans: Floats
 ) -> Decided:
-    """Decide the boxes that no margin proves by mean values of two margins.
+    """Decide the boxes that no single margin proves, by weighted means of two margins.
 
-    If a weighted mean of two margins is positive, one of them is. Where a design needs one margin on this side of a
-    point and another on that side, each of them falls below 0 at once, but one of their means hardly varies.
+    If a weighted mean of two margins is positive, one of them is positive. A design may need one margin on one side of
+    a point and another margin on the other side. Each margin is then negative close to the point, but one of their
+    means hardly varies.
     """
     left = np.flatnonzero(~best.proved)
     if len(numbers) == 1 or not left.size:

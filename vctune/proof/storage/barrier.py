@@ -16,8 +16,8 @@ from vctune.proof.enclosures.array_intervals import TINY, Flags, Floats
 from vctune.running import check_time
 
 CENTRED = 0.5
-"""Squared Newton decrement at which the search accepts a centre. With half or twice this value, the search takes as many
-steps."""
+"""Squared Newton decrement at which the search accepts a centre. With half or twice this value, the search takes as
+many steps."""
 MAX_STEPS = 250
 """Number of steps after which the search stops. Feasible problems take 30 to 60 steps."""
 LESS = 0.1
@@ -28,16 +28,16 @@ GIVE_UP = 0.2
 possible shortfall is smaller than the present one by at most that weight. Half or twice this value leads to the same
 proofs."""
 BETTER = 1.1
-"""Factor by which the least eigenvalue must grow in a round before the search starts another round. With half the excess
-over 1, the search takes one more round."""
+"""Factor by which the least eigenvalue must grow in a round before the search starts another round. With half the
+excess over 1, the search takes one more round."""
 LONGEST = 16.0
 """Greatest length of a step, in Newton decrements. With a greater or a smaller value, the search takes more steps."""
 INSIDE = 0.9
 """Greatest share of the way to the border of the feasible coefficients that a step covers. With half this share, the
 search takes twice as long."""
 RIDGE = 1e-13
-"""Multiple of the identity that the search adds to the curvature, scaled to a diagonal of 1. Coefficients without effect
-would make the curvature singular."""
+"""Multiple of the identity that the search adds to the curvature, scaled to a diagonal of 1. Coefficients without
+effect would make the curvature singular."""
 
 
 class Family(NamedTuple):
@@ -127,7 +127,10 @@ def _newton(sums: Sums, numbers: Floats, added: float, price: float) -> tuple[Fl
     twice = np.where(rows == columns, 1.0, np.sqrt(2.0))
 
     def halved(units: Floats) -> Floats:
-        """Return the upper triangle of each unit in coordinates in which the sums are 1. Scalar products do not change."""
+        """Return the upper triangle of each unit, in coordinates in which the sums are 1.
+
+        Scalar products do not change.
+        """
         seen = turn[:, None] @ units @ turn[:, None].swapaxes(-1, -2)
         return np.asarray(seen[..., rows, columns] * twice)
 

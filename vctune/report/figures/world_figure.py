@@ -1,4 +1,4 @@
-"""The picture of which environments a design bears, and where the cells of a plane lie in it."""
+"""Draw the map of the environments with which a design is stable, and place the cells of a plane in it."""
 
 from __future__ import annotations
 
@@ -64,7 +64,9 @@ def world_figure(problem: Problem, region: Region) -> Drawing:
 
 
 def marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
-    """Return values to mark on an axis, and where: powers of ten, or round numbers where those are few; and 0.
+    """Return the values of the ticks on an axis and their positions.
+
+    The values are powers of ten, or round numbers if the axis has fewer than three powers of ten; and 0.
 
     Parameters
     ----------
@@ -89,7 +91,7 @@ def marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
 
 
 def lowest(plane: Plane, k: int) -> float:
-    """Return the lower end of an axis: that of the strip, where there is one.
+    """Return the lower end of an axis, or that of its strip if it has one.
 
     Parameters
     ----------
@@ -100,7 +102,7 @@ def lowest(plane: Plane, k: int) -> float:
 
 
 def place(plane: Plane, k: int, values: Floats) -> Floats:
-    """Return where values of an axis lie between 0 and 1; nan outside.
+    """Return the positions of values on an axis, between 0 and 1; nan for values outside the axis.
 
     Parameters
     ----------
@@ -113,13 +115,13 @@ def place(plane: Plane, k: int, values: Floats) -> Floats:
 
 
 def spot(plane: Plane, k: int, value: float) -> float:
-    """Return where a design lies on an axis, K_p = 0 on the strip.
+    """Return the position of a design on an axis; K_p = 0 lies on the strip.
 
     Parameters
     ----------
     plane : the plane
     k : 0 for x, 1 for y
-    value : its number
+    value : number of the design on this axis
     """
     on_line = value == 0 and plane.has_line(k)
     return -(STRIP + GAP) / 2 if on_line else float(place(plane, k, np.array([value]))[0])
@@ -138,9 +140,9 @@ def _joined(squares: Squares, along: int) -> Squares:
 
 
 def cells(plane: Plane, squares: Squares) -> Floats:
-    """Return the corners of cells, first and last the same, joined without seams; shape (cells, 5, 2).
+    """Return the corners of cells, shape (cells, 5, 2); the last corner repeats the first.
 
-    Those of the line K_p = 0 are on the strip.
+    The function joins adjacent cells, so that the figure has no seams. Cells of the line K_p = 0 lie on the strip.
 
     Parameters
     ----------

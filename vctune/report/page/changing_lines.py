@@ -1,4 +1,4 @@
-"""What a page says of hands that change while they hold."""
+"""The sentence of a page on whether the damping of the hand may change."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ ASK = "stability.changing = “damping” asks for a longer proof."
 
 
 def changing_lines(record: DesignRecord, problem: Problem) -> list[str]:
-    """Return whether the damping of the hand may change, in a sentence; nothing if a claim of the design says it.
+    """Return a sentence on whether the damping of the hand may change; an empty list if a claim of the design states it.
 
     Parameters
     ----------
     record : record of a design
-    problem : problem that it states
+    problem : problem of the record
     """
     if problem.hands_met is None or problem.changing_hands is not None or record.status != "certified":
         return []

@@ -1,7 +1,8 @@
-"""The scales 1/k_c of an impedance display's coupling with which an environment of a box holds a pole.
+"""Find the scales 1/k_c of an impedance display's coupling with which an environment of a box has a pole on the circle.
 
-With the scale x the tool meets the admittance Y = s^2 (r + j i/s), r = a x - R and i = v x - X. An environment holds a
-pole if three quadratics in x have certain signs (model/README.md, section 18), so the greatest such x is a zero of one.
+With the scale x, the tool meets the admittance Y = s^2 (r + j i/s), where r = a x - R and i = v x - X. Some environment
+puts a pole on the unit circle if three quadratics in x have certain signs (model/README.md, section 18). The greatest
+such x is therefore a zero of one of them.
 """
 
 from __future__ import annotations
@@ -22,27 +23,27 @@ from vctune.model.sampled.worlds.loop_in_worlds import Seen
 from vctune.model.worlds import Worlds, WorldsMet
 
 MOST = 1e100
-"""Stand-in for infinity where numbers are multiplied."""
+"""Number that replaces infinity in products."""
 
 
 @np.errstate(all="ignore")
 def least_of_force(
     met: WorldsMet, places: Iterable[LoopsInHands], device: Device, gains: Gains, time_constant: Floats, drags: Floats
 ) -> Floats:
-    """Return the least scale 1/k_c from which on no environment of a box forbids any, on a grid.
+    """Return the least scale 1/k_c above which no environment of a box forbids a scale, on a grid.
 
     Parameters
     ----------
-    met : the environments and g
+    met : the environments and the safety factor g
     places : loops in hands
-    device : the display
-    gains : dimensionless arrays that fit each other
+    device : the impedance display
+    gains : dimensionless arrays that broadcast against each other
     time_constant, drags : axes of the couplings
 
     Returns
     -------
     array
-        Of the gains' shape, with the axes of the couplings as last ones.
+        An array with the axes of the gains, followed by the axes of the time constants and of the drags.
     """
     rows = []
     for held in places:
@@ -60,12 +61,12 @@ def least_of_force(
 
 @np.errstate(all="ignore")
 def forbidden_scale(worlds: Worlds, device: Device, theta: Floats, seen: Seen, time_constant: float | Floats) -> Floats:
-    """Return the greatest scale 1/k_c that some environment of a box forbids at each place; 0 if none is forbidden.
+    """Return the greatest scale 1/k_c that an environment of a box forbids at each place; 0 if it forbids none.
 
     Parameters
     ----------
-    worlds : the box
-    device : the display
+    worlds : the box of environments
+    device : the impedance display
     theta : omega T, rad
     seen : G/s^2 in hands, the admittance without the coupling
     time_constant : b_c/k_c, which broadcasts against the places
@@ -109,7 +110,7 @@ class _Quadratic(NamedTuple):
         return _Quadratic(factor * self.second, factor * self.first, factor * self.constant)
 
     def plus(self, factor: float | Floats, other: _Quadratic) -> _Quadratic:
-        """Return the sum with another one times a number.
+        """Return the sum of this quadratic and a multiple of another one.
 
         Parameters
         ----------
@@ -119,16 +120,16 @@ class _Quadratic(NamedTuple):
         return _Quadratic(*(x + factor * y for x, y in zip(self, other, strict=True)))
 
     def at(self, x: Floats) -> Floats:
-        """Return its value.
+        """Return the value of the quadratic.
 
         Parameters
         ----------
-        x : where
+        x : argument
         """
         return (self.second * x + self.first) * x + self.constant
 
     def zeros(self) -> tuple[Floats, Floats]:
-        """Return both zeros, which are not finite where there are none."""
+        """Return both zeros; they are not finite if the quadratic has no real zero."""
         root = np.sqrt(self.first**2 - 4 * self.second * self.constant)
         middle = -(self.first + np.where(self.first < 0, -root, root)) / 2
         return middle / self.second, self.constant / middle

@@ -42,24 +42,25 @@ RESERVE = 5e-4
 """Least tightening. It covers the hands that the search misses and leaves the proof a reserve. With a fifth of it one
 of twenty random displays stays undecided; with twice it the compliance is that much greater."""
 ENOUGH = 2e-5
-"""Share by which a hand may forbid more than the hands of a search before it joins. Half and twice this share give the
-same errors to 1e-8."""
+"""Share by which the scale that a hand forbids may exceed that of the known hands before the hand joins them. Half or
+twice this share gives the same errors to 1e-8."""
 PER_DECADE, WINDOW, ZOOMS = 120, 17, 3
-"""Number of angles per decade in each hand, number of angles in a window about the worst of them, and how often the
-window is narrowed. With half as many angles the errors of two displays agree to 1e-4. With twice as many one is 0.5 %
-less, because the error has kinks at which the search over b_c/k_c may stop."""
+"""Number of angles per decade in each hand, number of angles in a window around the worst of them, and number of times
+that the search narrows the window. With half as many angles the errors of two displays agree to 1e-4. With twice as
+many angles, one error is 0.5 % smaller. The error has kinks, at which the search over b_c/k_c may stop."""
 SEARCHED, MOVES = 6, 16
-"""Number of places from which the search for the worst hand starts, of those on a grid and of those known; and number
-of its steps, which shrink from a fifth of the range. Half and twice as many moves give the same errors to 1e-8."""
+"""Number of places from which the search for the worst hand starts, both on a grid and among the known hands; and
+number of its steps. The first step is a fifth of the range. Half or twice as many steps give the same errors to 1e-8.
+"""
 AROUND = 41
-"""Number of angles about a place at which a neighbouring hand is evaluated."""
+"""Number of angles around a place at which the search evaluates a neighbouring hand."""
 FIRST_STEP, NEXT_STEP, LAST_STEP = 0.4, 0.05, 2e-5
-"""First step in log(b_c/k_c) and in the coordinate of K_v, first step after hands have joined, and last step."""
+"""First step in log(b_c/k_c) and in the coordinate of K_v, first step of later rounds, and last step."""
 
 
 @dataclass(slots=True)
 class _InHands:
-    """A device, with the box of its hands and the hands in which its coupling is found."""
+    """A device, the box of its hands, and the hands for which the search computes the coupling."""
 
     problem: Problem
     hands: Hands
@@ -81,13 +82,13 @@ class _Law:
 
 @dataclass(frozen=True, slots=True)
 class Stiffest:
-    """The stiffest coupling that is found, dimensionless.
+    """The stiffest coupling that the search finds, dimensionless.
 
     Attributes
     ----------
     gains, coupling : the design
     error : its error
-    places : angle and hand of the environments that forbid a stiffer one, most first
+    places : angle and hand of the environments that forbid a stiffer coupling; the most limiting one comes first
     """
 
     gains: Gains
@@ -100,7 +101,7 @@ class Stiffest:
 def stiffest(
     posed: Posed, start: Start, incumbent: float, tightening: float, witnesses: Sequence[ConstraintPoint]
 ) -> Stiffest | None:
-    """Return the best coupling near a start; None if there is none below an error.
+    """Return the best coupling near a start; None if none has an error below that of the incumbent.
 
     Parameters
     ----------
@@ -108,7 +109,7 @@ def stiffest(
     start : start from the scan
     incumbent : error above which the search gives up; more hands only raise the error
     tightening : relative tightening of the constraints
-    witnesses : points in hands that a proof has refuted
+    witnesses : points in hands at which a proof refuted a design
     """
     cases = {case.device.modelled: case for case in posed.hand_cases}
     for at in witnesses:
@@ -215,7 +216,7 @@ def _zoomed(one: _InHands, hands: Hand, theta: Floats, law: _Law) -> tuple[Float
 
 
 def _hardest(one: _InHands, law: _Law) -> tuple[Floats, Floats, list[Hand]]:
-    """Return hands that forbid the greatest scales: those to which a search among neighbours leads."""
+    """Return the hands that forbid the greatest scales, found by a search from each start to better neighbours."""
     hands, theta = _starts(one, law)
     low, width = np.array([(low, high - low) for low, high in one.hands.ranges.values()]).T
     safe = np.where(width > 0, width, 1.0)
@@ -242,7 +243,7 @@ def _hardest(one: _InHands, law: _Law) -> tuple[Floats, Floats, list[Hand]]:
 
 
 def _starts(one: _InHands, law: _Law) -> tuple[Hand, Floats]:
-    """Return the worst known hands and those on a grid, each with its angle."""
+    """Return the worst known hands and the worst hands of a grid, each with its angle."""
     known = stacked(one.known)
     scale, theta = _in_each(one, known, law)
     first = np.argsort(-scale)[:SEARCHED]
