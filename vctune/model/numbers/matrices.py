@@ -204,8 +204,8 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
 
 
 STEP = 4
-"""Number of powers of a matrix in a part of `_series`. The 15 terms of the exponential take 6 products, and as many with
-3 or 5 powers."""
+"""Number of powers of a matrix in a part of `_series`. The 15 terms of the exponential take 6 products, also with 3
+or 5 powers."""
 
 
 def _series(shares: Sequence[float], x: Block) -> Block:

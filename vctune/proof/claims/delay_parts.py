@@ -79,9 +79,9 @@ def row_of(key: str) -> str:
 
 
 OWN_BOXES = 0.5
-"""Share of a sample below which the end of a range of delays has boxes of its own. With 1, a device of five samples
-takes three times as many boxes; with 0, one of fifty samples that touches its constraint at the end takes ten times as
-many."""
+"""Share of a sample below which the end of a range of delays has boxes of its own. With 1, a delay of five samples
+takes three times as many boxes. With 0, a delay of fifty samples whose constraint is active at the end takes ten times
+as many."""
 DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 

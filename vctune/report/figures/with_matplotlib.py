@@ -1,4 +1,4 @@
-"""Figures that Matplotlib draws: their style, a layout that no text can move, and their files."""
+"""Draw figures with Matplotlib: their style, a layout that does not depend on the texts, and their files."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def canvas(
     top: float = 0.15,
     gaps: tuple[float, float] = (0.0, 0.0),
 ) -> Figure:
-    """Return a figure whose axes keep their position whatever texts surround them.
+    """Return a figure whose axes keep their position for any texts around them.
 
     Parameters
     ----------

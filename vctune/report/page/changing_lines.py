@@ -10,7 +10,7 @@ ASK = "stability.changing = “damping” asks for a longer proof."
 
 
 def changing_lines(record: DesignRecord, problem: Problem) -> list[str]:
-    """Return a sentence on whether the damping of the hand may change; an empty list if a claim of the design states it.
+    """Return a sentence on whether the damping of the hand may change; nothing if a claim of the design states it.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Drawings that write their own SVG, in milliseconds: panels, scales, marks, labels."""
+"""Draw figures as SVG without Matplotlib, in milliseconds: panels, scales, marks and labels."""

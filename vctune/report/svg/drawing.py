@@ -1,7 +1,7 @@
-"""Drawings that write their own SVG: panels, lines, areas and texts on a page of points (1/72 inch).
+"""Write a figure as SVG: panels, lines, areas and texts, in points (1/72 inch).
 
-Importing Matplotlib takes as long as solving a problem. The figures of a design do without it; a `Panel` takes the
-calls of Matplotlib's Axes that the functions of `panels.py` make, so that they draw on either.
+The import of Matplotlib takes as long as the solution of a problem. The figures of a design therefore do not use
+Matplotlib. A `Panel` has the methods of Matplotlib's Axes that `panels.py` calls, so `panels.py` can draw on both.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Drawing:
     def divide(
         self, rows: int = 1, columns: int = 1, gaps: tuple[float, float] = (0.0, 0.0), ratios: Sequence[float] = ()
     ) -> list[Panel]:
-        """Return panels that divide the figure within its margins, row by row.
+        """Divide the figure within its margins into panels, and return them row by row.
 
         Parameters
         ----------
@@ -70,7 +70,7 @@ class Drawing:
         return self.panels
 
     def svg(self, name: str) -> str:
-        """Return the file.
+        """Return the text of the SVG file.
 
         Parameters
         ----------

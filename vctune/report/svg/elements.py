@@ -1,5 +1,6 @@
-"""Elements of SVG: texts with real subscripts, and paths of few characters. Places are in points from the upper left
-corner.
+"""Write the elements of an SVG file: texts with subscripts, and short paths.
+
+Positions are in points from the upper left corner.
 """
 
 from __future__ import annotations
@@ -17,24 +18,25 @@ INK, PAPER = "#010203", "#fefdfc"
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
 """Two curves never differ by colour only: their line style or marker differs, too."""
 SIZE = 9.0
-"""Points of a text, unless it has its own."""
+"""Default size of a text, points."""
 LETTER, LINE = 0.54, 1.2
 """Width of a letter and height of a line, as multiples of the size; slightly more than in most fonts."""
 STRAIGHT = 0.05
-"""Greatest distance from a curve to its points that are left out, in each of `PASSES` passes, points: a tenth of what a
-screen resolves."""
+"""Greatest distance from a curve to a point that the code omits in one of `PASSES` passes, points. It is a tenth of the
+resolution of a screen."""
 PASSES = 4
 BEYOND = 5e3
-"""Greatest distance of a point from the middle of its panel. A line to one that is farther keeps its direction."""
+"""Greatest distance of a point from the middle of its panel. A line to a point that is farther away keeps its
+direction."""
 BASELINE = {"center": 0.36, "top": 0.8, "bottom": -0.2, "baseline": 0.0}
-"""Where the baseline of a line is below the place that is named, over the size."""
+"""Distance of the baseline below the stated position, as a multiple of the size."""
 ANCHORS = {"left": "", "center": ' text-anchor="middle"', "right": ' text-anchor="end"'}
 DASHES = {"-": (), "--": (3.7, 1.6), ":": (1.0, 1.65), "-.": (6.4, 1.6, 1.0, 1.6)}
-"""Lengths of strokes and gaps over the width of the line."""
+"""Lengths of strokes and gaps, as multiples of the line's width."""
 
 
 def number(value: float) -> str:
-    """Return a length to a tenth of a point."""
+    """Return a length as text, rounded to a tenth of a point."""
     text = f"{value:.1f}".removesuffix(".0")
     return "0" if text == "-0" else text.replace("0.", ".", 1) if text.lstrip("-").startswith("0.") else text
 
@@ -99,7 +101,7 @@ def path(
 
 
 def polyline(points: Floats) -> str:
-    """Return the data of a path through points, in steps of tenths; a gap where a point is not finite.
+    """Return the data of a path through points, in steps of tenths. The path has a gap where a point is not finite.
 
     Parameters
     ----------
@@ -119,13 +121,13 @@ def _run(points: Floats) -> str:
 
 
 def _tenths(step: int) -> str:
-    """Return a tenth of a whole number."""
+    """Return a tenth of a whole number as text."""
     whole, tenth = divmod(abs(step), 10)
     return "-" * (step < 0) + (str(whole) if whole or not tenth else "") + (f".{tenth}" if tenth else "")
 
 
 def _thinned(points: Floats) -> Floats:
-    """Return points without those that are on the line between their neighbours."""
+    """Return the points of a curve except those that lie on the line between their neighbours."""
     for _ in range(PASSES):
         if len(points) < 3:
             break

@@ -29,11 +29,11 @@ curve."""
 FAR = 0.15
 """Weight of the distance from the label to the named point, relative to the weight of the room around the label."""
 HANDLE, SPACE = 1.7, 1.0
-"""Length of a curve in a legend, and the space between its columns, over the size of its letters."""
+"""Length of a curve in a legend, and space between its columns, as multiples of the letters' size."""
 
 
 def label_curves(panel: Panel, columns: int = 2) -> None:
-    """Write each curve's, point's and area's name beside it, or into a legend above the panel if there is no room.
+    """Write the name of each curve, point and area beside it, or in a legend above the panel if there is no room.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def label_curves(panel: Panel, columns: int = 2) -> None:
 
 
 def legend(marks: Sequence[Mark], columns: int, size: float = 8.0) -> tuple[str, float, float]:
-    """Return the names of marks beside a piece of each, from the upper left corner, and its width and height.
+    """Return a legend from its upper left corner, and its width and height.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def legend(marks: Sequence[Mark], columns: int, size: float = 8.0) -> tuple[str,
 
 
 def _piece(mark: Mark, x: float, y: float, size: float) -> str:
-    """Return a piece of a mark for a legend."""
+    """Return a sample of a mark for a legend."""
     end, half = x + HANDLE * size, 0.35 * size
     if mark.closed:
         data = f"M{x:.1f} {y - half:.1f}h{end - x:.1f}v{2 * half:.1f}h-{end - x:.1f}z"
@@ -117,7 +117,7 @@ def _of_line(points: Floats, shape: tuple[int, int]) -> Mask:
 
 
 def _of_area(corners: Floats, shape: tuple[int, int]) -> Mask:
-    """Return which cells an area covers, which no label may: those with a corner to the left an odd number of times."""
+    """Return which cells of the raster an area covers. It has an odd number of edges to the left of such a cell."""
     y, x = np.mgrid[: shape[0], : shape[1]]
     inside = np.zeros(shape, bool)
     for (x_0, y_0), (x_1, y_1) in pairwise([*corners, corners[0]]):

@@ -1,4 +1,4 @@
-"""Marks of a panel: lines, points and areas, and how they are drawn."""
+"""Define the marks of a panel (lines, points and areas) and draw them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MARKERS = {
     "+": "m-{r} 0h{d}m-{r}-{r}v{d}",
 }
 MARKER = 6.0
-"""Points across a marker."""
+"""Width of a marker, points."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +57,12 @@ class Mark:
 
     @property
     def alone(self) -> bool:
-        """Whether it is one point."""
+        """Whether the mark is a single point."""
         return len(self.x) == 1
 
     @property
     def named(self) -> bool:
-        """Whether its label is shown."""
+        """Whether the figure shows the label of the mark."""
         return bool(self.label) and not self.label.startswith("_")
 
 
@@ -104,7 +104,7 @@ def area(data: str, mark: Mark, name: str) -> str:
 
 
 def spread(points: Floats, every: tuple[float, float], diagonal: float) -> list[int]:
-    """Return which points of a curve are nearest to places at equal distances along it.
+    """Return the indices of the points of a curve that are nearest to positions at equal distances along it.
 
     Parameters
     ----------

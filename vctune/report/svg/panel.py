@@ -1,4 +1,4 @@
-"""A panel of a drawing: its scales, and the lines, bands and areas on it, in the words of Matplotlib's Axes."""
+"""A panel of a drawing, with its scales, lines, bands and areas. Its methods have the names of Matplotlib's Axes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vctune.report.svg.marks import MARKER, MARKERS, Mark, area, marked, spread
 from vctune.report.svg.scales import Scale, around, ticks_of
 
 TICK = 3.5
-"""Points of the mark of a tick, and of the room between it and its number."""
+"""Length of a tick, and distance between a tick and its number, points."""
 
 
 APART = (38.0, 20.0)
@@ -23,7 +23,7 @@ APART = (38.0, 20.0)
 
 
 class Axes(Protocol):
-    """What our panels ask of axes; Matplotlib's do it too."""
+    """The methods of axes that `panels.py` calls. `Panel` and Matplotlib's Axes have them."""
 
     def plot(self, *args: Any, **kwargs: Any) -> Any: ...
     def semilogy(self, *args: Any, **kwargs: Any) -> Any: ...
@@ -39,7 +39,7 @@ class Axes(Protocol):
 
 @dataclass(slots=True)
 class Panel:
-    """A place with two scales.
+    """A rectangle with two scales.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Panel:
     grid: bool = True
 
     def plot(self, x: Any, y: Any, form: str = "", **style: Any) -> None:
-        """Add a line, or points.
+        """Add a line or points.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class Panel:
         )
 
     def semilogy(self, *args: Any, **style: Any) -> None:
-        """Add a line, on a logarithmic y.
+        """Add a line, and make the y scale logarithmic.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class Panel:
         self._area(np.asarray(x, float), np.asarray(y, float), False, style)
 
     def axhline(self, y: float, **style: Any) -> None:
-        """Add a line across.
+        """Add a horizontal line.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class Panel:
         self._line(np.array([-inf, inf]), np.array([y, y]), "", style, edges=True)
 
     def axvline(self, x: float, **style: Any) -> None:
-        """Add an upright line.
+        """Add a vertical line.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class Panel:
         self._line(np.array([x, x]), np.array([-inf, inf]), "", style, edges=True)
 
     def axvspan(self, low: float, high: float, **style: Any) -> None:
-        """Add a band of x.
+        """Add a band between two values of x.
 
         Parameters
         ----------
@@ -160,7 +160,7 @@ class Panel:
         )
 
     def set(self, **given: Any) -> None:
-        """Set scales.
+        """Set properties of the scales.
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class Panel:
                 self.title = value
 
     def set_xticks(self, ticks: Sequence[float], labels: Sequence[str] | None = None, *, minor: bool = False) -> None:
-        """Set where x is marked.
+        """Set the ticks on x.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class Panel:
         _mark(self.x, ticks, labels, minor)
 
     def set_yticks(self, ticks: Sequence[float], labels: Sequence[str] | None = None, *, minor: bool = False) -> None:
-        """Set where y is marked.
+        """Set the ticks on y.
 
         Parameters
         ----------
@@ -198,11 +198,11 @@ class Panel:
         _mark(self.y, ticks, labels, minor)
 
     def get_xlim(self) -> tuple[float, float]:
-        """Return the ends of x."""
+        """Return the limits of x."""
         return self.x.limits or around(self.x, [mark.x for mark in self.marks])
 
     def get_ylim(self) -> tuple[float, float]:
-        """Return the ends of y."""
+        """Return the limits of y."""
         return self.y.limits or around(self.y, [mark.y for mark in self.marks])
 
     def shares(self, mark: Mark) -> Floats:

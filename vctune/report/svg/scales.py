@@ -1,4 +1,4 @@
-"""Scales of a panel: their ends, and the round numbers between them."""
+"""Define the scales of a panel: their limits, and the round numbers between them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vctune.analysis.extrema import Floats
 from vctune.report.typography import tick
 
 MARGIN = 0.05
-"""Room beyond the points of a scale without limits, as a share of it."""
+"""Margin beyond the points of a scale without limits, as a share of the scale."""
 
 
 @dataclass(slots=True)
@@ -36,7 +36,7 @@ class Scale:
     minor: Sequence[float] = ()
 
     def shares(self, values: Floats, limits: tuple[float, float]) -> Floats:
-        """Return where values are between the limits, as shares; nan for what a logarithmic scale cannot show.
+        """Return values as shares of the scale; nan for values that a logarithmic scale cannot show.
 
         Parameters
         ----------
@@ -51,7 +51,7 @@ class Scale:
 
 
 def around(scale: Scale, given: list[Floats]) -> tuple[float, float]:
-    """Return the ends of the points of a scale, with a margin.
+    """Return limits that contain the points of a scale, with a margin.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def around(scale: Scale, given: list[Floats]) -> tuple[float, float]:
 
 
 def ticks_of(scale: Scale, low: float, high: float, most: int = 7) -> list[tuple[float, str]]:
-    """Return where a scale is marked between its ends, and what stands there.
+    """Return the ticks of a scale between its limits, and their texts.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def ticks_of(scale: Scale, low: float, high: float, most: int = 7) -> list[tuple
 
 
 def round_numbers(low: float, high: float, most: int = 7) -> list[float]:
-    """Return round numbers between two.
+    """Return round numbers between two numbers.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def round_numbers(low: float, high: float, most: int = 7) -> list[float]:
 
 
 def decades_between(low: float, high: float, most: int = 8) -> list[float]:
-    """Return powers of ten between two numbers, or 1, 2 and 5 times them where those are few.
+    """Return powers of ten between two numbers, or 1, 2 and 5 times these powers if there are few of them.
 
     Parameters
     ----------

@@ -1,10 +1,11 @@
-"""The stiffest coupling of an impedance display with which no environment of a box holds a pole.
+"""Find the stiffest coupling of an impedance display with which no environment of a box puts a pole on the unit circle.
 
-At a frequency and in a hand a design fails within a window of frequencies that may be a ten-thousandth wide, because
-the reactance of a stiff coupling changes sign next to the place where its resistance is too small. An NLP at single
-frequencies escapes between them. The scales 1/k_c that an environment forbids are known in closed form, and the
-greatest of them has no such windows. So this search takes the scale from it, and exchanges only hands: it minimises the
-error over b_c/k_c and K_v in a few hands, and adds the hands that forbid more at the answer.
+In a hand, a design may fail only in a window of frequencies whose relative width is 1e-4. The reason is that the
+reactance of a stiff coupling changes sign next to the frequency at which its resistance is too small. An NLP at single
+frequencies escapes between such windows. The scales 1/k_c that an environment forbids have a closed form, and the
+greatest of them covers all windows. This search therefore takes the scale from the closed form, and exchanges only
+hands. It minimises the error over b_c/k_c and K_v in a few hands, adds the hands that forbid more at the answer, and
+repeats.
 """
 
 from __future__ import annotations
@@ -37,10 +38,10 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.running import check_time
 
 ROUNDS = 12
-"""Greatest number of times that hands join; two to five are usual."""
+"""Greatest number of rounds in which hands join the search. Two to five are usual."""
 RESERVE = 5e-4
-"""Least tightening. It covers the hands that the search misses and leaves the proof a reserve. With a fifth of it one
-of twenty random displays stays undecided; with twice it the compliance is that much greater."""
+"""Least tightening. It covers the hands that the search misses and leaves the proof a reserve. With a fifth of
+this value, one of twenty random displays stays undecided. With twice this value, the compliance is greater by 5e-4."""
 ENOUGH = 2e-5
 """Share by which the scale that a hand forbids may exceed that of the known hands before the hand joins them. Half or
 twice this share gives the same errors to 1e-8."""
