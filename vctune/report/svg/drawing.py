@@ -53,9 +53,9 @@ class Drawing:
 
         Parameters
         ----------
-        rows, columns : their number
+        rows, columns : number of rows and columns
         gaps : between columns and between rows, shares of the mean size of a panel
-        ratios : heights of the rows relative to one another; none for equal ones
+        ratios : heights of the rows relative to one another; empty for equal heights
         """
         left, top, width, height = self._inner
         heights = np.array(ratios or [1.0] * rows, float)
@@ -74,7 +74,7 @@ class Drawing:
 
         Parameters
         ----------
-        name : prefix of its identifiers, so that figures of several names go on one page
+        name : prefix of the identifiers in the file, so that a page can contain several figures
         """
         check_time()
         size = f"{number(self.width)} {number(self.height)}"

@@ -58,13 +58,14 @@ def text(
 
     Parameters
     ----------
-    x, y : its place
+    x, y : position
     words : the text, set by `vctune.report.typography`
-    size : of its letters
-    ha, va : "left", "center" or "right", and "top", "center", "bottom" or "baseline": what of the text is at the place
-    colour : "" for ink
-    rotation : degrees, against the clock
-    bold : whether it is bold
+    size : size of the letters, points
+    ha, va : "left", "center" or "right", and "top", "center", "bottom" or "baseline": the part of the text that
+        is at the position
+    colour : colour; "" for the colour of text
+    rotation : angle, degrees, counterclockwise
+    bold : whether the text is bold
     opacity : 1 for an opaque text
     """
     lines = words.split("\n")
@@ -88,9 +89,9 @@ def path(
 
     Parameters
     ----------
-    data : its steps
-    stroke, width, dashes : colour and width of its line, and lengths of strokes and gaps over the width; "" without one
-    style : other attributes, with _ instead of -; without `fill` it is not filled
+    data : steps of the path
+    stroke, width, dashes : colour ("" for no line) and width of the line; lengths of strokes and gaps over the width
+    style : other attributes, with _ instead of -; without `fill` the path is not filled
     """
     given = {"fill": "none"} | {key: value for key, value in style.items() if value != 1.0}
     if stroke:

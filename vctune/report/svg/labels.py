@@ -37,8 +37,8 @@ def label_curves(panel: Panel, columns: int = 2) -> None:
 
     Parameters
     ----------
-    panel : with named marks and final limits
-    columns : columns of the legend
+    panel : panel with named marks and final limits
+    columns : number of columns of the legend
     """
     width, height = panel.box[2:]
     shape, scale = (int(height) + 1, int(width) + 1), np.array([width, height])
@@ -77,9 +77,9 @@ def legend(marks: Sequence[Mark], columns: int, size: float = 8.0) -> tuple[str,
 
     Parameters
     ----------
-    marks : named ones
-    columns : of the legend, filled one after another
-    size : of its letters, points
+    marks : marks with names
+    columns : number of columns, which the function fills one after another
+    size : size of the letters, points
     """
     rows, x, parts = -(-len(marks) // columns), 0.0, []
     for column in (marks[k : k + rows] for k in range(0, len(marks), rows)):

@@ -26,17 +26,17 @@ class Mark:
 
     Attributes
     ----------
-    x, y : its points; an infinite one is at the edge, if it reaches there
-    label : its name; "" or one that begins with _ is not shown
-    colour, width, dashes : of its line; a width of 0 for none
-    marker, across, every : its marker, "" for none, its size, and from where and how often it is drawn, shares of the
-        panel's diagonal
+    x, y : points; with `edges`, an infinite number is at an edge of the panel
+    label : name; the figure does not show "" and names that begin with _
+    colour, width, dashes : style of the line; a width of 0 for no line
+    marker, across, every : marker ("" for none), its size, and the distances along the curve to the first marker and
+        between markers, as shares of the panel's diagonal
     ground : fill of an area, or of a marker's edge
-    opacity : of a fill
-    hatch : of an area, as Matplotlib's: "/" or "-", "" for none
-    edges : whether it reaches the panel's edges
-    closed : whether it is an area
-    clipped : whether it ends at the panel's edges
+    opacity : opacity of the fill
+    hatch : hatching of an area as in Matplotlib, "/" or "-"; "" for none
+    edges : whether the mark extends to the panel's edges
+    closed : whether the mark is an area
+    clipped : whether the mark ends at the panel's edges
     """
 
     x: Floats
@@ -71,8 +71,8 @@ def marked(points: Floats, mark: Mark) -> str:
 
     Parameters
     ----------
-    points : places in the drawing
-    mark : its marker and colours
+    points : positions in the drawing
+    mark : mark with the marker and its colours
     """
     half = mark.across / 2
     one = MARKERS[mark.marker].format(r=number(half), d=number(2 * half))
@@ -87,9 +87,9 @@ def area(data: str, mark: Mark, name: str) -> str:
 
     Parameters
     ----------
-    data : its outline
-    mark : its style
-    name : identifier of its hatching
+    data : outline of the area
+    mark : mark with the style
+    name : identifier of the hatching
     """
     filled = path(
         data, stroke=mark.colour if mark.width else "", width=mark.width, fill=mark.ground, fill_opacity=mark.opacity
@@ -109,8 +109,8 @@ def spread(points: Floats, every: tuple[float, float], diagonal: float) -> list[
     Parameters
     ----------
     points : the curve in the drawing
-    every : first place, and distance from one to the next, shares of the diagonal
-    diagonal : that of the panel
+    every : first position, and distance between positions, as shares of the diagonal
+    diagonal : diagonal of the panel
     """
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))]) / diagonal
     return sorted({int(np.abs(along - at).argmin()) for at in np.arange(every[0], along[-1], every[1])})

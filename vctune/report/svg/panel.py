@@ -44,12 +44,12 @@ class Panel:
     Attributes
     ----------
     box : left, top, width and height in the drawing, points
-    name : for its users
-    title : words above it
-    x, y : its scales
-    marks : what is on it, in data
-    over : elements of SVG above them, in points of the drawing
-    grid : whether lines pass its ticks
+    name : name by which the code finds the panel
+    title : text above the panel
+    x, y : scales
+    marks : lines, points and areas, in data
+    over : elements of SVG above the marks, in points of the drawing
+    grid : whether the panel has grid lines at its ticks
     """
 
     box: tuple[float, float, float, float]
@@ -66,9 +66,9 @@ class Panel:
 
         Parameters
         ----------
-        x, y : places, in data
-        form : as Matplotlib's, "--" or "o", say
-        style : `color`, `linewidth`, `linestyle`, `marker` and so on, in the words of Matplotlib
+        x, y : coordinates, in data
+        form : format string as in Matplotlib, such as "--" or "o"
+        style : `color`, `linewidth`, `linestyle`, `marker` and so on, as in Matplotlib
         """
         across, up = np.broadcast_arrays(np.atleast_1d(np.asarray(x, float)), np.atleast_1d(np.asarray(y, float)))
         self._line(across, up, form, style)
@@ -97,8 +97,8 @@ class Panel:
 
         Parameters
         ----------
-        args : as of `plot`
-        style : `color`, `linewidth`, `linestyle`, `marker` and so on, in the words of Matplotlib
+        args : see `plot`
+        style : `color`, `linewidth`, `linestyle`, `marker` and so on, as in Matplotlib
         """
         self.y.logarithmic = True
         self.plot(*args, **style)
@@ -108,8 +108,8 @@ class Panel:
 
         Parameters
         ----------
-        x, y : its corners
-        style : `facecolor`, `edgecolor`, `hatch` and so on, in the words of Matplotlib
+        x, y : corners of the area
+        style : `facecolor`, `edgecolor`, `hatch` and so on, as in Matplotlib
         """
         self._area(np.asarray(x, float), np.asarray(y, float), False, style)
 
@@ -118,8 +118,8 @@ class Panel:
 
         Parameters
         ----------
-        y : its place
-        style : `color`, `linewidth`, `linestyle`, `marker` and so on, in the words of Matplotlib
+        y : position of the line
+        style : `color`, `linewidth`, `linestyle`, `marker` and so on, as in Matplotlib
         """
         self._line(np.array([-inf, inf]), np.array([y, y]), "", style, edges=True)
 
@@ -128,8 +128,8 @@ class Panel:
 
         Parameters
         ----------
-        x : its place
-        style : `color`, `linewidth`, `linestyle`, `marker` and so on, in the words of Matplotlib
+        x : position of the line
+        style : `color`, `linewidth`, `linestyle`, `marker` and so on, as in Matplotlib
         """
         self._line(np.array([x, x]), np.array([-inf, inf]), "", style, edges=True)
 
@@ -139,7 +139,7 @@ class Panel:
         Parameters
         ----------
         low, high : its ends
-        style : `facecolor`, `edgecolor`, `hatch` and so on, in the words of Matplotlib
+        style : `facecolor`, `edgecolor`, `hatch` and so on, as in Matplotlib
         """
         self._area(np.array([low, high, high, low]), np.array([-inf, -inf, inf, inf]), True, style)
 
@@ -164,7 +164,7 @@ class Panel:
 
         Parameters
         ----------
-        given : `xscale`, `xlim`, `xlabel`, those of y, and `title`
+        given : `xscale`, `xlim`, `xlabel`, the same for y, and `title`
         """
         for key, value in given.items():
             scale, what = (self.x if key[0] == "x" else self.y), key[1:]
@@ -182,9 +182,9 @@ class Panel:
 
         Parameters
         ----------
-        ticks : places
-        labels : what stands there; None for numbers
-        minor : whether these are the small marks
+        ticks : positions
+        labels : texts at the ticks; None for the numbers
+        minor : whether these are minor ticks
         """
         _mark(self.x, ticks, labels, minor)
 
@@ -193,7 +193,7 @@ class Panel:
 
         Parameters
         ----------
-        ticks, labels, minor : as of `set_xticks`
+        ticks, labels, minor : see `set_xticks`
         """
         _mark(self.y, ticks, labels, minor)
 
@@ -225,7 +225,7 @@ class Panel:
 
         Parameters
         ----------
-        name : its own, for its identifiers
+        name : prefix of the panel's identifiers
         """
         left, top, width, height = self.box
         frame = f"M{number(left)} {number(top)}h{number(width)}v{number(height)}h-{number(width)}z"

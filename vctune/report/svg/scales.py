@@ -21,11 +21,11 @@ class Scale:
 
     Attributes
     ----------
-    logarithmic : whether it is
-    limits : its ends; None for those of its points and `MARGIN`
-    label : its name
-    ticks, words : where it is marked, and what stands there; None for round numbers
-    minor : where it has smaller marks
+    logarithmic : whether the scale is logarithmic
+    limits : both ends of the scale; None for the ends of its points, with `MARGIN`
+    label : name of the scale
+    ticks, words : positions of the ticks and their texts; None for round numbers
+    minor : positions of the minor ticks
     """
 
     logarithmic: bool = False
@@ -40,8 +40,8 @@ class Scale:
 
         Parameters
         ----------
-        values : in data
-        limits : the ends
+        values : values in data
+        limits : both ends of the scale
         """
         with np.errstate(all="ignore"):
             if self.logarithmic:
@@ -55,7 +55,7 @@ def around(scale: Scale, given: list[Floats]) -> tuple[float, float]:
 
     Parameters
     ----------
-    scale : linear or logarithmic
+    scale : the scale
     given : the points of each mark
     """
     every = np.concatenate([np.zeros(0), *given])
@@ -75,8 +75,8 @@ def ticks_of(scale: Scale, low: float, high: float, most: int = 7) -> list[tuple
 
     Parameters
     ----------
-    scale : with marks of its own, or without
-    low, high : its ends
+    scale : the scale, with its own ticks or without
+    low, high : both ends of the scale
     most : greatest number of steps between round numbers
     """
     ticks = scale.ticks
@@ -93,7 +93,7 @@ def round_numbers(low: float, high: float, most: int = 7) -> list[float]:
 
     Parameters
     ----------
-    low, high : the two
+    low, high : the two numbers
     most : greatest number of steps
     """
     if not low < high:
@@ -108,8 +108,8 @@ def decades_between(low: float, high: float, most: int = 8) -> list[float]:
 
     Parameters
     ----------
-    low, high : the two
-    most : greatest number of decades that are all marked
+    low, high : the two numbers
+    most : greatest number of decades that all have a tick
     """
     first, last = floor(log10(low)), ceil(log10(high))
     every = max(ceil((log10(high) - log10(low)) / most), 1)
