@@ -138,7 +138,7 @@ class Panel:
 
         Parameters
         ----------
-        low, high : its ends
+        low, high : both ends of the band
         style : `facecolor`, `edgecolor`, `hatch` and so on, as in Matplotlib
         """
         self._area(np.array([low, high, high, low]), np.array([-inf, -inf, inf, inf]), True, style)
