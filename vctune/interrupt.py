@@ -1,4 +1,8 @@
-"""Handle Ctrl-C and SIGTERM while compiled code runs that would hide them, or while files are replaced."""
+"""Handle Ctrl-C and SIGTERM.
+
+The module delays them while compiled code runs or files are replaced, notes them where a partial result is useful, and
+repeats a KeyboardInterrupt that was lost.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +15,18 @@ from math import inf
 from types import FrameType
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
+"""Signals that ask the process to end."""
 
 RECEIVED: list[int] = []
-"""Signals that have interrupted this process.
+"""Numbers of the signals for which `raise_interrupt` has raised KeyboardInterrupt, in order.
 
-Compiled code may turn KeyboardInterrupt into errors of other names. CPython drops it within a weak reference's callback
-or a finalizer, and the import system has such callbacks.
+`raise_lost_interrupt` reads the list, because a KeyboardInterrupt may be lost: compiled code may turn it into errors of
+other names, and CPython drops it within a weak reference's callback or a finalizer. The import system has such
+callbacks.
 """
 
 RESUMES: list[str] = []
-"""Hints for the user who interrupts the process: how to resume the work from what is stored."""
+"""Hints for the user who interrupts the process: how to resume the work from the stored results."""
 
 
 @contextmanager
@@ -29,7 +35,7 @@ def resumable(how: str = "running it again resumes") -> Iterator[None]:
 
     Parameters
     ----------
-    how : how to resume the work
+    how : hint for the user, such as "running it again resumes"
     """
     RESUMES.append(how)
     yield  # after an interrupt the hint stays, for the code that reports it
@@ -56,7 +62,7 @@ def raise_lost_interrupt() -> None:
     Raises
     ------
     KeyboardInterrupt
-        If a signal has interrupted this process, and the process has not ended.
+        If `raise_interrupt` has raised one in this process.
     """
     if RECEIVED:
         raise KeyboardInterrupt
@@ -80,7 +86,7 @@ def interrupt_noted() -> Iterator[Callable[[], bool]]:
     """Record the first SIGINT or SIGTERM within the block, without interrupting it. Yield a function that reports it.
 
     The block is work whose partial result is useful. A second signal goes to the previous handler, which ends the work
-    at once. Python delivers signals to the main thread only.
+    at once. Python delivers signals to the main thread only, so in another thread the function always returns False.
     """
     with _held(at_most=1) as came:
         yield lambda: bool(came)
@@ -88,15 +94,18 @@ def interrupt_noted() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def interrupt_deferred() -> Iterator[None]:
-    """Delay SIGINT and SIGTERM until the block ends, and then deliver the first one to the previous handler.
+    """Delay SIGINT and SIGTERM until the block ends, and then deliver them in order to the previous handlers.
+
+    If a previous handler raises an exception, the remaining signals are dropped. In threads other than the main thread
+    the block is not protected, because Python delivers signals to the main thread only.
 
     CasADi checks for signals in the middle of its work and turns KeyboardInterrupt into failures of other names.
     """
     came: list[int] = []
 
     def deliver() -> None:
-        if came:
-            signal.raise_signal(came[0])
+        for number in came:
+            signal.raise_signal(number)
 
     with ExitStack() as stack:
         stack.callback(deliver)  # runs last, when the previous handlers are back
@@ -106,7 +115,12 @@ def interrupt_deferred() -> Iterator[None]:
 
 @contextmanager
 def _held(at_most: float = inf) -> Iterator[list[int]]:
-    """Collect signals during the block and yield their list; the code around the block handles them."""
+    """Collect signals during the block and yield the list of their numbers; the code around the block handles them.
+
+    Parameters
+    ----------
+    at_most : number of signals that the block collects. One signal more restores the previous handlers and goes to them
+    """
     came: list[int] = []
 
     with ExitStack() as stack:
@@ -119,5 +133,7 @@ def _held(at_most: float = inf) -> Iterator[list[int]]:
 
         if threading.current_thread() is threading.main_thread():
             for number in INTERRUPTS:
-                stack.callback(signal.signal, number, signal.signal(number, remember))
+                before = signal.signal(number, remember)
+                # None stands for a handler that was not installed from Python; Python cannot restore it
+                stack.callback(signal.signal, number, signal.SIG_DFL if before is None else before)
         yield came

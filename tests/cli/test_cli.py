@@ -185,6 +185,27 @@ def test_interrupt_in_compiled_code_is_delivered_after_it():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+def test_every_deferred_signal_is_delivered():
+    """Two signals while files are replaced are the first and the second to a block that notes the first."""
+    from vctune.interrupt import interrupt_deferred, interrupt_noted
+
+    with pytest.raises(KeyboardInterrupt), interrupt_noted(), interrupt_deferred():
+        signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_handler_of_another_language_does_not_break_a_deferred_interrupt(monkeypatch):
+    from vctune.interrupt import interrupt_deferred
+
+    install = signal.signal
+    monkeypatch.setattr(signal, "signal", lambda number, handler: install(number, handler) and None)
+    with interrupt_deferred():
+        pass
+    monkeypatch.undo()
+    assert signal.signal(signal.SIGINT, signal.default_int_handler) is signal.SIG_DFL
+
+
 def test_the_first_interrupt_is_noted_and_the_second_delivered():
     from vctune.interrupt import interrupt_noted
 

@@ -8,10 +8,12 @@ import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from command import run
 
+from vctune.analysis.in_hands import least_ratios, ratio_in_some_hands
 from vctune.analysis.worlds.growing_in_time import growing_in_time
 from vctune.api.exporting import export
 from vctune.api.solving import solve
@@ -240,3 +242,24 @@ def test_a_relaxation_that_does_not_suffice_is_tried_once() -> None:
     assert all(change.eases for change in worlds) and len(worlds) > 5
     assert not find_repairs(tomllib.loads(text), worlds, replace(OF_FIXED, estimate=estimate))
     assert tried[0] <= len(worlds)
+
+
+def test_most_relaxations_are_excluded_without_a_refinement(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The ratio on a grid is not below the refined one, so a grid excludes most changes of a refused design."""
+    text = DEVICE + LATE + FIXED.replace("damping = 158.0", "damping = 80.0") + BAND
+    problem = parse_problem(text, "x", "x")
+    gains, coupling = problem.fixed_design
+    for share in (0.3, 1.0, 3.0):
+        scaled = coupling.times(share)
+        least = min(each.ratio for each in least_ratios(problem, gains, scaled))
+        assert least <= ratio_in_some_hands(problem, gains, scaled) <= 1.3 * least
+    refined = list[Problem]()
+
+    def counted(posed: Problem, *design: Any) -> Any:
+        refined.append(posed)
+        return least_ratios(posed, *design)
+
+    monkeypatch.setattr("vctune.design.verdict.repair.least_ratios", counted)
+    changes = parameter_changes(tomllib.loads(text), problem)
+    find_repairs(tomllib.loads(text), changes, replace(OF_FIXED, verify=lambda _: None))
+    assert 0 < len(refined) < 50  # of some 130 trials

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from conftest import ROOT, for_passive_hands
 
-from vctune.analysis import hardest_hands, in_hands, loops_in_hands, resonance
+from vctune.analysis import climb, hardest_hands, in_hands, loops_in_hands, resonance
 from vctune.design import solve as solving
 from vctune.design.bound import search
 from vctune.design.bound import strong_branching as branching
@@ -114,6 +114,7 @@ CONSTANTS = [
     Constant("DECIDABLE", (optimum,), times),
     Constant("TIGHTENING", (exchange, optimum), times),
     Constant("ROUNDS", (exchange,), count),
+    Constant("STALLED", (exchange,), count),
     Constant("RADIUS", (exchange,), times),
     Constant("GROWTH", (exchange,), beside_one),
     Constant("LEAST_RADIUS", (exchange,), times),
@@ -161,7 +162,13 @@ OF_HANDS = [
     Constant("PER_DECADE", (loops_in_hands, hardest_hands, in_hands), count),
     Constant("SOFT", (loops_in_hands,), denser),
     Constant("SEARCHED", (in_hands,), count),
-    Constant("ROUNDS", (hardest_hands,), count),
+    Constant("FIRST_STEP", (hardest_hands,), times),
+    Constant("ROUNDS", (climb,), count),
+    Constant("LEAST_STEP", (climb,), times),
+    Constant("SHRINK", (climb,), times),
+    Constant("LEAP", (climb,), times),
+    Constant("TRIALS", (climb,), count),
+    Constant("CONSIDERED", (climb,), lambda share, factor: min(1.0, share * factor)),
     Constant("FEW", (samples,), denser),
     Constant("FEW_ANGLES", (samples,), count),
     Constant("FEW_SPRINGS", (samples,), count),
@@ -309,7 +316,8 @@ def test_half_and_twice_a_constant_give_designs_as_good_in_hands(constant, facto
     changed = constant.scaled(getattr(constant.modules[0], constant.name), factor)
     for module in constant.modules:
         monkeypatch.setattr(module, constant.name, changed)
-    monkeypatch.setattr(in_hands.loops_in_hands.__wrapped__, "__defaults__", (in_hands.SHARES, in_hands.PER_DECADE))
+    function = loops_in_hands.loops_in_hands.__wrapped__
+    monkeypatch.setattr(function, "__defaults__", (loops_in_hands.SHARES, loops_in_hands.PER_DECADE))
     forget_loops()
     try:
         for path in HANDS:

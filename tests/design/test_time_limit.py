@@ -197,8 +197,8 @@ def test_of_a_box_of_devices_only_the_first_is_looked_at_without_time(monkeypatc
     """What is stated of hands is then of the devices that were, and the check says that it was cut."""
     uncertain = DEVICE + "delay = 3e-4\n[uncertainty]\nmass = 0.1\ndelay = 0.2\n" + GAINS
     (folder / "uncertain.toml").write_text(uncertain)
-    seen, look = [], judge.least_ratios_in_hands
-    monkeypatch.setattr(judge, "least_ratios_in_hands", lambda device, *of: seen.append(device) or look(device, *of))
+    seen, look = [], judge.least_ratios_of_devices
+    monkeypatch.setattr(judge, "least_ratios_of_devices", lambda each, *of: seen.extend(each) or look(each, *of))
     done = run("check", "uncertain.toml", "--time-limit", 0, cwd=folder)
     assert done.returncode == ExitCode.UNDECIDED and "[time-limit]" in done.stdout and len(seen) == 1
     problem = read_problem(folder / "uncertain.toml").problem

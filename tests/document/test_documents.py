@@ -24,9 +24,18 @@ from vctune.document.text.output_files import folder_name, write_together
 from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
-from vctune.model.problem import HUMAN_HANDS, Band, Range
+from vctune.model.problem import ABSENT, HUMAN_HANDS, Band, Range
 
 BAD = ROOT / "tests/bad"
+SERVO = """
+[device]
+sample_time = 1e-3
+[device.servo]
+delay = 1e-3
+bandwidth_hz = 15.915494309189533
+[device.force_sensor]
+bandwidth_hz = 100.0
+"""
 THREE = "[device]\nmass = {}\ndamping = {}\nsample_time = {}\n"
 FAULTS = {
     "not-toml": [("1", "", "not valid TOML")],
@@ -184,6 +193,39 @@ def test_defaults_are_the_documented_formulas():
     assert problem.stability.band == Band(pytest.approx(2 * pi * 0.5), pytest.approx(2 * pi * 100))
     assert (problem.stability.safety_factor, problem.stability.max_sensitivity) == (1.05, 2.0)
     assert (problem.stability.criterion, problem.hands) == ("both", HUMAN_HANDS)
+
+
+def test_defaults_of_an_impedance_display():
+    problem = parse_problem(THREE.format(0.4, 2.0, 1e-3) + 'display = "impedance"\n', "x.toml", "x")
+    middle = sqrt(problem.transparency.band.min * problem.transparency.band.max)
+    Z_0 = 0.4 * middle
+    assert problem.transparency.reference_impedance == pytest.approx(Z_0)
+    assert problem.bounds.velocity == Range(0.0, 0.0)
+    assert problem.bounds.damping == Range(0.0, pytest.approx(1e6 * Z_0))
+    assert problem.bounds.stiffness == Range(pytest.approx(1e-6 * Z_0 * middle), pytest.approx(1e6 * Z_0 * middle))
+    assert problem.bounds.position == problem.bounds.mass == problem.bounds.drag == ABSENT
+    assert problem.stability.band.max == pytest.approx(2 * pi * 500)
+
+
+@pytest.mark.parametrize(
+    ("operator", "resistance"),
+    [
+        ("mass = 0.7\ndamping = 30.0\nstiffness = { min = 0, max = 50000 }", 50000 * 11.5e-3),
+        ("mass = { min = 0, max = 0.1 }\ndamping = { min = 0, max = 40 }\nstiffness = { min = 0, max = 1 }", 40.0),
+        ("mass = { min = 0, max = 2.3 }\ndamping = { min = 0, max = 1 }\nstiffness = { min = 0, max = 1 }", 200.0),
+    ],
+    ids=["stiffness", "damping", "mass"],
+)
+def test_defaults_of_a_servo(operator, resistance):
+    """The lag is T/2 + delay + 1/w; the force sensor's lag is not a part of it."""
+    text = f"[operator]\n{operator}\n" + SERVO
+    problem = parse_problem(text, "x.toml", "x")
+    tau = 11.5e-3
+    assert problem.transparency.reference_impedance == pytest.approx(resistance)
+    assert problem.transparency.band == Band(pytest.approx(2 * pi * 0.005 / tau), pytest.approx(2 * pi * 0.1 / tau))
+    assert problem.stability.band.max == pytest.approx(2 * pi * 500)
+    assert problem.stability.criterion == "hands"
+    assert problem.bounds.velocity == problem.bounds.position == ABSENT
 
 
 def test_an_experiment_needs_but_a_name():

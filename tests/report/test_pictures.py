@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from matplotlib import rc_context
 from matplotlib.colors import to_rgb
 
+from vctune.analysis.in_hands import least_ratios_in_hands
 from vctune.design.solve import solve
 from vctune.design.verdict.design_record import record_of
 from vctune.document.reading import ProblemFile, parse_problem
@@ -22,7 +23,7 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.report.figures.design_figures import Design, figures
 from vctune.report.figures.experiment_figures import simulation_figure
-from vctune.report.figures.hands_figure import hands_figure
+from vctune.report.figures.hands_figure import _regions, hands_figure, shares_required
 from vctune.report.figures.sweep_figures import sweep_figure
 from vctune.report.figures.with_matplotlib import _shortened, svg
 from vctune.report.figures.world_figure import BAD, GOOD, OPEN
@@ -177,6 +178,37 @@ def in_hands():
 
 
 SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.mark.parametrize(
+    "high",
+    [Hand(0.2, 30.0, 3000.0), Hand(0.55, 30.0, 700.0), Hand(0.55, 30.0, 0.0)],
+    ids=["mass", "stiffness", "without-stiffness"],
+)
+def test_a_figure_of_hands_without_a_plane_has_no_map_and_no_nan(high):
+    low = Hand(0.2, 0.0, min(high.stiffness, 700.0))
+    problem = parse_problem(DEVICE, "x", "x")
+    drawing = hands_figure(problem, Hands(low, high), Gains(150.0, 6000.0), Coupling(160.0, 0.35, 3.0))
+    assert len(drawing.panels) == 2
+    assert "nan" not in drawing.svg("hands").lower()
+
+
+def test_the_map_of_hands_is_painted_also_where_they_require_nothing():
+    """If no hand requires anything, the area of the lowest level is the whole map."""
+    mass, stiffness = np.array([0.0, 0.1, 0.5]), np.array([0.0, 1000.0, 3000.0])
+    painted = _regions(mass, stiffness, np.zeros((3, 3)), 0)
+    assert sum(np.ptp(x[:-1]) * np.ptp(y[:-1]) for x, y in painted) == pytest.approx(np.ptp(mass) * np.ptp(stiffness))
+
+
+def test_the_map_shows_the_inverse_of_the_least_ratio():
+    problem, gains, coupling = parse_problem(DEVICE, "x", "x"), Gains(150.0, 6000.0), Coupling(160.0, 0.35, 3.0)
+    mass, stiffness, needed = shares_required(
+        problem.device, Hands(Hand(0.0, 5.0, 0.0), Hand(0.55, 5.0, 3000.0)), gains, coupling
+    )
+    for row, column in ((4, 8), (8, 4), (16, 16)):
+        hand = Hand(mass[column], 5.0, stiffness[row])
+        least = least_ratios_in_hands(problem.device, Hands(hand, hand), gains, coupling)[0]
+        assert needed[row, column] == pytest.approx(1 / least.ratio, rel=0.02)
 
 
 def test_drawings_are_xml_with_all_marks_cut_at_their_panels(drawn, in_hands):

@@ -18,7 +18,8 @@ from vctune.document.text.digest import experiments_digest
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.report.figures.experiment_figures import dwell_line
 from vctune.simulation.mechanics.scene_stability import fastest_mode
-from vctune.simulation.run import run
+from vctune.simulation.mechanics.step import columns
+from vctune.simulation.run import DIVERGENCE, POSITION, has_diverged, run, traces_of
 from vctune.simulation.scene import designed_scene
 
 TEXT = (ROOT / "problems/friction-wheel-hands.toml").read_text()
@@ -163,3 +164,20 @@ def test_experiments_without_changes_keep_their_digest():
     known = vctune.problem(tomllib.loads((ROOT / "problems/friction-wheel.toml").read_text())).problem
     stored = json.loads((ROOT / "results/friction-wheel/simulation.json").read_text())
     assert experiments_digest(known.experiments) == stored["problem"]["experiments_sha256"]
+
+
+def test_a_grip_is_part_of_the_position_at_which_a_hand_aims():
+    scene = scene_of(problem_with({}))
+    far = 2 * DIVERGENCE * HAND["to"]
+    recorded, aims = np.zeros((3, len(columns(scene)))), np.array([0.0, far, far])
+    assert columns(scene)[POSITION] == "position"
+    recorded[:, POSITION] = aims
+    assert not has_diverged(scene, recorded, aims) and has_diverged(scene, recorded, np.zeros(3))
+
+
+def test_a_run_that_diverges_far_from_its_aim_ends_at_its_last_sample_within_reach():
+    scene = scene_of(problem_with({}))
+    recorded = np.zeros((4, len(columns(scene))))
+    recorded[:, POSITION] = np.array([2.0, 3.0, 4.0, 2 * DIVERGENCE]) * HAND["to"]
+    traces = traces_of(scene, recorded, np.zeros(4), np.zeros(4), diverged=True)
+    assert len(traces.time) == 3 and traces.diverged == pytest.approx(3 * scene.device.sample_time)

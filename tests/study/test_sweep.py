@@ -31,7 +31,7 @@ from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 from vctune.model.transparency import Terms
 from vctune.study import sweep as sweeping
-from vctune.study.executors import worker_pool
+from vctune.study.executors import _for_workers, worker_pool
 from vctune.study.front import nondominated
 from vctune.study.row import solve_point
 from vctune.study.rows import key_of, open_rows
@@ -402,6 +402,7 @@ REFUSED = {
     ),
     "unreachable": (lambda text: text, ["--restart", "--executor", "dask:tcp://127.0.0.1:9"], "cannot be reached"),
     "unknown executor": (lambda text: text, ["--restart", "--executor", "ray"], "is not"),
+    "no address": (lambda text: text, ["--restart", "--executor", "dask:"], "has no address"),
     "no jobs": (lambda text: text, ["--restart", "--jobs", "0"], "0 is not in the range"),
     "unknown key": (lambda text: text.replace("damping", "dampin"), ["--restart"], "did you mean"),
     "empty axis": (lambda text: text.replace("[1.0, 2.0]", "[]"), ["--restart"], "is empty"),
@@ -565,3 +566,12 @@ def test_front_needs_something_to_trade(tmp_path):
     done = run("front", "device.toml", cwd=tmp_path)
     assert done.returncode == ExitCode.BAD_INPUT and "nothing to trade" in done.stderr
     assert not (tmp_path / "results").exists()
+
+
+def test_a_handler_of_interrupts_from_outside_python_stays(monkeypatch):
+    """Python cannot name such a handler: signal.signal returns None, which it does not accept."""
+    installed = []
+    monkeypatch.setattr("vctune.study.executors.signal.signal", lambda number, handler: installed.append(handler))
+    with _for_workers():
+        assert installed == [signal.SIG_IGN]
+    assert installed == [signal.SIG_IGN]

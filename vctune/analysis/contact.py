@@ -1,8 +1,8 @@
 """Compute the drag that a servo's latency requires, and the stiffest contact, in double precision (README.md, section
 2).
 
-For a servo, the drag that a hand requires is linear in the hand's numbers. If the servo's response lies in a disc, this
-drag is convex in them.
+For a servo, the drag that a hand requires is linear in the hand's mass, damping and stiffness. If the servo's response
+lies in a disc, this drag is convex in them.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ LOWEST = 1e-3
 twice this angle changes no printed digit."""
 PER_DECADE = 120
 """Number of angles per decade. Neighbours are 2 % apart; near Nyquist, a latency of ten samples gets eight angles to
-each turn. Half as many angles may skip the hardest frequency of a contact. Twice as many take twice as long."""
+each turn. With half as many angles, the code may skip the hardest frequency of a contact. With twice as many, it takes
+twice as long."""
 
 
 HALVINGS = 40
-"""Number of halvings of a range of stiffnesses. They give twelve digits. Half as many halvings give six digits, and
-twice as many reach rounding errors."""
+"""Number of halvings of a range of stiffnesses, which give twelve digits. Half as many halvings would give six digits,
+and twice as many would reach rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +85,8 @@ def _greatest(device: Device, demand: Demand, hands: Hands) -> Greatest:
 
 
 def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float) -> float:
-    """Return the greatest stiffness of a contact, N/m, with which a coupling is stable for all other numbers of the
-    box.
+    """Return the greatest stiffness of a contact, N/m, up to which a coupling is stable with every mass and damping of
+    the box.
 
     Parameters
     ----------
@@ -96,7 +97,8 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
     Returns
     -------
     float
-        It is less than the least stiffness of the box if no stiffness is small enough, and inf if every stiffness is.
+        The result is less than the least stiffness of the box if no stiffness of the box is small enough, and inf if
+        every stiffness is.
     """
     return min(_stiffest(device, hands, coupling, factor) for device in devices)
 

@@ -29,13 +29,14 @@ from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared
 END_DECADES = 5
 """Number of decades beyond every corner of the device to which the grid of an endless band extends. At the end of the
 grid, a value that approaches its limit like omega^2 or faster equals the limit to 1e-8. With half as many decades, the
-difference would be 1e-4, which would affect a search. Twice as many decades only make the grid longer."""
+difference would be 1e-4, which would affect a search. With twice as many decades, the grid would only be longer."""
 RIPPLE_POINTS = 6
-"""Number of grid points for each turn of e^{-2j omega tau}. Half as many grid points may miss one of two neighbouring
-extrema. Twice as many double the length of the grid for bands far above 1/tau."""
+"""Number of grid points for each turn of e^{-2j omega tau}. With half as many grid points, the code may miss one of two
+neighbouring extrema. With twice as many, the grid for bands far above 1/tau is twice as long."""
 QUADRATURE_TOLERANCE = 1e-9
-"""Relative change of the mean squares at which the code stops doubling the panels. The error of Gauss's rule falls so
-fast that the last change far exceeds the error. Half or twice this threshold leads to the same number of panels."""
+"""Relative change of the mean squared terms at which the code stops doubling the number of panels. The error of Gauss's
+rule falls so fast that the last change far exceeds the error. With half or twice this threshold, the number of panels
+is the same."""
 
 
 def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
@@ -221,8 +222,8 @@ def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
 def slowest_resonance(problem: Problem, velocity: float) -> float:
     """Return a frequency, rad/s, below which |S| has no peak above 1 for any loop with at least this K_v.
 
-    Without lag, a loop rings at sqrt(K_p/m) if this frequency exceeds (b + K_v)/(2 m). The function returns half of it,
-    as an allowance for the lag.
+    Without lag, a loop rings at sqrt(K_p/m) if this frequency exceeds (b + K_v)/(2 m). The function returns half of
+    this frequency, as an allowance for the lag.
 
     Parameters
     ----------

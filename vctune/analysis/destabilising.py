@@ -1,10 +1,10 @@
-"""Find the passive environment that makes a refuted loop grow in a hand (model/README.md, section 14).
+"""Find the passive environment with which the motion of a refuted loop grows in a hand (model/README.md, section 14).
 
 Where Re(Z_c + Z_seen) < 0, a spring or mass cancels the imaginary part. A damper in parallel supplies the missing
 resistance and thus holds a pole on the unit circle. The code removes the damper step by step and follows the pole. If
-the design just violates the constraint, the pole moves outwards. If the violation is large, the pole may come back, and
-some of the damper remains. The functions of the loop in a hand are analytic in theta, z = e^(j theta), so the same
-formulas describe the moving pole.
+the design just violates the constraint, the pole moves out of the unit circle until the damper is gone. If the
+violation is large, the pole may come back to the circle before that, and some of the damper remains. The functions of
+the loop in a hand are analytic in theta, z = e^(j theta), so the same formulas describe the moving pole.
 
 An impedance display requires the same steps with admittances. A spring or mass cancels the imaginary part of 1/Z_c +
 G_y/(1 + K_v F G_y). A damper in series holds the pole, and the code then removes this damper (section 15).
@@ -31,23 +31,23 @@ from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_
 from vctune.model.worlds import WorldRule, Worlds
 
 LEAST = 1e-7
-"""Least angle omega T for a spring, because at 0 no spring is soft enough. Half or twice this angle gives the same
-growth."""
+"""Least angle omega T for a spring, because at 0 no spring is soft enough. With half or twice this angle, the growth is
+the same."""
 NYQUIST = 1e-6
-"""Distance from pi within which no environment has a reactance, and none is needed. Half or twice this distance gives
-the same growth."""
+"""Distance from pi within which no environment has a reactance, and no reactance is needed. With half or twice this
+distance, the growth is the same."""
 FIRST, LAST = 0.125, 1e-4
 """Shares of the damper that the code removes in one step: the first share, and the least one. With half or twice these
 shares, the code follows the same poles."""
 FARTHEST = 0.2
-"""Greatest move of a pole in one step, relative to the pole's angle. Steps of half this size are more numerous; steps
-of twice this size may lead to another pole."""
+"""Greatest move of a pole in one step, relative to the pole's angle. With half this size, the code takes more steps;
+with twice this size, it may switch to another pole."""
 MOST = 64
 """Greatest number of steps along which the code follows a pole. Most poles take eight. With half or twice this number,
 the code follows the same poles."""
 GROWTH = 1e-10
-"""Growth per radian above which a motion counts as growing. This threshold exceeds the rounding error of Newton's
-method. Half or twice this threshold gives the same growth."""
+"""Growth per radian above which the code reports that a motion grows. This threshold exceeds the rounding error of
+Newton's method. With half or twice this threshold, the growth is the same."""
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
 """Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative. The
 difference gives the derivative with an error of 1e-10. With half or twice as many steps, the code follows the same
@@ -66,7 +66,7 @@ class GrowingEnvironment:
     growth : growth rate of the motion, 1/s, > 0
     omega : frequency of its oscillation, rad/s
     stiffness : stiffness of a spring in parallel with a mass, N/m, >= 0
-    rule, late : rule by which the firmware integrates it, and number of samples by which its force is late
+    rule, late : rule by which the firmware integrates the environment, and number of samples by which its force is late
     """
 
     kind: Literal["spring", "mass"]
@@ -87,7 +87,7 @@ class GrowingEnvironment:
 def destabilising(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float
 ) -> GrowingEnvironment | None:
-    """Return the environment with which a loop in a hand grows, given a frequency at which Re(Z_c + Z_seen) < 0.
+    """Return the environment with which the motion in a hand grows, given a frequency at which Re(Z_c + Z_seen) < 0.
 
     Parameters
     ----------
@@ -98,8 +98,8 @@ def destabilising(
     Returns
     -------
     GrowingEnvironment or None
-        It has no damper if the loop grows without one; None if no growing motion is found, as where the constraint
-        holds.
+        The environment has no damper if the motion grows without one. None if the code finds no growing motion, for
+        example where the constraint holds.
     """
     T, plant = device.sample_time, plant_in_hand(device, hand, delays_of(device), FLOATS)
 
@@ -114,7 +114,8 @@ def destabilising(
 def growing_in_worlds(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float, worlds: Worlds
 ) -> GrowingEnvironment | None:
-    """Return the environment of a box with which a loop in a hand grows, for a frequency where one puts a pole.
+    """Return the environment of a box with which the motion in a hand grows, for a frequency at which a member puts a
+    pole.
 
     Parameters
     ----------
@@ -126,8 +127,8 @@ def growing_in_worlds(
     Returns
     -------
     GrowingEnvironment or None
-        It has the least damping of the box if the motion grows with this damping. It has more damping if the loop of
-        an impedance display grows with the tool held. None if the motion grows with no member.
+        The environment has the least damping of the box if the motion grows with this damping. It has more damping if
+        the motion of an impedance display grows with the tool held. None if the motion grows with no member.
     """
     T, low = device.sample_time, worlds.low
     theta = min(max(omega * T, LEAST), pi - NYQUIST)
@@ -214,7 +215,7 @@ def growing_with(
     Returns
     -------
     GrowingEnvironment or None
-        It has no damper if the loop grows without one; None if no growing motion is found.
+        The environment has no damper if the motion grows without one. None if the code finds no growing motion.
     """
     theta = min(max(theta, LEAST), pi)
     reactance, at = alone(theta).imag if theta < pi - NYQUIST else 0.0, _warped(theta, sample_time).real
@@ -256,7 +257,7 @@ def _outwards(unbalance: Callable[..., complex], theta: float) -> tuple[float, f
 
 
 def _with_more(unbalance: Callable[..., complex], theta: float) -> tuple[float, float, float] | None:
-    """Return the same where the damper grows to twice its size."""
+    """Return the same as `_outwards`, while the damper grows to twice its size."""
     held: float = -unbalance(theta, damping=0.0).real
     found = _left_circle(lambda theta, *, damping: unbalance(theta, damping=2 * held - damping), theta, held)
     return None if found is None else (2 * held - found[0], *found[1:])

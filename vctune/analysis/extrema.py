@@ -15,15 +15,15 @@ from vctune.running import check_time
 Floats = NDArray[np.float64]
 
 POINTS_PER_DECADE = 60
-"""Points per decade of the grid; neighbours are 4 % apart. Half as many points would merge two minima within 8 % of
-each other. Twice as many points double the evaluations each time vctune judges a design."""
+"""Points per decade of the grid; neighbours are 4 % apart. With half as many points, two minima within 8 % of each
+other would merge. With twice as many, each judgement of a design takes twice as many evaluations."""
 ZOOMS = 3
-"""Number of rounds with a finer grid. Each round narrows an interval by a factor of 8. Half as many rounds leave an
-interval 23 times as wide, and give the frequency only to 1e-5. Twice as many rounds narrow the interval below what
-rounding permits for a minimum."""
+"""Number of rounds with a finer grid. Each round narrows the interval around a minimum by a factor of 8. With half as
+many rounds, the interval is 23 times as wide, and the frequency is known only to 1e-5. With twice as many rounds, the
+interval is narrower than rounding permits for a minimum."""
 ZOOM_POINTS = 17
-"""Number of points of a finer grid, including both ends. Half as many points narrow an interval 4 times in each round,
-and twice as many points 16 times."""
+"""Number of points of a finer grid, including both ends. With half as many points, each round narrows the interval by a
+factor of 4; with twice as many, by a factor of 16."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ def frequency_grid(
 ) -> Floats:
     """Return a logarithmic grid that contains both ends exactly.
 
-    Where its steps would exceed `widest`, they equal `widest`.
+    Where the steps of the grid would exceed `widest`, they equal `widest`.
 
     Parameters
     ----------

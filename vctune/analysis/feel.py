@@ -21,10 +21,11 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 FREE_HZ = (1.0, 10.0)
-"""Frequencies, Hz, at which mass and damping of free motion are evaluated: a slow reach, and the fastest voluntary
-motion of an arm."""
+"""Frequencies, Hz, at which the code evaluates mass and damping of free motion: that of a slow reach, and that of the
+fastest voluntary motion of an arm."""
 WALL_HZ = 10.0
-"""Frequency, Hz, at which the wall and the force path are evaluated: the upper end of voluntary motion and force."""
+"""Frequency, Hz, at which the code evaluates the wall and the force path: the upper end of voluntary motion and
+force."""
 SPEED = 0.1
 """Speed of the steady motion of the handle, m/s or rad/s."""
 HALF_POWER = sqrt(0.5)
@@ -40,9 +41,9 @@ NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Feel:
-    """Numbers that describe how a device feels, with a design or without a loop.
+    """Values that describe how a device feels, with a design or without a loop.
 
-    A number is None if it does not exist or if its frequency is above Nyquist.
+    A value is None if it does not exist or if its frequency is above Nyquist.
 
     Attributes
     ----------
@@ -53,7 +54,7 @@ class Feel:
     loop_latency : lag around the loop at low frequency, s; for a servo, the lag from its command to its motion
     force_latency : lag from the hand's force to the resulting velocity at `WALL_HZ`, s
     tracking_bandwidth : frequency up to which |G_he| is at least `HALF_POWER`, Hz, at most the Nyquist frequency; 0 if
-        there is none. For an impedance display it is the bandwidth of |A H/N|
+        there is no such frequency. For an impedance display, |A H/N| takes the place of |G_he|
     """
 
     mass: tuple[float | None, ...]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vctune.analysis.climb import climbed
 from vctune.analysis.extrema import Floats
 from vctune.analysis.loops_in_hands import PER_DECADE
 from vctune.model.device import Device
@@ -26,18 +27,16 @@ from vctune.model.sampled.hand_loop import (
     required_in_hand,
     seen_in_hand,
 )
-from vctune.model.sampled.plant_in_hand import ServoInHand, delays_of, plant_in_hand
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, ServoInHand, delays_of, plant_in_hand
 from vctune.model.sampled.several_devices import as_one
 from vctune.model.sampled.worlds.late_sides import open_sides
 from vctune.model.sampled.worlds.loop_in_walls import LEADS, disjuncts_in_walls, strip_in_walls
 from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen, disjuncts, offered_at, posed, room_of
 from vctune.model.worlds import WorldsMet
-from vctune.running import check_time
 
-ROUNDS = 22
-"""Number of refinement steps. Each step moves to the best neighbour or halves the distance, down to 1e-4 of the first
-distance. The square of this distance affects the ratio. Half as many steps reach 1e-2, and the prover would then have
-to find the exact hand."""
+FIRST_STEP = 0.2
+"""First step of the search for the worst hand, in the square roots of the shares of a hand's ranges. With half or twice
+this step, vctune finds the same designs."""
 DRIVEN = 1e6
 """Value of 1/ratio above which a coupling supplies energy where it must absorb energy. With half or twice this value,
 vctune finds the same designs."""
@@ -57,10 +56,10 @@ def needs_in_worlds(
 
     At least one of the margins must be positive (`model.sampled.worlds.loop_in_worlds`).
 
-    For the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling, it is g times
-    the resistance that this share and the environment give, divided by what the loop lacks. For a reactance, it is g
-    times the exponential of its relative reserve. In either case a ratio of g suffices, and a greater ratio leaves a
-    reserve.
+    For the margin of the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling,
+    the ratio is g times the resistance that this share and the environment give, divided by the resistance that the
+    loop lacks. For the margin of a reactance, the ratio is g times the exponential of the margin's relative reserve. In
+    every case a ratio of g suffices, and a greater ratio leaves a reserve.
 
     Parameters
     ----------
@@ -214,8 +213,7 @@ def hardest_near(
     starts: PlacesInHands,
     met: WorldsMet | None = None,
 ) -> tuple[Floats, PlacesInHands]:
-    """Move from places to the greatest 1/ratio near them, all together, in log theta and in the square root of each
-    share.
+    """Climb from places to the greatest 1/ratio near them, in log theta and in the square root of each share.
 
     Parameters
     ----------
@@ -230,37 +228,49 @@ def hardest_near(
     need : 1/ratio, shape (n,)
     places : n angles, each with a hand
     """
-    device, delays = as_one([devices] if isinstance(devices, Device) else devices, (-1, 1, 1))
+    each = [devices] * len(starts) if isinstance(devices, Device) else devices
+    device, delays = as_one(each, (-1, 1, 1))
+    numbers = {device: number for number, device in enumerate(each)}
+    # the places of one device and one design compete
+    owners = [numbers[device] for device in each] if np.ndim(gains.velocity) == 0 else range(len(starts))
     low, width = np.array([(low, high - low) for low, high in hands.ranges.values()]).T
-    theta, count = starts.at, len(width)
-    safe = np.where(width > 0, width, 1.0)
-    share = np.sqrt((np.array([*starts.hands.numbers.values()]) - low[:, None]) / safe[:, None])
-    step_hand, step_angle = np.full(theta.size, 0.2), np.full(theta.size, 2.3 / PER_DECADE)
     # what a hand requires of a servo is convex in the hand: a search that starts at a vertex stays there
     at_vertices = device.servo is not None and met is None
-    offsets = np.zeros((count, 1)) if at_vertices else np.array(list(product((-1, 0, 1), repeat=count))).T
-    turns = np.array([-1, 0, 1])
-    best, plant = np.full(theta.size, -inf), None
-    for _ in range(ROUNDS):
-        check_time()
-        near = np.clip(share[:, :, None] + offsets[:, None, :] * step_hand[:, None], 0.0, 1.0)
-        angle = np.minimum(theta[:, None] * np.exp(turns * step_angle[:, None]), np.pi)
-        hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))
-        if isinstance(plant, ServoInHand):  # a hand cannot move a servo
-            plant = replace(plant, hand=hand)
+    free = np.flatnonzero((width > 0) & (not at_vertices))
+    combinations = np.array([*product(range(3), repeat=free.size)], int).T
+    beyond = np.array([*starts.hands.numbers.values()]) - low[:, None]
+    starting = np.sqrt(beyond / np.where(width > 0, width, 1.0)[:, None])
+    servo = plant_in_hand(device, hands.low, delays, FLOATS) if device.servo is not None else None
+
+    def hand_at(roots: Floats) -> Hand:
+        """Return the hands with given square roots of their shares of the box, shape (3, n, ...)."""
+        return Hand(*(least + wide * root**2 for least, wide, root in zip(low, width, roots, strict=True)))
+
+    def needs(nodes: Floats) -> Floats:
+        """Return 1/ratio at each combination of the nodes of the roots and of the logarithm of the angle's factor."""
+        roots = np.repeat(starting[:, :, None], combinations.shape[1], axis=2)
+        for which, place, each in zip(free, combinations, nodes[:-1], strict=True):
+            roots[which] = each[:, place]
+        hand, theta = hand_at(roots[..., None]), np.minimum(starts.at[:, None] * np.exp(nodes[-1]), pi)[:, None, :]
+        if isinstance(servo, ServoInHand):  # a hand cannot move a servo
+            plant: AnyPlantInHand = replace(servo, hand=hand)
         else:
             plant = plant_in_hand(device, hand, delays, FLOATS)
-        loop = loop_in_hand(plant, angle[:, None, :], FLOATS)
-        need = needs_in_hands(loop, device, gains, coupling, angle[:, None, :], met).reshape(theta.size, -1)
-        need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator counts as no requirement
-        at = np.argmax(need, axis=1)
-        rows, (which, turn) = np.arange(theta.size), np.unravel_index(at, (offsets.shape[1], 3))
-        better = need[rows, at] > best
-        moved_hand = better & np.any(offsets[:, which] != 0, axis=0)
-        moved_angle = better & (turns[turn] != 0)
-        best = np.maximum(best, need[rows, at])
-        share = np.where(better, near[:, rows, which], share)
-        theta = np.where(better, angle[rows, turn], theta)
-        step_hand = np.where(moved_hand, step_hand, step_hand / 2)
-        step_angle = np.where(moved_angle, step_angle, step_angle / 2)
-    return best, PlacesInHands(theta, Hand(*(low[:, None] + width[:, None] * share**2)))
+        loop = loop_in_hand(plant, theta, FLOATS)
+        return needs_in_hands(loop, device, gains, coupling, theta, met).reshape(starts.at.size, -1)
+
+    shares = starting[free]
+    need, climb = climbed(
+        needs,
+        np.vstack((shares, np.zeros(starts.at.size))),
+        low=np.vstack((np.zeros_like(shares), np.full(starts.at.size, -inf))),
+        high=np.vstack((np.ones_like(shares), np.log(pi / starts.at))),
+        steps=np.array([*np.full(free.size, FIRST_STEP), 2.3 / PER_DECADE]),
+        groups=[*np.zeros(free.size, int), 1],
+        owners=owners,
+        enough=1.0,
+        smooth=met is None,  # of several margins one must be positive, so that their maximum has kinks
+    )
+    roots = starting.copy()
+    roots[free] = climb[:-1]
+    return need, PlacesInHands(np.minimum(starts.at * np.exp(climb[-1]), pi), hand_at(roots))

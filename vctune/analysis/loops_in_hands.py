@@ -1,6 +1,6 @@
 """Evaluate loops in some hands of a box at some angles, in double precision.
 
-The search for the worst hand starts from them.
+The search for the worst hand starts from these loops.
 """
 
 from __future__ import annotations
@@ -24,15 +24,16 @@ from vctune.model.sampled.worlds.loop_in_worlds import Seen
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
 """Shares of each range of hands that the search evaluates first. The worst hand is usually at an end, and near 0 the
-required resistance changes quickly. Half or twice as many shares lead to the same designs, in more rounds or in more
-time."""
+required resistance changes quickly. With half as many shares, the search needs more rounds for the same designs; with
+twice as many, more time."""
 LOWEST, PER_DECADE = 1e-4, 24
 """Least angle omega T above 0, and number of angles per decade. Values below the least angle equal their limit to 1e-8.
-Half as many angles may miss one of two neighbouring extrema. Twice as many angles take twice the time."""
+With half as many angles, the search may miss one of two neighbouring extrema. With twice as many, it takes twice the
+time."""
 SOFT = np.geomspace(1e-12, 1.0, 97)
-"""Shares of the range of stiffness that the search evaluates at angle 0. At this angle, a late loop in a soft spring
-requires drag. The required drag is greatest for a stiffness of about K_p, which is small in slow loops. Half or twice
-as many shares lead to the same hand after refinement."""
+"""Shares of the range of stiffness that the search evaluates at angle 0. At this angle, a loop with a delay requires
+drag in a hand with a soft spring. The required drag is greatest for a stiffness of about K_p, which is small in slow
+loops. With half or twice as many shares, the search finds the same hand after refinement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +157,8 @@ def angles(device: Device, per_decade: int) -> Floats:
 
 @lru_cache(maxsize=64)
 def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHands:
-    """Return the loop of a device at angle 0 in soft springs. The spring that requires the most depends on the gains.
+    """Return the loop of a device at angle 0 in hands with soft springs. The spring that requires the most depends on
+    the gains.
 
     Parameters
     ----------

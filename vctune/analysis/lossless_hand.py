@@ -1,9 +1,9 @@
-"""Find the lossless hand in which a refused impedance display grows (model/README.md, section 15).
+"""Find the lossless hand in which the motion of a refused impedance display grows (model/README.md, section 15).
 
 The disc of any hand is a sum of discs, one for each alias of the frequency. At the worst point of the sum, each of
 these discs is at its edge. To reach all these edges, the hand must have a certain reactance at each alias. By Foster's
 theorem, a mass or a spring with resonators can have these reactances at any number of aliases. In this hand, the search
-for the environment with which the exact sampled loop grows is the same as in a hand of a box.
+for the environment with which the motion of the exact sampled loop grows is the same as in a hand of a box.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from vctune.model.sampled.impedance_display import firmware_filter, spring_dampe
 TURNED = (1, 3, 5, 9, 17, 33)
 """Numbers of aliases, the nearest first, at which the hand has the worst reactance. The search uses the least number
 that suffices. Among designs that violate the constraint by 1 % or more, one in 160 needs 33 aliases. With every second
-of these numbers, or with twice as many, the search finds hands for the same other designs."""
+of these numbers, or with twice as many, the search finds hands for the same designs."""
 DETUNED = (0.1, 1e-2, 1e-3, 1e-4)
 """Relative distances of a resonator from its alias. With a smaller distance, the resonator acts less at other aliases,
-and a motion grows more slowly. With half as many distances, the motion that the search finds grows up to eight times
-more slowly. With twice as many, the search finds a hand for one more design in 60."""
+and a motion grows more slowly. With half as many distances, the motion in the hand that the search finds grows up to
+eight times more slowly. With twice as many, the search finds a hand for one more design in 60."""
 SUMMED = 250
-"""Number of aliases on either side that the code sums for the hand's response; the rest is below 1e-5. Half or twice as
-many aliases give the same growth to four digits."""
+"""Number of aliases on either side that the code sums for the hand's response; the rest is below 1e-5. With half or
+twice as many aliases, the growth is the same to four digits."""
 FROM_ENDS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
 """Distances, rad, from 0 Hz and from Nyquist at which the code searches for a hand, because nothing grows at these
-ends. The search ends at the first success. Half or twice as many distances find hands for the same designs, with a
-sixth to six times the growth."""
+ends. The search ends at the first success. With half or twice as many distances, the search finds hands for the same
+designs, with a sixth to six times the growth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class LosslessHand:
 def growing_in_any_hand(
     device: Device, gains: Gains, coupling: SpringDamper
 ) -> tuple[LosslessHand, GrowingEnvironment] | None:
-    """Return the simplest lossless hand, and the environment, with which an impedance display grows.
+    """Return the simplest lossless hand, and the environment, with which the motion of an impedance display grows.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def growing_in_any_hand(
     Returns
     -------
     tuple or None
-        The hand excludes the least operator. None if nothing grows, for example where the constraint holds.
+        The hand excludes the least operator. None if no motion grows, for example where the constraint holds.
     """
     with np.errstate(all="ignore"):
         places = list(_places(device, gains, coupling))
@@ -95,9 +95,9 @@ def growing_in_any_hand(
 def _growing_in(
     device: Device, gains: Gains, coupling: SpringDamper, hand: LosslessHand, theta: float
 ) -> GrowingEnvironment | None:
-    """Return the environment with which a loop grows in a hand.
+    """Return the environment with which the motion grows in a hand.
 
-    The value of the environment is 0 if the loop of K_v alone grows.
+    The value of the environment is 0 if the motion of the loop of K_v alone grows.
     """
 
     def loop(theta: complex) -> complex:

@@ -18,30 +18,31 @@ from vctune.model.numbers.pair import Pair
 
 BISECTIONS = 40
 """Number of bisections of an interval of the grid. The bisections narrow an interval to 1e-12, which the output does
-not show. Half as many bisections would reach 1e-6, which the output would show. Twice as many reach rounding errors."""
+not show. Half as many bisections would narrow it to 1e-6, which the output would show. Twice as many would reach
+rounding errors."""
 MARGIN_POINTS_PER_DECADE = 100
-"""Number of points per decade of the grid for crossings. Half as many points may miss two crossings within 5 %. Twice
-as many points take twice the time."""
+"""Number of points per decade of the grid for crossings. With half as many points, the code may miss two crossings
+within 5 % of each other. With twice as many, it takes twice the time."""
 DECADES_BELOW_NYQUIST = 7
 """Number of decades below Nyquist that the code searches. Only a loop with a bandwidth of a millionth of its sampling
-rate has a crossover that far below. Half as many decades miss crossovers of slow loops. Twice as many decades bring
-nothing."""
+rate has a crossover that far below. With half as many decades, the code misses crossovers of slow loops. With twice as
+many, it finds no further crossovers."""
 STEPS, FARTHEST = 16, 32
 """Number of steps in which the code increases the delay to its estimated margin, and the multiple of this margin at
-which it stops. With half as many steps, the code may skip an unstable interval of delays that is twice as long. Twice
-as many take twice the time."""
+which it stops. With half as many steps, the code may skip an unstable interval of delays that is twice as long. With
+twice as many, it takes twice the time."""
 NEWTON_STEPS = 8
 """Number of Newton's steps. After ten bisections, quadratic convergence takes three steps. The other steps serve a
-double crossing, where convergence is linear. Half as many steps suffice for a simple crossing. Twice as many steps
-reach rounding errors."""
+double crossing, where convergence is linear. Half as many steps would suffice for a simple crossing. Twice as many
+would reach rounding errors."""
 DIFFERENCE = 1e-6
 """Step of the central differences in Newton's method, in log omega and in delay over sample time. The differences have
 an error of 1e-12 and a rounding error of 1e-10. Errors of this size slow the method down but do not change its limit.
-Half or twice this step does not change the limit either."""
+With half or twice this step, the limit is the same."""
 FARTHEST_CORRECTION = 0.05
 """Greatest share of the delay by which Newton's method may correct a bisection. The bisection is correct to 1e-4 of the
-estimate. A larger correction means that the method has found another crossing. Half or twice this share gives the same
-decisions."""
+estimate. A larger correction means that the method has found another crossing. With half or twice this share, the
+decisions are the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +51,8 @@ class Margins:
 
     Attributes
     ----------
-    gain : factor on L, nearest to 1, that makes the loop unstable
-    phase : phase, rad, nearest to 0, that makes the loop unstable
+    gain : factor on L, nearest to 1, that makes the loop unstable phase : phase, rad, nearest to 0, that makes the loop
+        unstable
     delay : least additional delay of the device, s, that makes the sampled loop unstable
     """
 

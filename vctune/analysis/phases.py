@@ -87,8 +87,7 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
 def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of q = F_s G_he, with G_he = P_hu C_0/(1 + P_mu C_f).
 
-    The feedback, 1/(1 + P_mu C_f), compensates most of the lag within the loop. The feedback does not compensate the
-    lag of the force sensor.
+    The feedback, 1/(1 + P_mu C_f), compensates most of the lag within the loop, but not the lag of the force sensor.
 
     Parameters
     ----------
@@ -103,7 +102,7 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     shares |= _law_phase(gains, omega)
     shares |= _drive_phases(device, omega)
     idle, e = _without_loop(known), _number(known.factor)
-    shares[MECHANISM] = _angle(e / idle) - _angle(e)  # separate: beyond a resonance it passes -180 deg
+    shares[MECHANISM] = _angle(e / idle) - _angle(e)  # separate: beyond a resonance this phase passes -180 deg
     shares[FEEDBACK] = -_angle(_number(known.D.closed(gains)) / idle)
     return Phases(omega, shares)
 

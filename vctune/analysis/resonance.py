@@ -12,12 +12,13 @@ from vctune.model.device import Device
 
 RESONANCE_REACH, NARROWEST = 1.1, 2e-3
 """Range around a structure's resonances in which the relative spacing of the grid is half their damping ratio, and the
-finest relative spacing. Half or twice this range leads to the same decisions, because the loop moves a resonance to a
-place between the two. A grid half as fine may miss a resonance between two frequencies; the proof would then find it. A
-grid twice as fine takes twice the time in this range."""
+finest relative spacing. With half or twice this range, the decisions are the same, because the loop moves a resonance
+to a place between that of the handle alone and that of both masses. With a grid half as fine, the code may miss a
+resonance between two frequencies, and the proof has to find it. With a grid twice as fine, the code takes twice the
+time in this range."""
 NARROWER = 6.0
 """Number of points that a drawn curve has within the width of a resonance. With half as many points, the curve shows
-corners. Twice as many points double the length of the file."""
+corners. With twice as many, the file is twice as long."""
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:

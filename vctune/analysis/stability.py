@@ -26,23 +26,23 @@ from vctune.model.sampled.velocity_loop import ReturnDifference, return_differen
 FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46
 """Grid for counting turns. Neighbouring angles are 5 % apart. The chord between two points of the curve passes 0 on the
 same side as the curve, unless the curve is too close to 0 (`TOO_CLOSE`). A loop slower than the first angle has too
-little lag to turn. With half as many angles, the proof must decide more loops. Twice as many double the time of a
-scan."""
+little lag to turn. With half as many angles, the proof must decide more loops. With twice as many, a scan takes twice
+the time."""
 TOO_CLOSE = 0.03
 """Least |F| with which the code relies on the grid. This value is slightly less than the distance of neighbouring
 angles. With half this value, chords may pass 0 on the wrong side. With twice this value, the proof must decide more
 loops. In either case no verdict is wrong, because the proof decides."""
 LARGEST_TURN = 1.0
 """Greatest turn of F between neighbouring angles for which the code relies on the grid, rad. It is well below half a
-turn, at which the direction would be ambiguous. Half this value leaves more loops to the proof, and twice this value
-fewer."""
+turn, at which the direction would be ambiguous. With half this value, the code leaves more loops to the proof; with
+twice this value, fewer."""
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
 """Number of points, and number of rounds, in the search along a segment of gains for a pole's crossing. The search
-locates the crossing to 1/32768 of the segment. A cut need not be closer, because several cuts follow. Half as many
-points reach 1/4096, and twice as many 1/262144."""
+locates the crossing to 1/32768 of the segment. A cut need not be closer to the boundary, because further cuts follow.
+With half as many points, the search locates the crossing to 1/4096; with twice as many, to 1/262144."""
 DIFFERENCE = 1e-4
 """Relative step of the central difference in theta that gives the direction of a cut. The difference has an error of
-1e-8 and a rounding error of 1e-12. Half or twice this step gives the same direction."""
+1e-8 and a rounding error of 1e-12. With half or twice this step, the direction is the same."""
 
 Curve = Callable[[Floats, Floats, Floats], Complex]
 """The function F(theta, K_v, K_p) = 1 + loop gain, affine in the gains; theta is omega T, rad."""
@@ -180,8 +180,8 @@ class Cut:
 def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -> Cut | None:
     """Return the tangent to the stability boundary between a stable and an unstable pair of gains.
 
-    On the boundary F(theta) = 0 for some theta. Since theta changes along the boundary, its tangent is where dF is
-    parallel to dF/dtheta. The function examines both the sampled loop and the frequency model.
+    On the boundary F(theta) = 0 for some theta. Since theta changes along the boundary, the tangent is the direction of
+    the gains in which dF is parallel to dF/dtheta. The function examines both the sampled loop and the frequency model.
 
     Parameters
     ----------

@@ -109,7 +109,7 @@ def bound(
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem; it must leave at least one number free
+    problem : path of a problem file, its tables as a dict, or the problem; it must leave at least one variable free
     design : the result of `solve`, or the path of a design.json; None to solve the problem first
     gap : the search ends when the design's error is at most (1 + gap) times the bound
     jobs : number of threads
@@ -126,7 +126,7 @@ def bound(
     Raises
     ------
     InputError
-        If the problem is invalid or fixes every number, or the design belongs to another problem or is not proved.
+        If the problem is invalid or fixes every variable, or the design belongs to another problem or is not proved.
     """
     require_gap(gap)
     file = require_bounded(require_free(problem_of(problem)))
@@ -155,7 +155,7 @@ def bound(
 
 
 def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
-    """Return a problem; refuse a problem that leaves no number free.
+    """Return a problem; refuse a problem that leaves no variable free.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
     Raises
     ------
     InputError
-        If the problem fixes every number.
+        If the problem fixes every variable.
     """
     if file.problem.bounds.fixed:
         raise InputError.of(file.source, "nothing-free", f"fixes every number: there is nothing to {purpose}; free one")

@@ -45,7 +45,7 @@ def check(
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
     gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None if the problem fixes every
-        number
+        variable
     coupling : coupling of the design, N s/m and kg
     time_limit : seconds after which all unproved claims are undecided
 

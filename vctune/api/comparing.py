@@ -83,7 +83,7 @@ def _alike(a: Problem, b: Problem) -> bool:
 def _same(a: Transparency, b: Transparency) -> bool:
     """Return whether two yardsticks are equal.
 
-    The last digits of a number may differ if one problem states the number and the other takes the default.
+    The last digits of a value may differ if one problem states the value and the other takes the default.
     """
     numbers = [(yardstick.band.min, yardstick.band.max, yardstick.reference_impedance) for yardstick in (a, b)]
     close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))

@@ -71,7 +71,7 @@ def export(
     coupling : coupling of the design, N s/m and kg
     to : "c" for C source with vectors to replay, "fmu", "json", or "ros2" for the parameters of an
         admittance_controller
-    precision : precision of the firmware's numbers
+    precision : precision of the firmware's constants
     unproved : whether to also export a design that is not proved. The head of every file then says that it is not
     progress : function that receives the current stage
 

@@ -41,7 +41,7 @@ class Identification:
     found : fits, box and distances
     record : the object of identification.json
     text : text of device.toml
-    excitation : a multisine that would reduce the uncertainty of the numbers; None if the user did not request it
+    excitation : a multisine that would reduce the uncertainty of the parameters; None if the user did not request it
     """
 
     found: Identified
@@ -70,7 +70,7 @@ def identify(
     logs : CSV files, plain or .gz, all from the same device
     config : the log.toml that assigns the columns; None if the headers name them
     servo : whether the recordings contain a servo's command and position
-    excitation : whether to suggest a multisine that would reduce the uncertainty of the numbers
+    excitation : whether to suggest a multisine that would reduce the uncertainty of the parameters
     progress : function that receives the current stage
 
     Returns

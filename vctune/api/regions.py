@@ -49,7 +49,7 @@ picture. With half as many seconds, the command would end late."""
 
 @dataclass(frozen=True, slots=True)
 class AdmissibleGains:
-    """The plane of two design variables, or of two numbers of environments, with the verdict on each cell.
+    """The plane of two design variables, or of two parameters of environments, with the verdict on each cell.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ def region(
     problem : path of a problem file, its tables as a dict, or the problem
     x, y : dotted keys of two free variables; None for K_v and K_p, or for b_c and k_c of an impedance display. If other
         variables are free, a cell is feasible if some of their values within their bounds suffice. If x and y are
-        numbers of an environment, the region has the environments that may be rendered in every hand of the problem
+        parameters of an environment, the region has the environments that may be rendered in every hand of the problem
     gains, coupling : the design that renders the environments, or its file; None for the problem's own design. The
         picture of a plane of design variables marks this design
     resolution : side of the smallest cell as a share of the plane's side, 1/2048 to 1/8

@@ -30,14 +30,15 @@ def solve(
 ) -> Solved:
     """Find the most transparent feasible design and prove it.
 
-    If the problem fixes every number, judge the fixed design.
+    If the problem fixes every variable, judge the fixed design.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
     gap : share by which a better design's error could be lower; the function proves that it is not lower by more. None
         for no such proof
-    prices : whether to compute the prices: how much the error would fall if a number of the device were better by 1 %
+    prices : whether to compute the prices: how much the error would fall if a parameter of the device were better by 1
+        %
     changing : whether to look, in a certified design, whether the damping of the hand may change at every sample
     time_limit : seconds after which the function returns the result so far; `cut` then names the missing parts
     progress : function that receives the current stage
@@ -46,7 +47,7 @@ def solve(
     -------
     Solved
         `status`, and `judgement`, the best design and its proved claims. Without a design `judgement` is None; `reason`
-            says why, and `repairs` has the changes of one number that give a design, the least error first. `prices`,
+            says why, and `repairs` has the changes of one value that give a design, the least error first. `prices`,
             if requested, has the greatest gain first.
 
     Raises
@@ -91,13 +92,13 @@ def require_bounded(file: ProblemFile) -> ProblemFile:
     Raises
     ------
     InputError
-        If the environments run late or by Euler's rules, or an impedance display renders a box of them.
+        If the environments run late or by Euler's rules.
     """
     worlds = file.problem.worlds
-    if worlds is not None and (not worlds.lossless or file.problem.device.kind.inverse):
+    if worlds is not None and not worlds.lossless:
         message = (
-            "environment: no lower bound on the error is known for environments that run late or by Euler's rules, nor "
-            "on an impedance display; leave the table out, for a bound with every passive environment"
+            "environment: no useful lower bound on the error is known for environments that run late or by Euler's "
+            "rules; leave the table out, for a bound with every passive environment"
         )
         raise InputError.of(file.source, "no-bound", message)
     return file

@@ -114,7 +114,7 @@ def sweep(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem; without `axes` the path of a study file
-    axes : numbers of the problem by dotted key, each with its values: a list or an array, `{"linear": [a, b], "n": n}`
+    axes : values of the problem by dotted key, each with its values: a list or an array, `{"linear": [a, b], "n": n}`
         or `{"log": [a, b], "n": n}`, in the units of the problem file
     sample : `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
         hypercube; or `{"kind": "list"}`, the axes' lists side by side
@@ -157,7 +157,7 @@ def front(
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem; it must leave a number free
+    problem : path of a problem file, its tables as a dict, or the problem; it must leave a variable free
     folder, jobs, executor, time_limit : see `sweep`
     bar : function that shows the progress of each of the two sweeps
 
@@ -168,7 +168,7 @@ def front(
     Raises
     ------
     InputError
-        If the problem is invalid or fixes every number, or the folder cannot be written.
+        If the problem is invalid or fixes every variable, or the folder cannot be written.
     """
     file = require_free(problem_of(problem), "trade")
     studies = [terms_study(file.document, file.problem)]

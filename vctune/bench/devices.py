@@ -17,7 +17,7 @@ MOST_DELAY = 150.0
 
 
 def device(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
-    """Return the device with a given number in the series of a seed, as a document and as a problem.
+    """Return the device with a given index in the series of a seed, as a document and as a problem.
 
     The function replaces an invalid problem by another draw.
 

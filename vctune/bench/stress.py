@@ -59,7 +59,7 @@ class Row:
     float_error : largest relative error of the float formulas against 50 digits, over Re Z_c/R, |G_hh|, |1 - G_he| and
         |Z_c|; nan without a design
     reason : remark on a device that has no answer or a wrong one; else ""
-    device : numbers of such a device; else ""
+    device : parameters of such a device; else ""
     """
 
     number: int

@@ -1,4 +1,4 @@
-"""Measure how long an answer takes for random devices with uncertain numbers, under the default criterion."""
+"""Measure how long an answer takes for random devices with uncertain parameters, under the default criterion."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Row:
 
     Attributes
     ----------
-    mass, damping, sample_time, delay : numbers of the device, SI units
-    uncertain : the uncertain numbers with their relative half-widths
+    mass, damping, sample_time, delay : parameters of the device, SI units
+    uncertain : the uncertain parameters with their relative half-widths
     status : certified, infeasible, undecided, or late: no answer within `PATIENCE`
     seconds : processor time of the solve
     error : error of the design; nan if there is none
@@ -84,9 +84,9 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
 
 def drawn(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
-    """Return the device with a given number in the series of a seed, as a document and as a problem.
+    """Return the device with a given index in the series of a seed, as a document and as a problem.
 
-    The combinations of uncertain numbers take turns.
+    The combinations of uncertain parameters take turns.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def solved(seed: int, number: int) -> Row:
     Returns
     -------
     Row
-        The device's numbers, status and time.
+        The device's parameters, status and time.
     """
     document, problem = drawn(seed, number)
     uncertain = ", ".join(f"{key} {width:g}" for key, width in document["uncertainty"].items())

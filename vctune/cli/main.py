@@ -63,7 +63,7 @@ def main() -> None:
 def execute() -> int:
     """Run the command line and return one of the codes in `ExitCode`.
 
-    KeyboardInterrupt is the only exception that it raises.
+    KeyboardInterrupt is the only exception that this function raises.
     """
     try:
         code = main(standalone_mode=False)

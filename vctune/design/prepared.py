@@ -32,7 +32,7 @@ class Units:
     error: float
 
     def to_si(self, values: Point) -> Point:
-        """Return a design's numbers in SI units."""
+        """Return a design's variables in SI units."""
         (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
         if len(others) == 1:  # for an impedance display only k_c follows b_c
             return (K_v * Z, K_p * Z / T, b_c * Z, others[0] * Z / T)
@@ -44,7 +44,7 @@ class Units:
         return Gains(gains.velocity / self.impedance, gains.position * self.time / self.impedance)
 
     def to_dimensionless(self, values: Point) -> Point:
-        """Return a design's numbers in the optimiser's units."""
+        """Return a design's variables in the optimiser's units."""
         (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
         if len(others) == 1:  # for an impedance display only k_c follows b_c
             return (K_v / Z, K_p * T / Z, b_c / Z, others[0] * T / Z)
@@ -64,7 +64,7 @@ class Posed:
     ----------
     problem : problem in SI or in the optimiser's units
     cases : one problem for each exactly known device: the nominal device, or the vertices of an uncertain box; also the
-        copies of these with a delay beside a whole number of samples, if the constraints must hold there
+        copies of these with a delay just below or at a whole number of samples, if the constraints must hold there
     hand_cases : problems of the devices that the search evaluates in hands: those of `cases`, and for an uncertain
         delay more devices with delays next to whole samples; empty if the problem has no claim in hands
     objective : problems of the devices whose greatest error is the objective
@@ -219,8 +219,8 @@ def acting_terms(problem: Problem) -> tuple[TermName, ...]:
 def of_one_device(problem: Problem) -> Problem | None:
     """Return a problem of an exactly known device with the same feasible couplings; None if there is none.
 
-    An uncertain device has such a counterpart if each of its uncertain numbers matters only in sum with the same number
-    of the hand (`vctune.proof.device_box`), and if K_v is 0.
+    An uncertain device has such a counterpart if each of its uncertain parameters matters only in sum with the same
+    parameter of the hand (`vctune.proof.device_box`), and if K_v is 0.
     """
     box = pose(problem).box
     if box is None:
@@ -232,7 +232,7 @@ def of_one_device(problem: Problem) -> Problem | None:
 
 
 def with_device(problem: Problem, device: Device) -> Problem:
-    """Return the problem of another device with exactly known numbers.
+    """Return the problem of another device with exactly known parameters.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ class Reactions:
     ----------
     theta, u : omega T, rad, and (2/T) tan(theta/2), rad/s, shape (n,)
     device : index of the device for each curve, shape (curves,)
-    hands : hand of each curve, with numbers of shape (curves,)
+    hands : hand of each curve, with parameters of shape (curves,)
     share : share of the coupling for each curve
     damping, reactance : damping and reactance of the environment, N s/m, shape (curves, n)
     """

@@ -70,7 +70,7 @@ class Polished:
     Attributes
     ----------
     start : the start from which the exchange reached the optimum
-    values : the numbers of the design
+    values : the variables of the design
     error : transparency error
     structure, working_set, solution : the last NLP, its working set, and the point at which IPOPT stopped
     tightening : relative tightening of the constraints
@@ -89,7 +89,7 @@ class Polished:
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """A change of one number of the problem file that makes a design possible, while 90 % of the change does not.
+    """A change of one value of the problem file that makes a design possible, while 90 % of the change does not.
 
     If the old number is 0, any other value may suffice, and the repair is then a small value. If the number is a gain
     of a given design, the repair is not the least change: it is the value with the least error, or the value of the
@@ -126,7 +126,8 @@ class Repair:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """The effect on the least error of improving one number of the device while the rest of the problem stays the same.
+    """The effect on the least error of improving one parameter of the device while the rest of the problem stays the
+    same.
 
     Attributes
     ----------
@@ -177,7 +178,7 @@ class Solved:
         uncertain
     repairs : changes of the problem that would make a design possible; None if not requested
     alternatives : least errors under each criterion alone; None if the problem has one criterion or if not requested
-    prices : prices of the device's numbers, the greatest gain first; None if not requested or without an optimum
+    prices : prices of the device's parameters, the greatest gain first; None if not requested or without an optimum
     changing : what is known of hands whose damping changes; None if not requested or not examined
     cut : stages that the time limit cut short, in words
     """

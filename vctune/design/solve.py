@@ -38,8 +38,8 @@ twice as many it proves only a few more. SEARCH_GAP is the gap at which the sear
 STABILITY_BOXES = 1_500_000
 """Greatest number of boxes in the proofs that loops are stable or unstable. Each of these boxes takes a tenth of the
 time of a box with a lower bound. The problems of problems/ need about as many stability boxes as boxes with a lower
-bound. A loop with a sample time of half an hour needs more than a hundred times as many. Half or twice this number
-takes half or twice the time before the search ends without a result."""
+bound. A loop with a sample time of half an hour needs more than a hundred times as many. With half or twice this
+number, the search takes half or twice the time until it ends without a result."""
 EARLY_BOXES = 20_000
 """Greatest number of boxes in a first search, which tries to prove that there is no design before the optimiser runs.
 This number is a small share of `SEARCH_BOXES`. The later search continues where the first one ended, so no work is
@@ -54,8 +54,8 @@ or a time limit ends the search earlier, the result has the bound reached so far
 def solve(
     problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None, exhaustive: bool = True
 ) -> Solved:
-    """Find the most transparent feasible design and prove it. If the problem fixes every number of a design, judge this
-    one.
+    """Find the most transparent feasible design and prove it. If the problem fixes every variable of a design, judge
+    this one.
 
     If the optimiser finds no design, a search over all designs (`vctune.design.bound`) finds one, proves that there is
     none, or ends without a result. If the device is uncertain, the function also solves the problem for the nominal

@@ -12,7 +12,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Problem, Range
 
 Point = tuple[float, ...]
-"""The numbers of a design in their order.
+"""The variables of a design in their order.
 
 For an admittance display or a servo they are K_v, K_p, b_c, m_c and b_0. With walls, the corner frequency w_c of the
 multiplier follows. For an impedance display they are K_v, K_p (always 0), b_c and k_c.
@@ -22,12 +22,12 @@ CORNER = 5
 
 
 def keys_for(problem: Problem) -> tuple[str, ...]:
-    """Return the keys of the numbers of a problem's designs, in order."""
+    """Return the keys of the variables of a problem's designs, in order."""
     return problem.device.kind.keys
 
 
 def point(gains: Gains, coupling: AnyCoupling) -> Point:
-    """Return the numbers of a design in the order of `Point`.
+    """Return the variables of a design in the order of `Point`.
 
     Parameters
     ----------
@@ -37,17 +37,17 @@ def point(gains: Gains, coupling: AnyCoupling) -> Point:
 
 
 def design_of(values: Point) -> tuple[Gains, AnyCoupling]:
-    """Return gains and coupling from their numbers."""
+    """Return gains and coupling from their parameters."""
     return Gains(*values[:2]), coupling_from(values[2:CORNER])
 
 
 def coupling_from(values: Sequence[Number]) -> AnyCoupling:
-    """Return a coupling from its numbers: b_c, m_c and b_0, or b_c and k_c."""
+    """Return a coupling from its parameters: b_c, m_c and b_0, or b_c and k_c."""
     return Coupling(*values) if len(values) == len(fields(Coupling)) else SpringDamper(*values)
 
 
 def ranges(problem: Problem) -> tuple[Range, ...]:
-    """Return the ranges of a design's numbers in the order of `Point`."""
+    """Return the ranges of a design's variables in the order of `Point`."""
     return tuple(getattr(problem.bounds, name) for name in problem.device.kind.names)
 
 
@@ -57,7 +57,7 @@ class Coordinate:
 
     Attributes
     ----------
-    index : index of the variable among a design's numbers
+    index : index of the variable among a design's variables
     name : name of the variable
     scale : 0, or the size below which changes of x hardly affect a design; with a scale > 0, x = 0 has a finite z
     low, high : bounds of z

@@ -35,7 +35,7 @@ BAND = Note("limit-band", "model error: the band that is kept changes it")
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The estimate of one number of the device from one recording, or from one direction of it.
+    """The estimate of one parameter of the device from one recording, or from one direction of it.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Bounded:
-    """A number of the device with its interval.
+    """A parameter of the device with its interval.
 
     Attributes
     ----------

@@ -74,7 +74,7 @@ def _is_warning(note: Note) -> bool:
 
 
 def _bounded_record(bounded: Bounded, units: Units) -> BoundedRecord:
-    """Return a number of the device with its interval as a record."""
+    """Return a parameter of the device with its interval as a record."""
     value, share = stated(bounded.value, bounded.low, bounded.high)
     return BoundedRecord(
         key=bounded.key,

@@ -67,7 +67,7 @@ class Identified:
     remarks: tuple[Note, ...]
 
     def bounded(self, key: str) -> Bounded | None:
-        """Return a number of the device with its interval, by its key; None if it was not identified."""
+        """Return a parameter of the device with its interval, by its key; None if it was not identified."""
         return next((bounded for bounded in self.bounds if bounded.key == key), None)
 
 

@@ -1,4 +1,4 @@
-"""Handle the numbers of the device that the user states in a log.toml. vctune does not identify them."""
+"""Handle the parameters of the device that the user states in a log.toml. vctune does not identify them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ OF_OWN_LOOP = {"delay", "delay_uncertainty", "velocity", "actuator"}
 
 
 def check_known(log_map: LogMap, sample_time: float) -> None:
-    """Check that the known numbers of the device are possible at its sample time.
+    """Check that the known parameters of the device are possible at its sample time.
 
     Parameters
     ----------

@@ -87,7 +87,8 @@ class Device:
     def coupling_may_drive(self) -> bool:
         """Whether the coupling may have Re 1/Z_c < 0, as on an impedance display with two low-passes of the velocity.
 
-        Where R is also negative, stability requires Re 1/Z_c > R, not Re 1/Z_c > g R with the safety factor g.
+        If R is also negative, g R with the safety factor g is less than R. Stability then requires the condition Re
+        1/Z_c > R as well.
         """
         known = self.velocity
         return self.kind.inverse and known is not None and known.filter_hz is not None and known.filter_order > 1
@@ -135,7 +136,7 @@ class Device:
         return self.damping if self.operator is None else self.damping + self.operator.damping
 
     def number(self, key: str) -> Number:
-        """Return a number of the device by its key; None if the device does not have it."""
+        """Return a parameter of the device by its key; None if the device does not have it."""
         of: Any = self
         for name in key.split("."):
             of = getattr(of, name) if of is not None else None
@@ -147,7 +148,8 @@ class Device:
         return {key: number for key, number in found.items() if number is not None}
 
     def _varying(self) -> dict[str, Number]:
-        """Return all numbers of the device: those of the mechanism, of the firmware, and of the unmodelled response."""
+        """Return all parameters of the device: those of the mechanism, of the firmware, and of the unmodelled
+        response."""
         perturbed = {key: self.number(key) for key in UNMODELLED_KEYS if self.unmodelled is not None}
         return self.numbers() | self._of_firmware() | perturbed
 

@@ -1,7 +1,7 @@
 """Define the kinds of display, and the facts that depend on the kind (model/README.md, sections 1 and 15).
 
-Every other module gets the kind from a device. The module then reads a fact from the kind, or looks up the kind's name
-in a table.
+Every other module gets the kind of display from a device. It then reads a fact from the kind, or looks up the kind's
+name in a table.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Display:
     ----------
     name : name of the kind in a problem file
     makes : input and output, in words; {force} stands for force or torque
-    keys : keys of the numbers of a design, in order
+    keys : keys of the parameters of a design, in order
     absent : the keys whose numbers are always 0
     coupling : type of the virtual coupling
     couples : "Z_c" or "1/Z_c", the coupling's response in the error and the conditions
@@ -34,7 +34,7 @@ class Display:
     differences : whether the firmware differences positions to get the velocity, unless a file says otherwise
     banded : True if the claim for any passive hand holds on a band of the frequency model; False if it holds in the
         sampled loop up to the Nyquist frequency
-    band : default transparency band, Hz times the lag of the loop
+    band : default transparency band, dimensionless: frequencies in Hz, multiplied by the lag of the loop in s
     own_loop : whether the firmware closes a loop around the device, which then has a sensitivity
     terms : terms of the error that are not always 0
     """
@@ -54,7 +54,7 @@ class Display:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of a design's numbers, without the names of their tables."""
+        """The names of a design's parameters, without the names of their tables."""
         return tuple(key.rpartition(".")[2] for key in self.keys)
 
     @property

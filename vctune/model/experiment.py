@@ -25,7 +25,7 @@ class Environment:
     zero : position at which the spring is relaxed, m
     wall : whether damping and stiffness only push, towards negative x
     rule : integration rule in the firmware; a wall uses backward Euler
-    late : samples by which its force is late
+    late : number of samples by which the environment's force is late
     """
 
     mass: float
@@ -53,9 +53,9 @@ class Operator:
     speed : greatest speed of the intended motion, m/s
     cycles : number of cycles to and fro
     mass, damping, stiffness : mass, damping and stiffness of the hand, kg, N s/m, N/m
-    dwell : time from one change of the hand to the next, s; None if it does not change, or at given times
+    dwell : time from one change of the hand to the next, s; None if the hand does not change, or changes at given times
     changes_at : given times at which the hand changes, increasing, s
-    other_damping : damping in every other interval, N s/m; None if it is the same
+    other_damping : damping in every other interval between changes, N s/m; None if the damping does not change
     regrip : whether the hand, at each change, lets go and takes hold again where the handle is
     """
 

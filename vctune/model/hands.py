@@ -1,7 +1,7 @@
 """Define the least operator, a hand at the handle, and a box of hands. SI units.
 
-The fields of `Hand` are its numbers, and all other modules use their names. If a number's name is not its quantity, its
-metadata has "mass", "damping" or "stiffness" as "quantity".
+The fields of `Hand` are the parameters of a hand, and all other modules use their names. If the name of a parameter is
+not its quantity, the field's metadata has "mass", "damping" or "stiffness" as "quantity".
 """
 
 from __future__ import annotations
@@ -45,17 +45,17 @@ class Hand:
 
     @property
     def numbers(self) -> dict[str, Number]:
-        """The hand's numbers by their names."""
+        """The hand's parameters by their names."""
         return {name: getattr(self, name) for name in NAMES}
 
     @property
     def by_key(self) -> dict[str, Number]:
-        """The hand's numbers by their keys in a problem file."""
+        """The hand's parameters by their keys in a problem file."""
         return {key: getattr(self, name) for key, name in zip(HAND, NAMES, strict=True)}
 
     @classmethod
     def of(cls, values: Mapping[str, Number]) -> Hand:
-        """Return the hand whose numbers a mapping contains by their keys in a problem file."""
+        """Return the hand with the parameters of a mapping, which has their keys in a problem file."""
         return cls(**{name: values[key] for key, name in zip(HAND, NAMES, strict=True)})
 
     def mapped(self, of: Callable[..., Number], *others: Hand) -> Hand:
@@ -70,7 +70,7 @@ class Hand:
         return Hand(**{name: of(*(getattr(hand, name) for hand in (self, *others))) for name in NAMES})
 
     def in_words(self, units: Units) -> str:
-        """Return the hand's numbers with their units."""
+        """Return the hand's parameters with their units."""
         return ", ".join(
             f"{float(f'{number:.4g}'):g} {units.of(QUANTITIES[name])}" for name, number in self.numbers.items()
         )
@@ -97,13 +97,13 @@ class Hand:
 
 
 NAMES = tuple(field.name for field in fields(Hand))
-"""Names of a hand's numbers."""
+"""Names of a hand's parameters."""
 QUANTITIES = {field.name: field.metadata.get("quantity", field.name) for field in fields(Hand)}
 """Quantity of each number of a hand, which determines its unit."""
 HAND = tuple(f"operator.{name}" for name in NAMES)
-"""Keys of a hand's numbers in a problem file."""
+"""Keys of a hand's parameters in a problem file."""
 MASS, STIFFNESS = "operator.mass", "operator.stiffness"
-"""Keys of the two numbers with which a hand resonates."""
+"""Keys of the mass and the stiffness, which determine where a hand resonates."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,21 +138,21 @@ class Unmodelled:
 
 
 Quantity = Literal["mass", "damping", "stiffness", "time", "rate", "ratio"]
-"""Quantity of a device's number. The quantity determines the factor with which `Device.in_units` scales it. The texts
-of the units are those of `vctune.model.numbers.units`, where a rate is a frequency and a ratio has no unit."""
+"""Quantity of a device's parameter. The quantity determines the factor with which `Device.in_units` scales it. The
+texts of the units are those of `vctune.model.numbers.units`, where a rate is a frequency and a ratio has no unit."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartNumber:
-    """The description of one number of a device.
+    """The description of one parameter of a device.
 
     Attributes
     ----------
     name : key of the number in the table of its part
     quantity : physical quantity
     label : name in a report, for a linear device; "" for a number that no report names
-    better : phrase for a device with a better number, for a linear device, as "a faster actuator"; "" if no
-        repair proposes a better number
+    better : phrase for a device with a better value, for a linear device, such as "a faster actuator"; "" if no repair
+        proposes a better value
     order_key : if the number is the corner of a low-pass and a file may omit it: the key of the low-pass's order
     sampled : whether the number is the corner of a filter of samples, so that it must be below the Nyquist frequency
     certain : whether the number is known exactly, so that no file may call it uncertain
@@ -265,15 +265,15 @@ PART_NUMBERS: Mapping[str, PartNumber] = MappingProxyType(
     {each.name: each for each in DEVICE_NUMBERS}
     | {f"{key}.{each.name}": each for key, part in PARTS.items() for each in part.numbers}
 )
-"""Descriptions of all numbers of a device, by their keys in its table."""
+"""Descriptions of all parameters of a device, by their keys in its table."""
 OF_FIRMWARE = tuple(key for key, each in PART_NUMBERS.items() if each.certain and "." in key)
 """Keys of the numbers of parts that are known exactly, because a vendor's firmware computes with them. The sample time
-is known exactly, too. It is one of `NUMBERS`, because all formulas depend on it."""
+is known exactly, too, but belongs to `NUMBERS`, because all formulas depend on it."""
 NUMBERS = tuple(key for key in PART_NUMBERS if key not in OF_FIRMWARE)
-"""Keys of all other numbers of a device."""
+"""Keys of all other parameters of a device."""
 UNCERTAIN = tuple(key for key, each in PART_NUMBERS.items() if not each.certain)
-"""Keys of the numbers that may be uncertain. The corner of the velocity's low-pass is one of them, although the
-firmware may compute it."""
+"""Keys of the parameters that may be uncertain. The corner of the velocity's low-pass is one of them, although the
+firmware defines this low-pass."""
 INERT = ("mass", "damping", "delay")
 """Keys of the numbers of [device] that a servo does not have. A device of this kind stores fixed values there, and
 nothing depends on them."""

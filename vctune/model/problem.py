@@ -88,8 +88,8 @@ class Transparency:
 class Stability:
     """The requirements (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, hands.
 
-    `changing` names the number of a hand that may change while it holds the handle. Such a hand has a mass of at least
-    `changing_mass_min`, kg.
+    `changing` names the parameter of the hand that may change while the hand holds the handle. The claim covers hands
+    with a mass of at least `changing_mass_min`, kg.
     """
 
     band: Band
@@ -140,15 +140,15 @@ class Demands:
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """The uncertainty of the device: how far it may deviate from its numbers.
+    """The uncertainty of the device: how far its parameters and its response may deviate from the stated ones.
 
     Attributes
     ----------
-    half_widths : relative half-widths of numbers of the device, by their keys, 0 < width < 1
+    half_widths : relative half-widths of parameters of the device, by their keys, 0 < width < 1
     objective : "nominal" for the error with the device's nominal numbers, "worst" for the greatest error at a corner of
         the box
     unmodelled : points (frequency in Hz, radius) of a disc around 1 that contains the factor of the device's response.
-        The radius is linear between them on logarithmic axes and constant outside; empty without a disc
+        The radius is linear between the points on logarithmic axes, and constant outside them; empty without a disc
     """
 
     half_widths: tuple[tuple[str, float], ...]

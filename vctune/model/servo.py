@@ -37,7 +37,7 @@ class Latency:
 
 @dataclass(frozen=True, slots=True)
 class LatencyPart:
-    """The name of a part of L, and the number that changes it.
+    """The name of a part of L, and the parameter of the device that determines this part.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ def latency(device: Device, ops: Arithmetic) -> Latency:
     Returns
     -------
     Latency
-        s. It has the shape of the device's numbers.
+        s. It has the shape of the device's parameters.
     """
     servo, sensor, half = device.servo, device.sensing, device.sample_time / 2
     assert servo is not None
@@ -105,6 +105,6 @@ def latency(device: Device, ops: Arithmetic) -> Latency:
 
 
 def _lag(bandwidth_hz: Number, order: int, ops: Arithmetic) -> Number:
-    """Return -d(phase)/d(omega) of a low-pass at rest, s."""
+    """Return -d(phase)/d(omega) of a low-pass at omega = 0, s."""
     corner = 2 * ops.pi * bandwidth_hz
     return 1 / corner if order == 1 else ops.sqrt(2 + 0 * corner) / corner

@@ -19,7 +19,7 @@ from vctune.model.numbers.pair import Pair
 
 PANEL_NODES = 8
 """Number of Gauss-Legendre nodes on a panel; the rule is exact for polynomials of degree 15. With half as many nodes,
-the code would need about twice as many panels, and the reverse."""
+the code would need about twice as many panels; with twice as many nodes, about half as many."""
 
 
 @dataclass(frozen=True, slots=True)

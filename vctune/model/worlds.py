@@ -15,8 +15,8 @@ WorldRule = Literal["trapezoid", "explicit", "implicit"]
 Euler, which damps."""
 WORLD_RULES: tuple[WorldRule, ...] = get_args(WorldRule)
 MOST_LATE = 10
-"""Greatest permitted lateness of an environment in samples. This lateness suffices for a game loop of 100 Hz with a
-controller of 1 kHz."""
+"""Greatest permitted lateness of an environment in samples. This lateness suffices for an environment in a game loop of
+100 Hz, rendered by a controller of 1 kHz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class Worlds:
 
     @property
     def passive(self) -> bool:
-        """Whether the firmware renders every environment passively, whatever its numbers are."""
+        """Whether the firmware renders every environment of the box passively, for any mass, damping and stiffness."""
         return self.rule != "explicit" and self.late == 0
 
     def in_words(self, units: Units) -> str:
@@ -99,7 +99,8 @@ class Worlds:
 
     @property
     def ahead(self) -> bool:
-        """Whether masses respond to a force only at the next sample. Such masses grow in a loop with enough damping."""
+        """Whether masses respond to a force only at the next sample. With such a mass and enough damping in the loop,
+        the motion grows."""
         return bool(self.rule == "explicit" and self.late == 0 and self.high.mass > 0)
 
     def in_units(self, impedance: float, time: float) -> Worlds:

@@ -50,8 +50,8 @@ class Certificate:
     without_factor : outcome of the claim `passive` with a factor of 1, if the prover did not prove it with the required
         factor; else None
     box : the box of devices that the claims cover; None for the design's own device
-    beside : certificates of the same design at the delays on both sides of a whole sample; `outcomes` contains the
-        worse outcome of theirs and the design's own
+    beside : certificates of the same design at the delays on both sides of a whole sample; for each claim, `outcomes`
+        contains the worst outcome among these certificates and the design's own
     """
 
     design: Design
@@ -78,8 +78,8 @@ class Certificate:
 
     @property
     def proved_ratio(self) -> float | None:
-        """A proved lower bound of Re Z_c / R of a stable loop on the band: the required ratio or 1; None without a
-        proof."""
+        """A proved lower bound of Re Z_c / R on the band, for a stable loop. It is the required ratio, or 1 if only the
+        claim without the factor is proved; None without a proof."""
         stability = (self.outcomes[claim] for claim in STABILITY if claim in self.outcomes)
         if any(outcome.verdict is not Verdict.PROVED for outcome in stability):
             return None
@@ -89,7 +89,8 @@ class Certificate:
 
     @property
     def proved_band(self) -> tuple[float, float] | None:
-        """The widest proved band around the required band with ratio >= 1, rad/s; None if the claim is not proved.
+        """The widest band around the required band on which a ratio >= 1 is proved, rad/s; None if `passive` is not
+        proved.
 
         The prover computes the band when a caller first reads this property.
         """
@@ -113,7 +114,7 @@ class Certificate:
 
     @property
     def proved_band_hz(self) -> tuple[float, float] | None:
-        """The proved band, Hz; None if the claim is not proved.
+        """The proved band, Hz; None if `passive` is not proved.
 
         Edges outside the required band have few digits, rounded towards that band.
         """
@@ -141,9 +142,9 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     Returns
     -------
     Certificate
-        Each claim is proved, refuted or undecided. A claim is undecided if the time limit ends before its proof. Near
-            a whole number of samples of delay the sensed force may jump. The claim then counts as proved only if it
-            also holds on both sides of that number.
+        Each claim is proved, refuted or undecided. A claim is undecided if the time limit ends before its proof. Near a
+        whole number of samples of delay the sensed force may jump. A claim is then proved only if it also holds on both
+        sides of that number.
     """
     question = Question(design, demands, box)
     own, beside = _certificate(question), _beside(question)
@@ -167,7 +168,8 @@ def _certificate(question: Question) -> Certificate:
 def _beside(question: Question) -> list[Question]:
     """Return the same question for the delays on both sides of a nearby whole number of samples.
 
-    The function returns no question for an uncertain delay. Its range in the box already extends to that number.
+    The function returns no question for an uncertain delay, because the delay's range in the box already extends to
+    that number.
     """
     design, demands, box = question.design, question.demands, question.box
     hands, found = demands.hands, list[Question]()

@@ -1,4 +1,4 @@
-"""Boxes of devices: each number of a device lies within a relative half-width of its stated value."""
+"""Boxes of devices: each parameter of a device lies within a relative half-width of its stated value."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DIRECTION = "unmodelled.phase"
 
 @dataclass(frozen=True, slots=True)
 class DeviceBox:
-    """Every device whose uncertain numbers lie between those of two devices.
+    """Every device whose uncertain parameters lie between those of two devices.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class DeviceBox:
 
     @property
     def uncertain(self) -> tuple[str, ...]:
-        """The keys of the uncertain numbers."""
+        """The keys of the uncertain parameters."""
         keys = (*UNCERTAIN, *((DIRECTION,) if self.low.unmodelled is not None else ()))
         ends = ((key, self.low.number(key), self.high.number(key)) for key in keys)
         return tuple(key for key, low, high in ends if low is not None and low < high)
@@ -57,15 +57,16 @@ class DeviceBox:
 
         Parameters
         ----------
-        numbers : all uncertain numbers, by their keys
+        numbers : all uncertain parameters, by their keys
         """
         return self.low.with_numbers(numbers)
 
     def corners(self) -> list[Device]:
         """Return the devices at the vertices of the box.
 
-        With more than `MOST_AT_ONCE` uncertain numbers, each returned device has one number at an end, and the others
-        at their nominal values. Unmodelled dynamics are at the edge of their disc, in `PHASES` directions.
+        With more than `MOST_AT_ONCE` uncertain parameters, each returned device has one parameter at an end of its
+        range, and the others at their nominal values. Unmodelled dynamics are at the edge of their disc, in `PHASES`
+        directions.
         """
         box = self.modelled
         ends = {key: (box.low.number(key), box.high.number(key)) for key in box.uncertain}
@@ -85,12 +86,12 @@ class DeviceBox:
 
 PHASES = 8
 """Number of directions on the edge of a disc that the search tries beforehand. The search for the worst device and the
-proof find failures between these directions. With half as many directions the search takes more rounds to the same
-design, with twice as many it takes fewer."""
+proof find failures between these directions. With half as many directions, the search takes more rounds to the same
+design; with twice as many, it takes fewer."""
 MOST_AT_ONCE = 4
-"""Greatest number of uncertain numbers for which the search tries all vertices beforehand. Four numbers have 16
-vertices. A fifth number would double them. With a limit of three, the search finds the other vertices in a fifth round
-of the exchange."""
+"""Greatest number of uncertain parameters for which the search tries all vertices beforehand. A box of four parameters
+has 16 vertices, a box of five has 32. With a limit of three, the search finds the other vertices in a fifth round of
+the exchange."""
 
 
 def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
@@ -125,11 +126,11 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
 
 
 ADDED = ("mass", "damping")
-"""Keys of the numbers that add up for a rigid device and a hand if the device measures motion only."""
+"""Keys of the parameters of a rigid device that add to the same parameters of a hand: mass and damping."""
 
 
 def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
-    """Return the keys of uncertain numbers of a box that matter only in their sum with the number of the hand.
+    """Return which uncertain parameters of a box matter only through their sum with the same parameter of the hand.
 
     A rigid impedance display measures motion only. Its mass and the hand's mass therefore act as one, and so do the
     dampings.
@@ -140,13 +141,14 @@ def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
 
 
 def felt_with_hand(box: DeviceBox) -> tuple[str, ...]:
-    """Return the uncertain numbers of a box on which the sensed force depends linearly, if their sum with the number of
-    the hand is given.
+    """Return which of the device's mass and damping are uncertain and enter the sensed force affinely. Here the sum of
+    the device's and the hand's value is held fixed. The result is empty for an impedance display, a structure or a
+    servo.
 
     The motion of a rigid admittance display depends on the sum of its mass and the hand's mass, and on the sum of both
     dampings. Its sensor measures the force of the motor minus m a + b v. For a given motion this force is affine in the
-    device's own m and b. A margin that is affine in them too is least where the number of the device or the number of
-    the hand is at an end of its range.
+    device's own m and b. A margin that is affine in m and b is least where, in each sum, the value of the device or the
+    value of the hand is at an end of its range.
 
     Parameters
     ----------
@@ -164,12 +166,12 @@ def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[
     ----------
     box : box of uncertain devices
     hands : the box of hands
-    keys : keys of the numbers that device and hand share, from `moved_as_one`
+    keys : keys of the parameters that add up, from `moved_as_one`
 
     Returns
     -------
-    box : box in which these numbers have their least values
-    hands : hands; the function raises the upper ends of these numbers by the box's range and rounds them upwards
+    box : box in which these parameters of the device have their least values hands : hands; the function raises the
+        upper ends of these parameters by the widths of the device's ranges, and rounds them upwards
     """
     least = {key: box.low.number(key) for key in keys}
     range_ = {key: nextafter(box.high.number(key) - value, inf) for key, value in least.items()}
@@ -193,7 +195,7 @@ def late_as_one(box: DeviceBox) -> bool:
 
 
 SUMMED = ("servo.delay", "force_sensor.delay")
-"""Keys of the two delays that act as one."""
+"""Keys of the two delays of which only the sum matters."""
 
 
 def in_one_delay(box: DeviceBox) -> DeviceBox:

@@ -30,8 +30,8 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.storage.changing import prove_changing
 
 HIGHEST_CORNER = 2 * (1 - 1e-9)
-"""Greatest product of the multiplier's corner, rad/s, and T; above 2 the multiplier's coefficient a is negative. Half
-or twice the distance from 2 works as well."""
+"""Greatest product of the multiplier's corner, rad/s, and T; above 2 the multiplier's coefficient a is negative. With
+half or twice the distance from 2, the coefficient is not negative either."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Question:
 
     @property
     def modelled(self) -> Question:
-        """The same question for devices whose responses are known exactly."""
+        """The same question without unmodelled dynamics: each device has its nominal response."""
         return replace(self, box=self.box and self.box.modelled)
 
     @property
@@ -59,7 +59,8 @@ class Question:
         """The design with its box of devices; None for a single device, or without both feedback and unmodelled
         dynamics.
 
-        Without feedback, a mechanism is passive whatever its numbers are. A response within a disc need not be passive.
+        Without feedback, every mechanism is passive, so no box of devices is needed. A response within a disc need not
+        be passive.
         """
         if self.box is None or not self.box.uncertain:
             return None
@@ -123,7 +124,8 @@ def _hands(question: Question, _known: Outcomes) -> Outcome:
 
 
 def _walls(question: Question, known: Outcomes) -> Outcome:
-    """Prove the condition of walls. It applies only to loops that are stable with the linear environments.
+    """Prove the condition of walls. The condition implies stability only for loops that are stable with the linear
+    environments.
 
     If the corner is not below 2/T, the multiplier does not exist.
     """

@@ -23,8 +23,11 @@ from vctune.simulation.mechanics.stretches import Stretch, fixed_steps
 from vctune.simulation.scene import Scene
 
 DIVERGENCE = 1e3
-"""A run has diverged if the distance of the handle from its target exceeds this multiple of the hand's travel. No
-stable loop comes near this distance. An unstable loop passes half and twice this distance within a few samples."""
+"""A run has diverged if the distance of the handle from the position at which the hand aims exceeds this multiple of
+the hand's travel. No stable loop comes near this distance. An unstable loop passes half and twice this distance within
+a few samples."""
+POSITION = 0
+"""Column of the handle's position in the records (`vctune.simulation.mechanics.step.columns`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +37,8 @@ class Traces:
     Attributes
     ----------
     time : time of the samples, s
-    intended : target position of the hand, m
+    intended : intended motion x_i of a hand that never re-grips, m; a hand that has re-gripped aims at x_i plus its
+        grip
     position, velocity : motion of the handle, m, m/s; without a spring between them also that of the motor
     force : f_h, the hand's force on the handle, N
     reference, desired : x_e and v_e of the rendered environment, m, m/s
@@ -81,9 +85,8 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
         step = build(scene, stretch)
         chunk = step.chunk()
     recorded = np.empty((samples, len(columns(scene))))
-    wanted = np.empty(samples)
+    intended = np.empty(samples)
     noise = np.random.default_rng(scene.seed)
-    reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
     state, done, diverged = step.start, 0, False
     while done < samples and not diverged:
         count = min(SAMPLES_PER_CALL, samples - done)
@@ -92,11 +95,11 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
             states, records = chunk(state, inputs)
         state = np.asarray(states)[:, -1]
         block = recorded[done : done + count] = np.asarray(records).T[:count]
-        wanted[done : done + count] = inputs[INTENDED, :count]
+        intended[done : done + count] = inputs[INTENDED, :count]
+        diverged = has_diverged(scene, block, intended[done : done + count])
         done += count
-        diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[INTENDED, :count]).max() <= reach)
         progress(done / samples)
-    return traces_of(scene, recorded[:done], wanted[:done], diverged=diverged)
+    return traces_of(scene, recorded[:done], intended[:done], intended[:done], diverged=diverged)
 
 
 def _run_changing(scene: Scene, progress: Callable[[float], None], stretch: Stretch) -> Traces:
@@ -104,22 +107,36 @@ def _run_changing(scene: Scene, progress: Callable[[float], None], stretch: Stre
     samples, changes = sample_count(scene.operator, scene.device.sample_time), hand_changes(scene)
     with interrupt_deferred():
         steps = steps_of_hands(scene, lambda now, then: build(now, stretch, then))
-    recorded, wanted = np.empty((samples, len(columns(scene)))), np.empty(samples)
-    noise, reach = np.random.default_rng(scene.seed), DIVERGENCE * abs(scene.operator.end - scene.operator.start)
+    recorded, intended = np.empty((samples, len(columns(scene)))), np.empty(samples)
+    aims, noise = np.empty(samples), np.random.default_rng(scene.seed)
     state, grip, done, diverged = steps[0, 0].start, 0.0, 0, False
     while done < samples and not diverged:
         count, inputs = min(SAMPLES_PER_CALL, samples - done), motion_inputs(scene, done, noise)
         with interrupt_deferred():
-            for at in range(done, done + count):
-                advance = from_state(steps[changes.hands(at)].advance, state)
-                regrips = changes.regrips and changes.at(at)
-                state, recorded[at], grip = after_sample(advance, inputs[:, at - done], grip, regrips=regrips)
-        wanted[done : done + count] = inputs[INTENDED, :count]
-        block = recorded[done : done + count]
+            for sample in range(done, done + count):
+                advance = from_state(steps[changes.hands(sample)].advance, state)
+                regrips = changes.regrips and changes.changes_after(sample)
+                aims[sample] = inputs[INTENDED, sample - done] + grip
+                state, recorded[sample], grip = after_sample(advance, inputs[:, sample - done], grip, regrips=regrips)
+        intended[done : done + count] = inputs[INTENDED, :count]
+        diverged = has_diverged(scene, recorded[done : done + count], aims[done : done + count])
         done += count
-        diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[INTENDED, :count]).max() <= reach)
         progress(done / samples)
-    return traces_of(scene, recorded[:done], wanted[:done], diverged=diverged)
+    return traces_of(scene, recorded[:done], intended[:done], aims[:done], diverged=diverged)
+
+
+def has_diverged(scene: Scene, recorded: Floats, aims: Floats) -> bool:
+    """Return whether a run has diverged (`DIVERGENCE`), or has numbers that are not finite.
+
+    Parameters
+    ----------
+    scene : scene of the run
+    recorded : records of `columns`, one row for each sample
+    aims : position at which the hand aims at each of these samples, m; for a hand that has re-gripped, the intended
+        motion plus its grip
+    """
+    reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
+    return not (np.isfinite(recorded).all() and np.abs(recorded[:, POSITION] - aims).max() <= reach)
 
 
 def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:
@@ -145,21 +162,25 @@ def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Float
     return inputs
 
 
-def traces_of(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool) -> Traces:
+def traces_of(scene: Scene, recorded: Floats, intended: Floats, aims: Floats, *, diverged: bool) -> Traces:
     """Return the record as traces. If the run diverged, the traces contain only the samples before the divergence.
 
     Parameters
     ----------
     scene : scene of the run
     recorded : records of `columns`, one row for each sample
-    wanted : intended position at each of these samples, m
-    diverged : whether the handle left the hand's travel
+    intended : intended position at each of these samples, m
+    aims : position at which the hand aims at each of these samples, m
+    diverged : whether the run diverged (`has_diverged`). The traces then end at the last sample at which the handle was
+        within one travel of its aim. If there is no such sample, they end at the last one within `DIVERGENCE` travels
     """
     T, began = scene.device.sample_time, None
     if diverged:
         travel = abs(scene.operator.end - scene.operator.start)
-        near = np.flatnonzero(np.isfinite(recorded).all(axis=1) & (np.abs(recorded[:, 0] - wanted) <= travel))
+        distance = np.where(np.isfinite(recorded).all(axis=1), np.abs(recorded[:, POSITION] - aims), np.inf)
+        limit = travel if (distance <= travel).any() else DIVERGENCE * travel
+        near = np.flatnonzero(distance <= limit)
         length = int(near[-1]) + 1 if near.size else 1
-        recorded, wanted, began = recorded[:length], wanted[:length], length * T
+        recorded, intended, began = recorded[:length], intended[:length], length * T
     traced = dict(zip(columns(scene), recorded.T, strict=True))
-    return Traces(time=np.arange(len(wanted)) * T, intended=wanted, **traced, diverged=began)
+    return Traces(time=np.arange(len(intended)) * T, intended=intended, **traced, diverged=began)

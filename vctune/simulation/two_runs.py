@@ -1,4 +1,4 @@
-"""Simulate an experiment in two runs: first with the regular PID, then with the design."""
+"""Simulate an experiment with the design and, if the experiment has a baseline, also with its regular PID."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ class Run:
     ----------
     traces : the recorded samples
     metrics : measures of the run; None if the run diverged
-    mode : fastest growing mode of the linear sampled loop of device, hand and environment
+    mode : fastest growing mode of the linear sampled loop of device, firmware, hand and environment; the run is stable
+        if its radius is below 1
     """
 
     traces: Traces
@@ -38,10 +39,11 @@ class Simulated:
     Attributes
     ----------
     experiment : description of the experiment
-    baseline, design : the two runs; no baseline if the description has none
-    least_virtual : least stable share of the baseline's virtual mass and damping; None without one
-    difference : difference between the commands of an external firmware, if one ran, and the design's; `mode` still
-        belongs to the design
+    baseline, design : the two runs; baseline is None if the experiment states no regular PID
+    least_virtual : least share of the baseline's virtual mass and damping with which its loop is stable; 0 if it is
+        stable with almost nothing; None without a baseline, or if no tried share is stable
+    difference : difference between the commands of an external firmware and the design's; None without an external
+        firmware. `design.mode` is that of the design's own firmware in either case
     """
 
     experiment: Experiment
@@ -60,14 +62,14 @@ def simulate(
     controller: Controller | None = None,
     tolerance: float | None = None,
 ) -> Simulated:
-    """Simulate an experiment with a design and with its regular PID.
+    """Simulate an experiment with the design and, if the experiment has a baseline, also with its regular PID.
 
     Parameters
     ----------
     problem : problem with the device
     gains, coupling : the design
     experiment : an experiment of the problem, or any other
-    progress : function that receives the current stage
+    progress : function that receives the current stage as text, such as "wall, design 40%"
     controller : an external firmware to run; None for the design's own
     tolerance : greatest permitted difference of its commands from the design's, in their unit; None for the effect of
         rounding
@@ -79,13 +81,14 @@ def simulate(
     """
 
     def ran(scene: Scene, name: str) -> Run:
+        """Return the run of the scene's own firmware."""
         return judged(scene, run(scene, lambda share: progress(f"{experiment.name}, {name} {share:.0%}")))
 
     def judged(scene: Scene, traces: Traces) -> Run:
+        """Return a run from its traces: measured, unless it diverged, and with the scene's linear stability."""
         measured = None
         if traces.diverged is None:
-            environment_and_hand, limit = (experiment.environment, experiment.operator), experiment.limit
-            measured = metrics(traces, *environment_and_hand, limit, scene.law.command)
+            measured = metrics(traces, experiment.environment, experiment.operator, experiment.limit, scene.law.command)
         return Run(traces, measured, fastest_mode(scene))
 
     scene, difference = designed_scene(problem.device, gains, coupling, experiment), None

@@ -1,7 +1,7 @@
 """Provide workers as a `concurrent.futures.Executor`: processes on this machine, or a Dask cluster.
 
-Workers end when the process that started them ends, even if that process is killed. Workers ignore Ctrl-C, which the
-process that started them handles.
+Workers that this module starts end when the process that started them ends, even if that process is killed. Workers
+ignore Ctrl-C, which the process that started them handles.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from vctune.version import __version__
 
 PENDING_PER_WORKER = 3
 """Number of points that the sweep hands out for each worker in advance, so that no worker waits for its next point.
-Solving a point takes at least tens of milliseconds; handing it out takes one. With half as many points, a worker on
-another machine may have to wait. Twice as many points bring nothing."""
+Solving a point takes at least tens of milliseconds; handing it out takes a millisecond. With half as many points, a
+worker on another machine may have to wait. Twice as many points do not make the sweep faster."""
 CONNECT_SECONDS = 5
 ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
@@ -44,7 +44,7 @@ class WorkerPool:
     Attributes
     ----------
     executor : executor that receives the points
-    max_pending : number of points to hand out at once
+    max_pending : greatest number of points that are handed out and not yet solved
     worker_died : exceptions that mean a dead worker
     unreachable : exceptions that mean an unreachable cluster
     renew : function that renews the executor after a worker has died
@@ -70,7 +70,7 @@ def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
     ----------
     choice : "serial" for this process alone, "processes", "dask" for a Dask cluster on this machine, or "dask:ADDRESS"
         for a running cluster
-    jobs : number of workers to start
+    jobs : number of workers to start; not used for this process alone and for a running cluster
 
     Returns
     -------
@@ -83,6 +83,8 @@ def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
         If there is no such executor, or its scheduler cannot be reached.
     """
     kind, _, address = choice.partition(":")
+    if kind == "dask" and address == "" and choice != "dask":
+        raise _refusal(choice, "has no address: write dask:HOST:PORT, or dask for a cluster on this machine")
     if kind == "dask":
         with _dask_pool(choice, address, jobs) as pool:
             yield pool
@@ -153,7 +155,7 @@ def _for_workers() -> Iterator[None]:
     finally:
         os.environ.clear()
         os.environ.update(before)
-        if foremost:
+        if handler is not None:  # None as well if code other than Python installed the handler
             signal.signal(signal.SIGINT, handler)
 
 

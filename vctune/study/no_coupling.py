@@ -24,7 +24,7 @@ from vctune.proof.engine.branching import Decided, prove
 from vctune.study.estimate_in_worlds import worst_places
 
 COUPLING = slice(2, None)
-"""Rows of the coupling among the numbers of a design."""
+"""Rows of the coupling among the variables of a design."""
 NEAR_MISS = 0.97
 """Need in the worst hand of a grid, relative to the limit, above which the proof refines that hand and its angle."""
 MAX_HALVINGS, MAX_BOXES = 24, 200
@@ -39,7 +39,7 @@ def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
     ----------
     problem : problem of one device with a box of environments
     cells : n cells of designs
-    free : which numbers of a design may be chosen for each point of a cell; all of them belong to the coupling
+    free : which variables of a design may be chosen for each point of a cell; all of them belong to the coupling
 
     Returns
     -------
@@ -54,7 +54,7 @@ def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
 
 
 def _every_box_fails(problem: Problem, cells: Cells, free: Flags) -> Flags:
-    """Return the cells in which every box of couplings fails. The proof halves free numbers only."""
+    """Return the cells in which every box of couplings fails. The proof halves the ranges of free variables only."""
     n = len(cells)
     no_frequency = np.zeros((1, n))
     names, owner = (FREQUENCY, *cells.keys), np.arange(n)
@@ -74,7 +74,8 @@ def _every_box_fails(problem: Problem, cells: Cells, free: Flags) -> Flags:
 
 
 def _decided(problem: Problem, free: Flags, boxes: Boxes) -> Decided:
-    """Return which boxes of couplings fail throughout, and the cost by which the prover selects the number to halve."""
+    """Return which boxes of couplings fail throughout, and the cost by which the prover selects the variable to
+    halve."""
     low, high = boxes.low[1:], boxes.high[1:]
     shape = boxes.low.shape
     cost = np.zeros(shape)
@@ -113,7 +114,11 @@ def _refined_places(problem: Problem, points: Cells, places: PlacesInHands) -> P
 
 
 def _middle(cells: Cells) -> Cells:
-    """Return the design in the middle of each cell; wide ranges of the coupling are halved in the logarithm."""
+    """Return the design in the middle of each cell.
+
+    For the parameters of the coupling, the middle is the geometric mean of the ends of the range. The function uses at
+    most the upper six decades of this range.
+    """
     numbers: Floats = cells.centres().low
     low, high = np.maximum(cells.low[COUPLING], cells.high[COUPLING] * 1e-6), cells.high[COUPLING]
     numbers[COUPLING] = np.where(high > 0, np.sqrt(low) * np.sqrt(high), 0.0)

@@ -30,7 +30,7 @@ DIGITS = 12
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """Two variables of a design, or two numbers of an environment, with the edges of their finest cells.
+    """Two variables of a design, or two parameters of an environment, with the edges of their finest cells.
 
     Attributes
     ----------

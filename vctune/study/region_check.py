@@ -44,7 +44,7 @@ class Recheck:
     designs : the gain sets that the baseline lists
     certified : the listed gain sets that are still certified
     units : units of the problem
-    cut : whether the time limit ended the check; cells that are not proved again then do not count as lost
+    cut : whether the time limit ended the check; the check then does not count unproved cells as lost
     """
 
     region: Region
@@ -62,7 +62,8 @@ class Recheck:
 def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lambda stage: None) -> Recheck:
     """Prove the feasible cells and the gain sets of a baseline again, for the problem as it is today.
 
-    The axes keep the baseline's edges. Fixed numbers and bounds of the other variables are those of today's problem.
+    The axes keep the baseline's edges. Fixed values, and the bounds of the other variables, are those of today's
+    problem.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
     Returns
     -------
     Recheck
-        The cells, divided further if they are not proved as a whole, and the gain sets that are still certified.
+        The cells, divided further if they are not proved as a whole, and the gain sets that vctune still certifies.
     """
     if baseline.axes.x in WORLD:
         return _rendered_again(problem, baseline, progress)

@@ -106,8 +106,8 @@ def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = in
     Raises
     ------
     InputError
-        If the file belongs to another study, is not a file of rows, is in use, or cannot be written. It then stays as
-        it is.
+        If the file belongs to another study, is not a file of rows, is in use, or cannot be written. The file then
+        stays as it is.
     """
     header = json.dumps(RowsHeader(study=study.sha256, axes=[axis.key for axis in study.axes]).to_json()) + "\n"
     if not path.exists() or not path.stat().st_size:

@@ -41,8 +41,8 @@ class Table:
     axes : values of the axes, by dotted key
     status, reason : texts; a certified point has the reason ""
     idle : whether each design is certified but hardly uses its velocity loop
-    numbers : error, terms, design, ratio, felt numbers and yardstick
-        (`vctune.document.records.rows_json.SHOWN_COLUMNS`); nan for a number that does not exist
+    numbers : error, terms, design, ratio, felt values and yardstick
+        (`vctune.document.records.rows_json.SHOWN_COLUMNS`); nan for a value that does not exist
     system : the problem's system of units
     """
 

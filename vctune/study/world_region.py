@@ -1,4 +1,4 @@
-"""Find the environments that given gains can render, as cells of a plane of two numbers of an environment.
+"""Find the environments that given gains can render, as cells of a plane of two parameters of an environment.
 
 A cell is a box of environments. It is feasible if the claim about a box of environments is proved for it. It is
 infeasible if each of its members has a pole on the unit circle in some hand
@@ -62,7 +62,8 @@ def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
 
 
 def world_plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
-    """Return a plane of environments whose axes begin at 0 and are logarithmic; other numbers have their stated range.
+    """Return a plane of environments whose axes begin at 0 and are logarithmic; other parameters have their stated
+    range.
 
     A mass or a stiffness that is neither an axis nor stated is 0, so that the environments are springs alone or masses
     alone.
@@ -171,11 +172,12 @@ def judged(prepared_design: Rendered, plane: Plane, squares: Squares) -> tuple[K
 def _common_ends(plane: Plane, low: Floats, high: Floats) -> WorldCells:
     """Return for each cell the ends that all its members share.
 
-    A member may choose any value of a number that is not an axis. The ends of such a number are therefore swapped.
+    A member may choose any value of a parameter that is not an axis. The function therefore swaps the ends of the range
+    of such a parameter.
 
     Parameters
     ----------
-    plane : plane, which determines the numbers that are axes
+    plane : plane, which determines the parameters that are axes
     low, high : the cells
     """
     least, most = low.copy(), high.copy()

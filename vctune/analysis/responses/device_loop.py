@@ -178,7 +178,8 @@ class Loop:
         """Return the states if the environment moves. The law then acts on the errors of velocity and position.
 
         The trapezoidal rule integrates the environment's velocity. The state is the difference between the positions of
-        environment and motor. There is thus no integrator if nothing depends on either position alone.
+        environment and motor. The states thus have no pure integrator if no other state depends on either position
+        alone.
         """
         T, K_v, K_p = float(self.device.sample_time), float(self.gains.velocity), float(self.gains.position)
         command = total([(K_v + K_p * T / 2, {INPUT: 1.0}), (K_p, {"error": 1.0}), (-K_v, plant.velocity)])

@@ -172,8 +172,8 @@ def velocity_states(device: Device, hand: Hand) -> PlantStates:
     """Return a device in a hand as `plant_states` does, for a law that needs only the velocity estimate; no state is
     duplicated.
 
-    The low-passes of the velocity act on the command, so that they share the states of the delay. A differenced
-    velocity is the distance moved in the previous sample.
+    In this form, the low-passes of the velocity act on the command, so that they share the states of the delay. A
+    differenced velocity is the distance moved in the previous sample.
 
     Parameters
     ----------

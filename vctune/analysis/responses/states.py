@@ -28,7 +28,12 @@ class Signal:
 
 
 def total(terms: Iterable[tuple[float, Mapping[str, float]]]) -> Row:
-    """Return a weighted sum of rows, without zero coefficients."""
+    """Return a weighted sum of rows, without zero coefficients.
+
+    Parameters
+    ----------
+    terms : pairs of a weight and a row
+    """
     found: Row = {}
     for factor, row in terms:
         for name, x in row.items():
@@ -42,8 +47,8 @@ def late(states: dict[str, Row], name: str, row: Row, samples: int) -> Row:
     Parameters
     ----------
     states : next value of each state; the function adds the states that store the row
-    name : name of the stored row
-    row : a sum of states and input
+    name : name of the stored row; a name that is already stored keeps its row, so a name must stand for one row
+    row : a weighted sum of the present states and input
     samples : number of samples, >= 0
     """
     for ago in range(1, samples + 1):
@@ -53,20 +58,22 @@ def late(states: dict[str, Row], name: str, row: Row, samples: int) -> Row:
     return row
 
 
-def filtered(states: dict[str, Row], name: str, row: Row, share: float, order: int) -> Row:
-    """Return a row after low-passes y += a (x - y) in series, and add the states of the low-passes.
+def filtered(states: dict[str, Row], name: str, row: Row, coefficient: float, order: int) -> Row:
+    """Return the present value of a row after low-passes y[k] = a x[k] + (1 - a) y[k-1] in series.
+
+    The function adds the states of the low-passes.
 
     Parameters
     ----------
     states : next value of each state; the function adds the states of the low-passes
     name : name of the filtered row
     row : x
-    share : a
+    coefficient : a, in (0, 1]
     order : number of low-passes
     """
     for number in range(1, order + 1):
         kept = f"{name} low-pass {number}[k-1]"
-        row = total([(share, row), (1 - share, {kept: 1.0})])
+        row = total([(coefficient, row), (1 - coefficient, {kept: 1.0})])
         states[kept] = row
     return row
 
@@ -108,14 +115,14 @@ def matrices(
     sample_time : T, s
     """
     names = _between(states, output)
-    row = [np.array([states[name].get(other, 0.0) for other in (*names, INPUT)]) for name in names]
-    rows = np.array(row).reshape(len(names), len(names) + 1)
-    last: Floats = np.array([[output.get(other, 0.0) for other in (*names, INPUT)]])
+    coefficients = [np.array([states[name].get(other, 0.0) for other in (*names, INPUT)]) for name in names]
+    next_values = np.array(coefficients).reshape(len(names), len(names) + 1)
+    output_row: Floats = np.array([[output.get(other, 0.0) for other in (*names, INPUT)]])
     return StateSpace(
-        A=rows[:, :-1],
-        B=rows[:, -1:],
-        C=last[:, :-1],
-        D=last[:, -1:],
+        A=next_values[:, :-1],
+        B=next_values[:, -1:],
+        C=output_row[:, :-1],
+        D=output_row[:, -1:],
         sample_time=sample_time,
         states=tuple(f"{name}, {units[name]}" for name in names),
         inputs=(str(signals[0]),),

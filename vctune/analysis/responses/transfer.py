@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 POINTS, DECADES = 1600, 5.0
 """Number of drawn frequencies, and number of decades below Nyquist. With half as many frequencies, curves show corners.
-Twice as many double the length of the file."""
+With twice as many, the file is twice as long."""
 MOST_SHOWN = 20
 """Number of rows of a response that a notebook shows."""
 

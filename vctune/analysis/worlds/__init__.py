@@ -1,1 +1,2 @@
-"""Members of a box of environments: the one with the least reserve, and one that makes a refuted loop grow."""
+"""Members of a box of environments: the one with the least reserve, and one with which the motion of a refuted loop
+grows."""

@@ -1,8 +1,9 @@
 """Find the environment with which a design has the least reserve, with its hand and frequency.
 
 At that frequency the environment cancels the reactance of the loop, with the coupling divided by the safety factor.
-Among all passive environments it is a mass or a spring. In a box it is the lightest or softest member, or a nearer
-limit.
+Among all passive environments, it is a mass or a spring. In a box, it has the least stiffness, and the mass that then
+cancels the reactance. If that mass is below its range, it has the least mass, and the stiffness that then cancels the
+reactance. The upper limits of the box replace greater values.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Find the environment, late or stepped by Euler's rules, with which a refuted loop grows (model/README.md, section
-20).
+"""Find the environment, late or stepped by Euler's rules, with which the motion of a refuted loop grows
+(model/README.md, section 20).
 
 At a frequency where the claim fails, some member of the box holds a pole on the unit circle. The code moves from this
 member to each corner of the box and follows the pole. It returns the member with which the motion grows fastest.
@@ -23,8 +23,8 @@ from vctune.model.sampled.worlds.loop_in_late_worlds import LEADING
 from vctune.model.worlds import Worlds
 
 LEAST_ANGLE = 1e-6
-"""Least distance, rad, of an angle from 0 and pi at which the code follows a pole. Half or twice this distance gives
-the same growth."""
+"""Least distance, rad, of an angle from 0 and pi at which the code follows a pole. With half or twice this distance,
+the growth is the same."""
 STEPS_TO_CORNER = 6
 """Number of steps from a member to a corner. With half as many steps, the code may lose the pole; with twice as many,
 it follows the same poles."""
@@ -32,12 +32,13 @@ FARTHEST_MOVE = 0.3
 """Greatest move of a pole in one step, relative to its angle. With half this move, the code loses some poles; with
 twice this move, it may switch to another pole."""
 GROWTH = 1e-9
-"""Growth per radian above which a motion counts as growing. This threshold exceeds the rounding error of Newton's
-method."""
+"""Growth per radian above which the code reports that a motion grows. This threshold exceeds the rounding error of
+Newton's method."""
 OUTSIDE = 1e-9
 """Share of a range by which rounding may put a member outside the range."""
 PARALLEL = 1e-12
-"""Determinant of two factors, relative to the square of the greater factor, below which they count as parallel."""
+"""Determinant of two factors, relative to the square of the greater factor, below which the code treats the factors as
+parallel."""
 
 Member = tuple[float, float, float]
 """Mass, damping and stiffness of an environment of the box."""
@@ -47,13 +48,14 @@ Member = tuple[float, float, float]
 def growing_in_time(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float, worlds: Worlds
 ) -> GrowingEnvironment | None:
-    """Return the environment of a box with which a loop in a hand grows, for a frequency where one member holds a pole.
+    """Return the environment of a box with which the motion in a hand grows, for a frequency at which a member holds a
+    pole.
 
     Parameters
     ----------
     device, gains, coupling : a design, plain numbers
     hand : hand in which the constraint is violated
-    omega : frequency where it does not hold, rad/s, from 0 to pi/T
+    omega : frequency at which the constraint is violated, rad/s, from 0 to pi/T
     worlds : the box; its greatest numbers may be inf
 
     Returns
@@ -104,9 +106,10 @@ def environment_factors(pole_angle: complex, sample_time: float, worlds: Worlds)
 
 
 def member_of_impedance(impedance: complex, factors: np.ndarray, worlds: Worlds) -> Member | None:
-    """Return a member with this impedance: two of its numbers solve for it, and the third is at a finite end.
+    """Return a member with this impedance. One of its three numbers is at a finite end of its range, and the other two
+    follow.
 
-    The members with a given impedance lie on a line. In one direction along this line a number decreases until it
+    The members with a given impedance lie on a line. In one direction along this line, some number decreases until it
     reaches its least value, which is finite. The function therefore needs to try finite ends only.
 
     Parameters
@@ -149,7 +152,8 @@ def _corners(worlds: Worlds, start: Member) -> Iterator[Member]:
 def _poles_towards(
     corner: Member, unbalance: Callable[..., complex], theta: float, start: Member
 ) -> Iterator[tuple[complex, Member]]:
-    """Yield the angle of a pole and the member that holds it on the way to a corner, as far as it can be followed."""
+    """Yield the angle of a pole and the member that holds the pole, step by step on the way to a corner, as far as the
+    code can follow the pole."""
     pole_angle: complex = complex(theta)
     for share in np.arange(1, STEPS_TO_CORNER + 1) / STEPS_TO_CORNER:
         mass, damping, stiffness = ((1 - share) * a + share * b for a, b in zip(start, corner, strict=True))

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     help="Axis of a ROS 2 file to check; repeatable. [default: all axes that the file selects]",
 )
 @click.option("--strict", is_flag=True, help="Fail the check if there is a warning.")
-@out_option("NAME/lost.json and its picture, if a region has lost cells")
+@out_option("NAME/lost.json and its picture, if a part of a region is no longer proved")
 @output_options("github", "junit", "sarif")
 @time_limited
 def check(
@@ -47,17 +47,17 @@ def check(
 ) -> int:
     """Prove gains that already exist. The exit code is the code of the worst result.
 
-    Without GAINS, all numbers of a PROBLEM must be fixed. With several GAINS files, the command checks one PROBLEM with
-    each of them. A folder stands for all .toml files in it.
+    Without GAINS, PROBLEM must fix all gains and the whole coupling. With several GAINS files, the command checks one
+    PROBLEM with each of them. A folder stands for all .toml files in it.
 
     A YAML file in place of GAINS is a parameter file of a ROS 2 admittance_controller. The command checks each axis
     that the YAML file selects with the device of one PROBLEM: a servo, or a device whose [gains] are fixed. Rotations
     need a rotary device, and translations a linear one. If an axis does not fit, the command skips it and exits with
     code 3. Use --axis to select the axes that fit.
 
-    If PROBLEM has several [[axis]] tables, the command checks each axis. The numbers come from the axis itself if it
-    fixes them, from the gains in OUT/NAME (the folder of `vctune solve`), or from the axis of the same name in a ROS 2
-    file.
+    If PROBLEM has several [[axis]] tables, the command checks each axis. The gains and the coupling of an axis come
+    from the axis itself if it fixes them, from the gains in OUT/NAME (the folder of `vctune solve`), or from the axis
+    of the same name in a ROS 2 file.
 
     With --region, the check passes only if vctune can still prove the feasible cells and the gain sets of a region.json
     for PROBLEM. `vctune region` writes this file.
@@ -120,7 +120,7 @@ def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, s
 def _of_axes(
     several: AxesFile, files: list[Path], axes: tuple[str, ...], progress: Progress, show_doubts: Said
 ) -> list[Checked]:
-    """Check several axes with the numbers that they fix, with the gains in a folder of `vctune solve`, or with a ROS 2
+    """Check several axes with the values that they fix, with the gains in a folder of `vctune solve`, or with a ROS 2
     file."""
     from vctune import InputError
     from vctune.api.checking import is_admittance

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     type=click.Choice(["double", "single"]),
     default="double",
     show_default=True,
-    help="Precision of the firmware. vctune proves the rounded constants again.",
+    help="Precision of the firmware. vctune proves the design again with the rounded constants.",
 )
 @click.option(
     "--unproved",
@@ -45,9 +45,9 @@ def export(
 ) -> int:
     """Export a design as firmware.
 
-    The design is a DESIGN.json of `vctune solve`, a PROBLEM with GAINS, or a PROBLEM whose numbers are all fixed. For a
-    PROBLEM with several [[axis]] tables, GAINS is OUT/NAME, the folder of `vctune solve`. `--to ros2` writes the
-    parameter file of an admittance_controller that commands a servo.
+    The design is a DESIGN.json of `vctune solve`, a PROBLEM with GAINS, or a PROBLEM that fixes all gains and the whole
+    coupling. For a PROBLEM with several [[axis]] tables, GAINS is OUT/NAME, the folder of `vctune solve`. `--to ros2`
+    writes the parameter file of an admittance_controller that commands a servo.
 
     vctune proves the design again with the constants of the firmware. If the design is refuted, the exit code is 1; if
     it is undecided, 3. In both cases the command writes files only with --unproved.

@@ -34,7 +34,7 @@ def identify(
     """Identify a device from recordings of its motion. Each LOG is a CSV file (also .gz).
 
     The command writes device.toml, a problem file for `vctune solve`. device.toml states the device, the uncertainty of
-    each number, and the numbers that no log shows. The command also writes identification.json and, without
+    each parameter, and the parameters that no log shows. The command also writes identification.json and, without
     --no-report, report.html with figures.
     """
     from vctune.api.folders import folder_name

@@ -139,7 +139,7 @@ _RULES = [*RULES.values(), WARNING]
 def sarif(checks: list[Checked]) -> str:
     """Return a SARIF 2.1.0 log with the fields that GitHub requires.
 
-    It has one result for each refusal and each warning.
+    The log has one result for each refusal and each warning.
     """
     results = []
     for checked in checks:

@@ -18,7 +18,7 @@ WIDTH = 140
 
 
 def print_identification(record: IdentificationRecord, folder: Path) -> None:
-    """Print the numbers with their intervals, the remarks, and the folder of the files.
+    """Print the parameters with their intervals, the remarks, and the folder of the files.
 
     Parameters
     ----------

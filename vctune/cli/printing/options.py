@@ -54,7 +54,9 @@ def output_options(*more: str) -> Added:
             "--json", is_flag=True, is_eager=True, expose_value=False, callback=_short, help="Short for --format json."
         ),
         click.option(
-            "--quiet", is_flag=True, help="Print no progress and no text. Output in another --format still appears."
+            "--quiet",
+            is_flag=True,
+            help="Print no progress and no text. Any other --format is still printed.",
         ),
     )
 

@@ -88,8 +88,8 @@ class Couplings(Protocol):
         Returns
         -------
         array of float
-            The bound, dimensionless. For norm "rms" it is the mean over the band, shape (n, devices), or (n, 1) if all
-            devices have the same mean. For "peak" it has a value for each frequency, shape (n, frequencies).
+            The bound, dimensionless. For norm "rms" the bound is the mean over the band, shape (n, devices), or (n, 1)
+            if all devices have the same mean. For "peak" it has a value for each frequency, shape (n, frequencies).
         """
 
 
@@ -124,9 +124,9 @@ class SeriesCouplings:
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
         """Return a lower bound of the weighted |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, or of its mean over the band.
 
-        Here s is x^2/(1 + x^2), or the mean of this number over the band; s grows with tau_c, and s/tau_c^2 falls. With
-        a fixed b_c, the last term is therefore least at the least tau_c; with a fixed m_c = b_c tau_c, it is least at
-        the greatest tau_c. The function uses the larger of both values.
+        Here s is x^2/(1 + x^2), or the mean of this expression over the band. s grows with tau_c, and s/tau_c^2
+        decreases. With a fixed b_c, the last term is therefore least at the least tau_c. With a fixed m_c = b_c tau_c,
+        this term is least at the greatest tau_c. The function uses the larger of both values.
 
         Parameters
         ----------
@@ -239,7 +239,7 @@ def _inverse(range_: Range) -> Range:
 class SpringOffer:
     """Re(1/Z_c)/s^2 of spring-dampers at some angles theta, with s = sin(theta/2) and tau = b_c/k_c.
 
-    For k_c = 1 it is (a_0 + a_1 tau)/(b_0 + b_1 tau + b_2 tau^2).
+    For k_c = 1 this is (a_0 + a_1 tau)/(b_0 + b_1 tau + b_2 tau^2).
 
     Attributes
     ----------
@@ -252,7 +252,8 @@ class SpringOffer:
     best_time_constant: Floats
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least 1/k_c and 1/b_c for which Re(1/Z_c)/s^2 = 1; inf if it is positive nowhere in the box."""
+        """Return the least 1/k_c and 1/b_c for which Re(1/Z_c)/s^2 = 1; inf if Re(1/Z_c)/s^2 is positive nowhere in the
+        box."""
         low, high = boxes.low[TAU_C], boxes.high[TAU_C]
         of_tau = DesignBoxes(np.stack((low, 0 * low)), np.stack((high, 0 * high)))
         nearest = np.clip(self.best_time_constant, low[:, None], high[:, None])
@@ -271,7 +272,7 @@ def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringO
 
     Parameters
     ----------
-    devices : devices with exactly known numbers
+    devices : devices with exactly known parameters
     angles : theta = omega T of each device, rad, in [0, pi], shape (k,) each
 
     Returns

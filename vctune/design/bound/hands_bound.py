@@ -75,7 +75,7 @@ def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> Sam
 
     Parameters
     ----------
-    devices : d devices with exactly known numbers
+    devices : d devices with exactly known parameters
     places : k frequencies omega, rad/s, in [0, pi/T], each with a hand
 
     Returns
@@ -95,7 +95,7 @@ def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledC
 
     Parameters
     ----------
-    devices : d devices with exactly known numbers
+    devices : d devices with exactly known parameters
     omega : frequencies, rad/s, in [0, pi/T], shape (k,)
 
     Returns
@@ -140,7 +140,7 @@ def coefficients_in_hands(
 
     Parameters
     ----------
-    device : device with exactly known numbers
+    device : device with exactly known parameters
     theta : angles omega T, rad
     hands : hand at each angle
     """

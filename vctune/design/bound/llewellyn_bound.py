@@ -77,7 +77,7 @@ def llewellyn_conditions(devices: Sequence[Device], omega: Floats) -> LlewellynC
 
     Parameters
     ----------
-    devices : d devices with exactly known numbers
+    devices : d devices with exactly known parameters
     omega : frequencies, rad/s, > 0, shape (k,)
 
     Returns

@@ -43,8 +43,8 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.running import check_time
 
 PRECISION = 2.0**-44
-"""Relative precision of the integrals, 6e-14, about the size of `GUARD`. Half and twice this number change the bound by
-about the same share, and change the number of nodes of Gauss's rule by one."""
+"""Relative precision of the integrals, 6e-14, about the size of `GUARD`. With half or twice this precision, the bound
+changes by about the same share, and the number of nodes of Gauss's rule changes by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) ->
     Parameters
     ----------
     problem : problem in SI units
-    devices : devices with exactly known numbers; the objective is the greatest of their errors
+    devices : devices with exactly known parameters; the objective is the greatest of their errors
     intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
 
     Returns
@@ -122,7 +122,7 @@ def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
 def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Term]:
     """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals.
 
-    For a term with weight 0, the function sets all numbers to 1 and computes no integral.
+    For a term with weight 0, the function sets all coefficients to 1 and computes no integral.
     """
     exact, first = device_ball(device.bare), ball(band.min).log()
     length = ball(band.max).log() - first

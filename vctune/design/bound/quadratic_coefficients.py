@@ -28,7 +28,8 @@ Coefficients = tuple[
 class Term(NamedTuple):
     """A term |X|^2/|Y|^2 of the squared error, prepared for the inequality of Cauchy and Schwarz.
 
-    For the integrals of both attributes, the mean of the term is at least |along|^2/size.
+    The mean of the term over an interval is at least |A|^2/S. Here A and S are the integrals of `along` and `size` over
+    this interval.
 
     Attributes
     ----------
@@ -141,7 +142,7 @@ def summed(a: Coefficients, b: Coefficients) -> Coefficients:
 
 
 def listed(term: Term) -> list[Number]:
-    """Return the numbers of a term that are not None."""
+    """Return the coefficients of a term that are not None."""
     found: list[Number] = []
     for part in _pairs(term.along):
         found += [] if part is None else [part.re, part.im]
@@ -150,12 +151,12 @@ def listed(term: Term) -> list[Number]:
 
 
 def replaced(term: Term, numbers: Iterable[Number]) -> Term:
-    """Return a term with its numbers replaced.
+    """Return a term with other coefficients.
 
     Parameters
     ----------
     term : a term of the same form; its None entries stay None
-    numbers : numbers in the order of `listed`
+    numbers : coefficients in the order of `listed`
 
     Returns
     -------
@@ -194,17 +195,17 @@ def joined(parts: Sequence[Coefficients]) -> Coefficients:
 
 
 def repeated(devices: Sequence[Device], count: int) -> Device:
-    """Return several devices as one device with arrays of numbers, which repeat the numbers of each device.
+    """Return several devices as one device with arrays of parameters, which repeat the parameters of each device.
 
     Parameters
     ----------
     devices : d devices with the same parts
-    count : number of times that the arrays repeat the numbers of each device
+    count : number of times that the arrays repeat the parameters of each device
 
     Returns
     -------
     Device
-        A device with numbers of shape (d count,). If there is only one device, the function returns it unchanged.
+        A device with parameters of shape (d count,). If there is only one device, the function returns it unchanged.
     """
     if len(devices) == 1:
         return devices[0]

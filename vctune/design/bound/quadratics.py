@@ -25,7 +25,8 @@ on the value. With curvatures from l to h over gains up to w, the error of the m
 u/l. This error changes the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2.
 
 In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u. This factor is enough for some 30 operations and a logarithm
-with an error of 8 units in the last place. Half and twice this allowance change the bound only in its fourteenth digit.
+with an error of 8 units in the last place. With half or twice this allowance, only the fourteenth digit of the bound
+changes.
 """
 
 
@@ -64,7 +65,7 @@ class Quadratic:
         """Return an upper bound of the values over each box of gains, shape (boxes, points).
 
         Without a cross term, or if no coefficient of `square` is negative, the bound is the greatest value. Otherwise
-        it is the sum of the greatest values of the terms.
+        the bound is the sum of the greatest values of the terms.
         """
         if self.cross is not None and self.square is not None and all(np.all(square >= 0) for square in self.square):
             vertices = [(K_v, K_p) for K_v in self._ends(K_V, boxes) for K_p in self._ends(K_P, boxes)]

@@ -20,6 +20,7 @@ from vctune.design.bound.llewellyn_bound import llewellyn_conditions
 from vctune.design.bound.objective import Objective, objective_of
 from vctune.design.bound.quadratic_coefficients import quadratic, repeated
 from vctune.design.bound.quadratics import BoundedQuotient, Quadratic, rounded_down, upper
+from vctune.design.bound.springs_in_worlds_bound import springs_in_worlds
 from vctune.design.bound.worlds_bound import conditions_in_worlds
 from vctune.model.device import Device
 from vctune.model.hand_arrays import PlacesInHands
@@ -113,9 +114,9 @@ def relaxation(
     Parameters
     ----------
     problem : problem in SI units
-    devices : d devices with exactly known numbers, at which the constraints are imposed
+    devices : d devices with exactly known parameters, at which the relaxation imposes the constraints
     objective : the devices among them whose greatest error is the objective
-    places : frequencies, angles and hands at which the constraints are imposed
+    places : frequencies, angles and hands at which the relaxation imposes the constraints
     intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
 
     Returns
@@ -141,7 +142,7 @@ def at_places(relaxed: Relaxation, places: Places) -> Relaxation:
     Parameters
     ----------
     relaxed : the relaxed problem
-    places : frequencies, angles and hands at which the constraints are imposed on each device
+    places : frequencies, angles and hands at which the relaxation imposes the constraints on each device
 
     Returns
     -------
@@ -164,7 +165,8 @@ def _conditions(problem: Problem, devices: list[Device], places: Places) -> list
     if problem.hands_met is not None and problem.worlds is None:
         found.append(conditions_in_hands(devices, places.in_hands))
     if problem.hands_met is not None and problem.worlds is not None:
-        found.append(conditions_in_worlds(devices, places.in_hands, problem.worlds.linear))
+        required = springs_in_worlds if problem.device.kind.inverse else conditions_in_worlds
+        found.append(required(devices, places.in_hands, problem.worlds.linear))
     if problem.any_hand:
         found.append(conditions_in_any_hand(devices, places.any_hand))
     return found

@@ -36,7 +36,7 @@ def resume_bytes(sha256: str, state: ResumeState) -> bytes:
 
     Parameters
     ----------
-    sha256 : digest of the problem file, by which `read_resume` recognises it
+    sha256 : digest of the problem file, by which `read_resume` recognises the file
     state : state of the search
 
     Returns

@@ -93,7 +93,7 @@ def conditions_in_worlds(devices: Sequence[Device], places: PlacesInHands, world
 
     Parameters
     ----------
-    devices : d devices with exactly known numbers, all of them admittance displays or servos
+    devices : d devices with exactly known parameters, all of them admittance displays or servos
     places : k frequencies omega, rad/s, in [0, pi/T], each with a hand
     worlds : linear environments by the trapezoidal rule, on time
     """

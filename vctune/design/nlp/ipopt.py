@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from functools import lru_cache
 from math import exp, inf, log, pi
 from typing import Any
 
@@ -30,8 +29,8 @@ from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoin
 from vctune.design.variables import Coordinate, Point
 from vctune.interrupt import interrupt_deferred
 from vctune.model.device import Device
-from vctune.model.display import DisplayName
 from vctune.model.gains import Gains
+from vctune.model.hand_arrays import stacked as stacked_hands
 from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
@@ -40,6 +39,7 @@ from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import AnyLoopInHand, LoopInHand, loop_in_hand, required_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import ForceInHand, Required, firmware_filter
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.several_devices import alike, as_one
 from vctune.model.sampled.worlds.late_sides import open_sides
 from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
 from vctune.model.sampled.worlds.loop_in_worlds import Disjuncts
@@ -57,9 +57,6 @@ TRACKING_REACH = 0.5
 two peaks, which a delay separates by about a factor of two. With half this distance the exchange takes more rounds,
 because it repeats an NLP whose peak reaches the end of its range. With twice this distance the NLP may end at another
 stationary point of |S|."""
-KEPT = 4096
-"""Number of loops in hands in the cache. The cache saves time, because each round of an exchange needs the loops of
-earlier rounds again. Half and twice this number are equally fast."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +94,9 @@ def numbers_of(
     posed : prepared problem, dimensionless
     structure : structure of the NLP
     free : the n free variables of the NLP
-    start : the numbers of the design from which IPOPT starts, and of the fixed variables
+    start : the variables of the design from which IPOPT starts, and of the fixed variables
     box : least and greatest coordinates, each of shape (n,)
-    working_set : points at which the constraints are imposed
+    working_set : points at which the relaxation imposes the constraints
     tightening : relative tightening of the constraints, so that rounding the result does not violate them
     """
     low, high = (list(bound) for bound in box)
@@ -274,23 +271,28 @@ def _firmware_filter(device: Device, omega: Any) -> dict[str, Any]:
 def _in_hands(points: Sequence[ConstraintPoint], *, worlds: bool) -> dict[str, Any]:
     """Return the loops in hands at some points, keyed by the names of `in_hand_layout`. With T = 1, omega equals
     theta."""
-    functions = _HELD | ({"impedance": _force_in_worlds} if worlds else {})
-    columns = [functions[at.device.kind.name](at) for at in points]
+    kind = points[0].device.kind
+    if kind.name == "admittance":
+        return _loops_in_hands(points)
+    if worlds and kind.inverse:
+        filters = [_firmware_filter(at.device, min(at.omega, pi)) for at in points]
+        return _loops_in_hands(points) | {name: np.array([each[name] for each in filters]) for name in filters[0]}
+    columns = [(_command_in_hand if kind.name == "servo" else _force_in_hand)(at) for at in points]
     return {name: np.array([column[name] for column in columns]).T for name in columns[0]}
 
 
-@lru_cache(maxsize=KEPT)
-def _loop_in_hand(at: ConstraintPoint) -> dict[str, Any]:
-    theta = min(at.omega, pi)
-    loop = _loop_at(at, theta)
-    assert isinstance(loop, LoopInHand | ForceInHand)
-    parts = zip(loop._fields, loop, strict=True)
-    sides = {f"{name}_{side}": float(getattr(part, side)) for name, part in parts for side in ("even", "odd")}
-    return {"theta": theta, **sides}
-
-
-def _force_in_worlds(at: ConstraintPoint) -> dict[str, Any]:
-    return _loop_in_hand(at) | _firmware_filter(at.device, min(at.omega, pi))
+def _loops_in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
+    """Return both sides of each part of the loops in hands, evaluated together for devices of the same form."""
+    theta, found = np.array([min(at.omega, pi) for at in points]), dict[str, Floats]()
+    for group in alike([at.device for at in points]):
+        device, delays = as_one([points[k].device for k in group], (-1,))
+        hand = stacked_hands([at.hand for at in (points[k] for k in group) if at.hand is not None])
+        loop = loop_in_hand(plant_in_hand(device, hand, delays, FLOATS), theta[group], FLOATS)
+        assert isinstance(loop, LoopInHand | ForceInHand)
+        for name, part in zip(loop._fields, loop, strict=True):
+            for side in ("even", "odd"):
+                found.setdefault(f"{name}_{side}", np.zeros(len(points)))[group] = getattr(part, side)
+    return {"theta": theta, **found}
 
 
 def _force_in_hand(at: ConstraintPoint) -> dict[str, Any]:
@@ -336,13 +338,6 @@ def _in_walls(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
 def _loop_at(at: ConstraintPoint, theta: Any) -> AnyLoopInHand:
     assert at.hand is not None
     return loop_in_hand(plant_in_hand(at.device, at.hand, delays_of(at.device), FLOATS), theta, FLOATS)
-
-
-_HELD: dict[DisplayName, Callable[[ConstraintPoint], dict[str, Any]]] = {
-    "admittance": _loop_in_hand,
-    "impedance": _force_in_hand,
-    "servo": _command_in_hand,
-}
 
 
 def _required(at: ConstraintPoint, gains: Gains, theta: float) -> Required:

@@ -213,8 +213,8 @@ def _room(L: Pair) -> Number:
 
 SCALE_IN_HAND = 0.05
 """Scale of the asinh with which the constraint in a hand compares Re Z_c and R, in units of Z_0. Far above this scale
-asinh acts like a logarithm. Far below it asinh is linear, so that R may be 0 or negative. Half and twice this scale
-take as many iterations."""
+asinh acts like a logarithm. Far below it asinh is linear, so that R may be 0 or negative. With half or
+twice this scale, IPOPT takes as many iterations."""
 
 
 def _coupling_response(coupling: AnyCoupling, frequency: dict[str, ca.SX]) -> Pair:
@@ -231,7 +231,7 @@ def _low_pass(numbers: dict[str, ca.SX]) -> Pair:
 def _margin_in_hand(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
     """Return asinh(Re Z_c) - asinh(factor R), scaled, which is >= 0 if the coupling suffices in a hand.
 
-    For an impedance display, the left side is Re(1/Z_c)/s^2 with s = sin(theta/2), and R is divided by s^2 as well.
+    For an impedance display, Re(1/Z_c)/s^2 replaces Re Z_c, and R/s^2 replaces R, with s = sin(theta/2).
     """
     if isinstance(coupling, SpringDamper):
         (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(in_hand["lost"]), ca.vertsplit(in_hand["size"]), gains.velocity
@@ -249,8 +249,8 @@ UNPOSED = 1e3
 BLUNT = 1e-2
 """Width of the smooth function that replaces the maximum of several margins. Smoothing allows IPOPT to move from a
 design that satisfies one margin to a design that satisfies another. If two margins are equal at an optimum, smoothing
-makes the coupling too large by 0.7 of this number, as a share. With a tenth of this number exchanges do not converge;
-with three tenths they take twice as many rounds."""
+makes the coupling too large by 0.7 times this width, as a share. With a tenth of this width, exchanges do not converge;
+with three tenths, they take twice as many rounds."""
 
 
 def _demanded_in_hand(
@@ -267,7 +267,7 @@ def _demanded_in_hand(
 
 ALIKE = 4
 """Number of sides of late environments whose margins are nearly equal at low frequencies; `_greatest` needs this
-number. With half of it, the answers violate their own constraints; with twice as many, the coupling is 0.3 %
+number. With half this number, the answers violate their own constraints; with twice this number, the coupling is 0.3 %
 greater."""
 
 

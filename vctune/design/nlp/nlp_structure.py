@@ -43,7 +43,7 @@ class NlpStructure:
     walls : whether the environments include walls, so that the corner of the multiplier is a number of the design
     in_time : whether the environments run late or by Euler's rules
     shares : shares of the coupling for each of which the NLP imposes the constraint with environments
-    free : (index among a design's numbers, whether it may be 0) for each free variable
+    free : (index among a design's variables, whether it may be 0) for each free variable
     integrator : whether the law has its term K_p/s
     terms : terms of the error with a positive weight
     norm : "rms", or "peak", which adds an epigraph variable
@@ -91,7 +91,7 @@ class NlpStructure:
 
     @property
     def variables(self) -> int:
-        """Number of variables: free numbers of the design, frequencies of tracked peaks, epigraph."""
+        """Number of variables: free variables of the design, frequencies of tracked peaks, epigraph."""
         return len(self.free) + self.tracked_peaks + self.epigraph
 
 
@@ -105,7 +105,7 @@ def nlp_structure(
     ----------
     posed : prepared problem, dimensionless
     free : the free variables
-    working_set : points at which the constraints are imposed
+    working_set : points at which the relaxation imposes the constraints
     panels : number of panels of the error's quadrature
     integrator : whether K_p > 0
     """

@@ -50,7 +50,7 @@ def check_admittance(
     only: Sequence[str] = (),
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
-    """Check the selected axes of a parameter file. If several axes have the same numbers, the function proves only one.
+    """Check the selected axes of a parameter file. If several axes have the same values, the function proves only one.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def _unproved(verdict: CheckVerdict, code: Code, message: str, axis: Admittance)
 
 
 def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittance) -> Checked:
-    """Return a check with the name of an axis; several axes with the same numbers share one check."""
+    """Return a check with the name of an axis; several axes with the same values share one check."""
     name, message, finding = f"{problem.problem.name} {axis.axis}", f"{axis.axis}: {checked.message}", checked.finding
     if isinstance(finding, DesignFinding):
         named = replace(finding.file, problem=replace(finding.file.problem, name=name))

@@ -1,4 +1,4 @@
-"""Find repairs of a refuted axis of a ROS 2 parameter file: first of its own numbers, then of the problem's.
+"""Find repairs of a refuted axis of a ROS 2 parameter file: first of its own values, then of the problem's.
 
 The file states no coupling. The search therefore changes the parameters of the file, as a user would, and not the
 coupling.
@@ -24,7 +24,7 @@ from vctune.model.problem import Problem
 def repairs_of_axis(
     document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress
 ) -> list[Repair] | None:
-    """Return the changes of one number after which an axis passes or uses its loop; None if the axis needs no change.
+    """Return the changes of one value after which an axis passes or uses its loop; None if the axis needs no change.
 
     Parameters
     ----------

@@ -38,8 +38,14 @@ TIGHTENING = 1e-6
 1e-9. The tightening increases the error by about the same share. If it is too small, the proof refutes the design, and
 the search repeats the exchange with ten times the tightening."""
 ROUNDS = 40
-"""Greatest number of NLPs in an exchange; one to three are usual. Half this number ends an exchange that converges
-slowly along the stability boundary; twice this number takes longer without a better result."""
+"""Greatest number of NLPs in an exchange; one to three are usual. With half this number, an exchange that converges
+slowly along the stability boundary ends too early. With twice this number, the exchange takes longer without a better
+result."""
+STALLED = 8
+"""Number of rounds within which the greatest violation must halve while an exchange with a box of environments has no
+feasible answer; otherwise the exchange ends without one. Such an exchange may add a few points in each round and hardly
+come nearer. Without environments, an exchange that comes nearer slowly may still find a design. With half or twice this
+number, vctune finds the same designs."""
 RADIUS = 2.0
 """Half-width of the first trust box, and the greatest half-width, in log coordinates. This width permits a factor of 7
 on both sides of the start, which is near a local minimum. With twice this width IPOPT ends beyond |S| = inf more often;
@@ -56,19 +62,19 @@ LEAST_RADIUS = 1e-3
 With half this size the exchange takes one more round; with twice this size it takes one round less."""
 FIRST_FREQUENCIES = 9
 """Number of log-spaced frequencies at which the first NLP imposes each constraint. With this number, the first answer
-violates the constraints only slightly; the exchange adds the missing frequencies later. Half as many frequencies take
-one or two more rounds; twice as many make every round slower."""
+violates the constraints only slightly; the exchange adds the missing frequencies later. With half as many frequencies,
+the exchange takes one or two more rounds; with twice as many, every round is slower."""
 PANELS = 4
 MAX_PANELS = 256
 """First and greatest number of panels of the error's quadrature, with eight nodes each. The exchange doubles them until
-the NLP's error is accurate to `OBJECTIVE_TOLERANCE`. With half of `PANELS`, the exchange takes another round. Half of
-`MAX_PANELS` is too small for a device with an undamped resonance.
+the NLP's error is accurate to `OBJECTIVE_TOLERANCE`. With half of `PANELS`, the exchange takes another round. For a
+device with an undamped resonance, half of `MAX_PANELS` is too small.
 """
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
 """Permitted relative difference between the NLP's objective and the error of its answer, for each norm. With norm
 "peak", each round reduces this difference only by a factor of three or four, because the frequency of the greatest
-error changes with the gains. A limit of 1e-5 would take 5 % more time. Half or twice the limit changes the error of the
-design by about the same share."""
+error changes with the gains. With a limit of 1e-5, the exchange takes 5 % more time. With half or twice the limit, the
+error of the design changes by about the same share."""
 NEAR = 0.02
 """Half-width of the trust box in which the NLP of an impedance display with a box of environments is solved for its
 multipliers. The optimum is known before. The trust box only keeps IPOPT near the optimum."""
@@ -212,13 +218,14 @@ class _Search:
 
     Attributes
     ----------
-    cases : problems of the devices at which the constraints are imposed
+    cases : problems of the devices at which the relaxation imposes the constraints
     witnesses : points in hands at which a proof refuted an earlier design
     reference : the last design with stable loops and Re(D + Z_h) > 0, the centre of the trust box
     warm_start : design from which IPOPT starts
     radius : half-width of the trust box in log coordinates
     known, known_error : the best known feasible design, an answer or the start, and its error
     missed : greatest violation of the last answer
+    trail : greatest violation of each answer with stable loops
     start_examined : whether the exchange has evaluated the start as a known design
     unstable : whether the last answer was unstable; after one such answer a cut may suffice, after two in a row the
         exchange halves the trust box
@@ -239,6 +246,7 @@ class _Search:
     best: Polished | None = None
     known_error: float = inf
     missed: float = 0.0
+    trail: list[float] = field(default_factory=list)
     start_examined: bool = False
     unstable: bool = False
     finished: bool = False
@@ -290,6 +298,9 @@ def _step(posed: Posed, search: _Search) -> None:
     nearer, search.missed = demands.positive and demands.greatest < NEARER * search.missed, demands.greatest
     progress = not uphill and (joined or nearer or (admissible and solution.converged))
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
+    search.trail.append(search.missed)
+    if problem.worlds is not None and search.best is None and len(search.trail) > STALLED:
+        search.finished = search.missed > search.trail[-1 - STALLED] / 2
 
 
 def _examine_start(posed: Posed, search: _Search, error: float) -> None:

@@ -62,8 +62,8 @@ exist because a resonance above Nyquist may occur in few hands of the box. With 
 finds the same designs. With 0, it finds no design for a device with a sampling rate of 20 Hz."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
 """Factor by which the search increases the tightening if a proof refutes a design, and least tightening if a proof is
-undecided. The number of boxes of a proof grows with the inverse of the remaining reserve. Twice these numbers increase
-the error by at most the same share; with half of them some proofs fail."""
+undecided. The number of boxes of a proof grows with the inverse of the remaining reserve. With twice these values, the
+error increases by at most the same share; with half of them, some proofs fail."""
 
 SEARCH, PROOF = "the search", "the proof"
 """Names of stages that a time limit may cut short."""
@@ -100,7 +100,7 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
 
     Parameters
     ----------
-    prepared : prepared problem that leaves a number free
+    prepared : prepared problem that leaves a variable free
     scanned : result of its scan, dimensionless
     progress : function that receives the current stage
     """
@@ -140,7 +140,7 @@ def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
     Parameters
     ----------
-    problem : problem that leaves a number free
+    problem : problem that leaves a variable free
     """
     if impossible(problem) is not None:
         return None
@@ -170,7 +170,7 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
     Parameters
     ----------
-    problem : problem in SI units that leaves a number free
+    problem : problem in SI units that leaves a variable free
     """
     if impossible(problem) is not None:
         return None
@@ -190,7 +190,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
 
     Parameters
     ----------
-    prepared : prepared problem that leaves a number free
+    prepared : prepared problem that leaves a variable free
     gains : gains to start from, SI units; the function tries any coupling with them
     incumbent : `Judgement.compared` of the incumbent
     """
@@ -214,7 +214,7 @@ def local_optima(
 
     Parameters
     ----------
-    prepared : prepared problem that leaves a number free
+    prepared : prepared problem that leaves a variable free
     scanned : starts of the problem, dimensionless
     progress : function that receives the current stage
     worth : factor by which a start's error may exceed the least known error

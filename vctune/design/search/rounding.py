@@ -1,4 +1,4 @@
-"""Round the numbers of a design to the decimals that vctune writes, judges and uses."""
+"""Round the variables of a design to the decimals that vctune writes, judges and uses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ DIGITS = 8
 
 
 def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
-    """Return the numbers of a design, rounded to a given number of digits. A number that is near a bound becomes the
+    """Return the variables of a design, rounded to a given number of digits. A value that is near a bound becomes the
     bound.
 
     The function rounds the corner frequency of the multiplier for walls to the digits that `corner_of` gives.
@@ -19,7 +19,7 @@ def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
     Parameters
     ----------
     problem : problem with the bounds, SI units
-    values : numbers of the design, SI units
+    values : variables of the design, SI units
     digits : number of significant digits
 
     Returns

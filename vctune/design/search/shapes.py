@@ -23,7 +23,8 @@ from vctune.model.sampled.worlds.loop_in_worlds import offered_at
 
 SLACK = 1e-2
 """Least time constant b_c/k_c of the scan, as a share of T. A smaller time constant hardly matters, because the sampled
-spring alone already acts like a spring with a damper of k_c T/2. Half and twice this share lead to the same designs."""
+spring alone already acts like a spring with a damper of k_c T/2. With half or twice this share, the search finds the
+same designs."""
 
 
 def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple[Floats, Floats]:

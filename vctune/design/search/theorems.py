@@ -1,4 +1,4 @@
-"""Find requirements that no design can meet, by theorems, and state the numbers that would have to change.
+"""Find requirements that no design can meet, by theorems, and state the values that would have to change.
 
 The code evaluates each limit at the most favourable vertex of the bounds. The code excludes all designs only if even
 this vertex violates the requirement.
@@ -108,7 +108,7 @@ def _vanishing_response(problem: Problem) -> tuple[str, str] | None:
     if radius < 1:
         return None
     return (
-        f"Re G_hh > 0 is asked for at {hz:.4g} Hz, where uncertainty.unmodelled is {radius:.4g}: with a radius of 1 or "
+        f"Re G_hh must be positive at {hz:.4g} Hz, where uncertainty.unmodelled is {radius:.4g}: with a radius of 1 or "
         "more the device may not answer at all",
         "state radii below 1 within stability.band_hz, or end the band where they are",
     )

@@ -76,7 +76,7 @@ def violations(
     ----------
     posed : prepared problem, dimensionless
     cases : one problem for each evaluated device: those of `posed`, and those of devices that a proof refuted
-    values : the numbers of the design
+    values : the variables of the design
     tightening : relative tightening of the constraints
     refuted : points in hands at which a proof refuted a design, which the search for the least ratio may miss
 
@@ -170,7 +170,7 @@ def tightest_at_walls(problem: Problem, values: Point) -> list[ConstraintPoint]:
     Parameters
     ----------
     problem : problem of one device, dimensionless
-    values : the numbers of a design, including its corner
+    values : the variables of a design, including its corner
     """
     met = walls_met(problem, values)
     if met is None or problem.hands_met is None:
@@ -185,7 +185,7 @@ def walls_met(problem: Problem, values: Point) -> WorldsMet | None:
     Parameters
     ----------
     problem : problem in the units of the design
-    values : the design's numbers
+    values : the design's variables
     """
     if problem.worlds is None or len(values) <= CORNER:
         return None

@@ -25,8 +25,8 @@ from vctune.proof.device_box import DIRECTION, MOST_AT_ONCE, DeviceBox
 from vctune.running import check_time
 
 SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
-"""Number of values of each uncertain number, including its ends; number of values of a delay or an unmodelled response;
-and greatest number of devices on the grid.
+"""Number of values of each uncertain parameter, including its ends; number of values of a delay or an unmodelled
+response; and greatest number of devices on the grid.
 
 The ratio is a smooth function of mass and damping, so five values suffice. A delay or an unmodelled response rotates a
 phase by one turn; 13 values sample every half turn six times. With half as many values the search may miss a minimum,
@@ -37,9 +37,9 @@ MOST = 24
 """Greatest number of minima over frequency that the search refines, beginning with the lowest. With a long delay there
 are more minima, but the constraint is not active at the higher ones."""
 FIRST_STEP = 0.02, 0.1
-"""First steps of the refinement: the relative step in frequency, and the step of an uncertain number as a share of its
-range. These steps are about half of the steps of the grid. With smaller steps the refinement takes more rounds; with
-larger steps it may leave the basin of its minimum.
+"""First steps of the refinement: the relative step in frequency, and the step of an uncertain parameter as a share of
+its range. These steps are about half of the steps of the grid. With smaller steps the refinement takes more rounds;
+with larger steps it may leave the basin of its minimum.
 """
 STEPS, SHRINK = 40, 0.5
 """Number of rounds of the refinement, and factor by which the steps shrink if no neighbour is lower. If half of the 40
@@ -51,8 +51,8 @@ variables that change in one step if there are more. For nine variables, the lim
 With half and twice these numbers, the search finds designs that are equally good."""
 
 SWEEPS = 3
-"""Greatest number of passes in which the search moves each uncertain number to the end with the greater |S|. One pass
-mostly suffices, and the proof finds any greater |S|. With half and twice as many passes the search finds the same
+"""Greatest number of passes in which the search moves each uncertain parameter to the end with the greater |S|. One
+pass mostly suffices, and the proof finds any greater |S|. With half and twice as many passes the search finds the same
 devices."""
 
 
@@ -73,7 +73,7 @@ class Worst:
 
 
 Value = Callable[[Floats], Floats]
-"""A function of an array whose first axis has omega and the uncertain numbers."""
+"""A function of an array whose first axis has omega and the uncertain parameters."""
 
 
 def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Worst]:
@@ -104,11 +104,12 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
 
 
 def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[Problem, Minima] | None:
-    """Move uncertain numbers to the ends of their ranges at which |S| is greater; return the device and the maxima of
+    """Move uncertain parameters to the ends of their ranges at which |S| is greater; return the device and the maxima
+    of
     |S|.
 
-    The function moves one number after the other until no move increases |S|. Few moves suffice, because |S| is usually
-    a monotonic function of each number.
+    The function moves one parameter after the other until no move increases |S|. Few moves suffice, because |S| is
+    usually a monotonic function of each number.
 
     Parameters
     ----------
@@ -142,14 +143,14 @@ def _device(box: DeviceBox, numbers: Sequence[Any]) -> Device:
 
 
 def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
-    """Return the width of the range of an uncertain number at each frequency, for a delay at most one turn of the
+    """Return the width of the range of an uncertain parameter at each frequency, for a delay at most one turn of the
     phase."""
     reach = box.high.number(name) - box.low.number(name)
     return np.minimum(reach, 2 * pi / omega) if name in DELAYS else np.full_like(omega, reach)
 
 
 def _shares(box: DeviceBox) -> dict[str, int]:
-    """Return the number of values to try for each uncertain number."""
+    """Return the number of values to try for each uncertain parameter."""
     counts = {name: DELAY_SHARES if name in (*DELAYS, DIRECTION) else SHARES for name in box.uncertain}
     for fewer in (3, 2):
         if prod(counts.values()) > MOST_DEVICES:
@@ -163,7 +164,7 @@ def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
     Returns
     -------
     array
-        Frequency and uncertain numbers of each minimum, shape (1 + numbers, n).
+        Frequency and uncertain parameters of each minimum, shape (1 + numbers, n).
     """
     counts = _shares(box)
     axes = [

@@ -52,7 +52,7 @@ def taken_back(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) ->
 
 
 def line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequence[ParameterChange]) -> int:
-    """Return the line of the number to change; if the file does not state this number, return the line of the table.
+    """Return the line of the value to change; if the file does not state this value, return the line of the table.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ class DesignFinding:
     ----------
     file : the problem
     judgement : judgement of the gains
-    repairs : repairs of a violated design: changes of its own numbers first, then of the problem, each by ascending
+    repairs : repairs of a violated design: changes of its own values first, then of the problem, each by ascending
         error
     warnings : warnings for the user
     seconds : duration of the check, s

@@ -79,7 +79,7 @@ SHOWN = 200
 
 
 def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> dict[str, Any]:
-    """Return the JSON object of a solved problem. Every number in it is finite or null.
+    """Return the JSON object of a solved problem. Every number in the object is finite or null.
 
     Parameters
     ----------

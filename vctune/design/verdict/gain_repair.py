@@ -1,4 +1,4 @@
-"""Find changes of one number of a refuted design: undo an edit, or take the value with the least error.
+"""Find changes of one value of a refuted design: undo an edit, or take the value with the least error.
 
 This module does not solve or judge problems itself; the caller passes functions for that (`RepairTest`).
 """
@@ -25,11 +25,11 @@ or twice this limit only omits or adds designs with an error that no user would 
 
 
 def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
-    """Return a change of a number as a repair.
+    """Return a change of a value as a repair.
 
     Parameters
     ----------
-    change : change of the number
+    change : change of the value
     new : new value of the number
     design : the certified design after the change
     """
@@ -55,7 +55,7 @@ def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: Rep
 
     Parameters
     ----------
-    pasted : the problem's document with the present numbers of the design
+    pasted : the problem's document with the present variables of the design
     changed : the edited numbers, with the values before the edits as limits
     test : test of changed problems
     """
@@ -78,11 +78,11 @@ def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], 
 
 
 def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> dict[str, float]:
-    """Return the numbers of the best design of a problem under their keys; empty if there is none.
+    """Return the variables of the best design of a problem under their keys; empty if there is none.
 
     Parameters
     ----------
-    stated : the problem's document; the numbers of the design that it fixes become free
+    stated : the problem's document; the variables of the design that it fixes become free
     judgement : judgement of a design
     test : test of a problem with free numbers
     """
@@ -94,8 +94,8 @@ def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTes
 def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> Iterator[Repair]:
     """Yield for each number of a design the value with the least error, while the other numbers stay the same.
 
-    The function solves the problem with only this number free, in the range of the file or in the default range. The
-    function first tries the numbers for which a quick estimate finds a design. If none of these gives a repair, it
+    The function solves the problem with only this variable free, in the range of the file or in the default range. The
+    function first tries the variables for which a quick estimate finds a design. If none of these gives a repair, it
     tries the others.
 
     Parameters
@@ -132,7 +132,7 @@ def _solved(free: dict[str, Problem], judgement: Judgement, test: RepairTest) ->
 def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Problem | None:
     """Return a problem in which one number of the design is free and the others are fixed.
 
-    If the number is the drag and the file states no range for it, the range ends at `MOST_DRAG`.
+    If the variable is the drag and the file states no range for it, the range ends at `MOST_DRAG`.
     """
     problem = _with_free(stated, judgement, key)
     if problem is None or key != "coupling.drag" or not problem.bounds.fixed:
@@ -142,7 +142,7 @@ def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Pr
 
 
 def _with_free(stated: dict[str, Any], judgement: Judgement, *keys: str) -> Problem | None:
-    """Return a problem in which some numbers of the design are free and the others fixed; None if it is not valid."""
+    """Return a problem in which some variables of the design are free and the others fixed; None if it is not valid."""
     tables: dict[str, dict[str, Any]] = design_tables(judgement.kind, judgement.gains, judgement.coupling)
     for table, name in (key.split(".") for key in keys):
         del tables[table][name]

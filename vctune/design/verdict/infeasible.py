@@ -27,8 +27,8 @@ OPENINGS = {True: "there is no admissible design", False: "no admissible design 
 CUT_SHORT = "the time limit ended the search before it had found a design"
 
 NEXT_TO_NOTHING = 1e-9
-"""Ratio Re Z_c / R below which the message calls Re Z_c "next to 0", as at 0 Hz without drag. Half and twice this ratio
-give the same messages."""
+"""Ratio Re Z_c / R below which the message calls Re Z_c "next to 0", as at 0 Hz without drag. With half or twice this
+ratio, the messages are the same."""
 
 
 @dataclass(frozen=True, slots=True)

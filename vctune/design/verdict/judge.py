@@ -16,7 +16,13 @@ from vctune.analysis.demands import (
     sensitivity_maxima,
     transparency_error,
 )
-from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios_in_any_hand, least_ratios_in_hands
+from vctune.analysis.in_hands import (
+    TOGETHER,
+    RatioInAnyHand,
+    RatioInHand,
+    least_ratios_in_any_hand,
+    least_ratios_of_devices,
+)
 from vctune.analysis.in_walls import corner_of
 from vctune.analysis.responses.device_loop import Loop
 from vctune.design.prepared import Posed, compared, pose, with_corner
@@ -139,7 +145,7 @@ class Judgement:
 
     @property
     def facts(self) -> dict[str, float | str | None]:
-        """The numbers of the design, its error and margins, and the proved band, by name with unit."""
+        """The variables of the design, its error and margins, and the proved band, by name with unit."""
         values, units = astuple(self.gains) + astuple(self.coupling), UNITS[self.tightest.units]
         kind = self.kind
         return {
@@ -289,9 +295,12 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
     """
     in_hand = posed.demands.hands is not None or posed.demands.any_hand
     at: list[_InHands] = []
-    for case in in_time(posed.hand_cases if in_hand else ()):
+    devices = [case.device for case in posed.hand_cases] if in_hand else []
+    # the first device alone, so that a judgement without time still has the ratio of one device
+    batches = [devices[:1], *(devices[k : k + TOGETHER] for k in range(1, len(devices), TOGETHER))]
+    for batch in in_time(batches if devices else []):
         with unlimited():
-            at.append(_in_hands(posed.demands, case.device, gains, coupling))
+            at.extend(_in_hands(posed.demands, batch, gains, coupling))
     with unlimited():
         judgement = _estimated(posed, gains, coupling, certificate, at)
     return replace(judgement, cut=certificate.cut or (in_hand and len(at) < len(posed.hand_cases)))
@@ -306,16 +315,24 @@ class _InHands(NamedTuple):
     walls: RatioInHand | None
 
 
-def _in_hands(demands: Demands, device: Device, gains: Gains, coupling: AnyCoupling) -> _InHands:
-    hands, met = demands.hands, demands.worlds_met
-    held = least_ratios_in_hands(device, hands, gains, coupling, met)[0] if hands is not None else None
-    walls = demands.walls_met
-    return _InHands(
-        device,
-        held,
-        least_ratios_in_any_hand(device, gains, coupling)[0] if demands.any_hand else None,
-        least_ratios_in_hands(device, hands, gains, coupling, walls)[0] if hands is not None and walls else None,
-    )
+def _in_hands(demands: Demands, devices: Sequence[Device], gains: Gains, coupling: AnyCoupling) -> list[_InHands]:
+    hands, walls = demands.hands, demands.walls_met
+    held: list[RatioInHand | None] = [None] * len(devices)
+    at_walls = list(held)
+    if hands is not None:
+        of_each = least_ratios_of_devices(devices, hands, gains, coupling, demands.worlds_met)
+        held = [ratios[0] for ratios in of_each]
+    if hands is not None and walls:
+        at_walls = [ratios[0] for ratios in least_ratios_of_devices(devices, hands, gains, coupling, walls)]
+    return [
+        _InHands(
+            device,
+            one,
+            least_ratios_in_any_hand(device, gains, coupling)[0] if demands.any_hand else None,
+            wall,
+        )
+        for device, one, wall in zip(devices, held, at_walls, strict=True)
+    ]
 
 
 def _estimated(
@@ -371,7 +388,7 @@ def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[
 
     Parameters
     ----------
-    problem : problem of a device with exactly known numbers
+    problem : problem of a device with exactly known parameters
     gains, coupling : a design with plain floats
 
     Returns

@@ -1,4 +1,4 @@
-"""Define the changes of one number of a problem file that a repair may make."""
+"""Define the changes of one value of a problem file that a repair may make."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ BETTER = {key: each for key, each in PART_NUMBERS.items() if each.better}
 """Numbers of a device's parts for which better parts exist, such as the bandwidth of an actuator."""
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
-"""Keys of numbers that increase Re Z_c as they grow. A decrease of them repairs no design."""
+"""Keys of parameters that increase Re Z_c as they grow. Decreasing such a parameter never repairs a design."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,7 +307,7 @@ def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
-    """Yield changes of the fixed numbers of a design, and wider bounds of the ranges in the file.
+    """Yield changes of the fixed variables of a design, and wider bounds of the ranges in the file.
 
     The default bounds need no change, because they are wide.
     """

@@ -1,4 +1,4 @@
-"""Compute the prices of a device's numbers: the change of the least error if a number improves by 1 %.
+"""Compute the prices of a device's parameters: the change of the least error if a parameter improves by 1 %.
 
 By the envelope theorem, this change follows from the derivative of the Lagrangian at the optimum. See design/README.md,
 section 11.
@@ -27,7 +27,7 @@ PRICES = "the prices of the device's numbers"
 
 STEP = 1e-5
 """Relative step, up and down, of the difference that approximates a derivative. The relative error of the approximation
-is about 1e-5; rounding errors are far smaller. Half and twice this step give the same four digits."""
+is about 1e-5; rounding errors are far smaller. With half or twice this step, the prices agree in four digits."""
 STEEPEST = 50.0
 """Slope d log error/d log number above which a change of the error counts as a jump. The error jumps, for example, if
 the delay of a servo passes a whole number of samples. True slopes are at most 10, so half and twice this limit give the
@@ -64,7 +64,7 @@ def with_prices(solved: Solved) -> Solved:
 
 @dataclass(frozen=True, slots=True)
 class _OfDevice:
-    """A number of the device, identified by its key in its table."""
+    """A parameter of the device, identified by its key in its table."""
 
     name: str
 

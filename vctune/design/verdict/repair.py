@@ -1,4 +1,4 @@
-"""Find repairs: changes of one number that make a design possible, each sufficient alone, the least error first.
+"""Find repairs: changes of one value that make a design possible, each sufficient alone, the least error first.
 
 A number of the problem changes as little as possible. A number of a given design takes the value with the least error,
 or the value of the solved design. The module imports the optimiser only when it needs it.
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from vctune.analysis.demands import sensitivity_maxima, transparency_error
-from vctune.analysis.in_hands import least_ratios
+from vctune.analysis.in_hands import least_ratios, ratio_in_some_hands
 from vctune.design.prepared import pose as pose_devices
 from vctune.design.result import Repair, Solved
 from vctune.design.verdict.gain_repair import best_values, edits, repair_of, solved_numbers, undone
@@ -76,6 +76,8 @@ def _seems_admissible_on(problem: Problem, gains: Gains, coupling: AnyCoupling) 
     if problem.passive and least_ratio(problem, gains, coupling)[0] < least:
         return False
     if -sensitivity_maxima(problem, gains).value[0] > problem.stability.max_sensitivity:
+        return False
+    if ratio_in_some_hands(problem, gains, coupling) < least:
         return False
     if any(worst.ratio < least for worst in least_ratios(problem, gains, coupling)):
         return False
@@ -168,21 +170,21 @@ def repairs_of_design(
     changed: Sequence[ParameterChange],
     progress: Progress = lambda stage: None,
 ) -> list[Repair]:
-    """Return the changes of one number after which a refuted design passes: first its own numbers, then the problem's.
+    """Return the changes of one value after which a refuted design passes: first its own numbers, then the problem's.
 
     Parameters
     ----------
     stated : the problem's document
     judgement : judgement of the design
-    changed : numbers that the user edited since the design was solved, with their earlier values as limits. If it is
-        empty, vctune solves the problem. If the design then differs from the solution in one number, this number counts
+    changed : values that the user edited since the design was solved, with their earlier values as limits. If it is
+        empty, vctune solves the problem. If the design then differs from the solution in one value, this value counts
         as edited
     progress : function that receives the current stage
 
     Returns
     -------
     list of Repair
-        First the changes of the design's numbers, then the least changes of the problem; in each part the least error
+        First the changes of the design's variables, then the least changes of the problem; in each part the least error
         comes first. A number of the design returns to its value in the solved design. If no such change passes, the
         number takes the value with the least error or, if the optimiser finds none, the least change that passes.
     """
@@ -239,11 +241,11 @@ def find_repairs(
     progress: Progress = lambda stage: None,
     posed: Posed = _posed,
 ) -> list[Repair]:
-    """Return the least changes of one number that repair a problem, as many as the search finds in `LONGEST` seconds.
+    """Return the least changes of one value that repair a problem, as many as the search finds in `LONGEST` seconds.
 
-    The search makes each change as a user would: it changes the number in the document and reads the problem again,
+    The search makes each change as a user would: it changes the value in the document and reads the problem again,
     with its defaults. Then the search solves the problem or, if every number of the design is fixed, judges the design.
-    It tries small changes of all numbers before large changes of any number.
+    The search tries small changes of all values before large changes of any value.
 
     Parameters
     ----------
@@ -294,7 +296,7 @@ class _Search:
     posed: Posed
 
     def hopeless(self) -> bool:
-        """Return whether no change of this number suffices, because even the largest change does not.
+        """Return whether no change of this value suffices, because even the largest change does not.
 
         The result is False if a smaller change might suffice although the largest does not, or if the test does not try
         the largest change first.
@@ -309,7 +311,7 @@ class _Search:
         return posed is not None and self.test.estimate(posed)
 
     def certified(self, new: float) -> Judgement | None:
-        """Return the design with a new value, if it is certified."""
+        """Return the judgement of the design with a new value; None if this design is not certified."""
         posed = self.posed(self.change.applied(self.document, new))
         check_time()
         judgement = self.test.verify(posed) if posed is not None else None

@@ -34,9 +34,9 @@ class PerturbationRecord(Part):
 
 
 class DeviceRecord(Part):
-    """The numbers of a device that may be uncertain.
+    """The parameters of a device that may be uncertain.
 
-    The numbers of its parts are listed by their keys. A servo has only numbers of parts.
+    The parameters of its parts are listed by their keys. A servo has only parameters of parts.
     """
 
     mass: Annotated[float, Shown("mass", of="mass")] = 0.0
@@ -46,7 +46,7 @@ class DeviceRecord(Part):
     unmodelled: PerturbationRecord | None = None
 
     def in_words(self, units: Units) -> str:
-        """Return the numbers of the device in words. Numbers that are 0 are left out."""
+        """Return the parameters of the device in words. Numbers that are 0 are left out."""
         numbers_in_words = [f"{row.value} {row.unit}" for row in self.rows(units) if float(row.value)]
         off = [] if self.unmodelled is None else [str(self.unmodelled)]
         return ", ".join([*numbers_in_words, *(f"{key} {text(number)}" for key, number in self.parts.items()), *off])
@@ -68,7 +68,7 @@ class HandRecord(Part):
     resonators: list[ResonatorRecord] | None = None
 
     def in_words(self, units: Units) -> str:
-        """Return the numbers of the hand with their units."""
+        """Return the parameters of the hand with their units."""
         itself = Hand(self.mass, self.damping, self.stiffness).in_words(units)
         hung = [
             f"{text(each.mass, 4)} {units.mass} on {text(each.stiffness, 4)} {units.stiffness}"

@@ -14,7 +14,7 @@ class StorageRecord(Part):
     """The storage function (k_eq/T) q^2 + zeta' Y zeta, without dimensions (model/README.md, section 21).
 
     `states` names zeta. Y is a weighted sum of matrices; `terms` states each weight as a function of the hand, or the
-    key of an uncertain number of the device, whose weight runs from -1 to 1 in its range in `device`.
+    key of an uncertain parameter of the device, whose weight runs from -1 to 1 in its range in `device`.
     """
 
     states: list[str]

@@ -1,4 +1,4 @@
-"""Define the records of a design and of its transparency: gains, coupling, error."""
+"""Define the records that several documents share: the problem, gains, coupling, and the transparency error."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class SpringRecord(Part):
         return SpringDamper(self.damping, self.stiffness)
 
 
-def of_spring(value: Any) -> str:
+def coupling_tag(value: Any) -> str:
     """Return the tag of a coupling, given as tables or as a record.
 
     Only the coupling of an impedance display has a stiffness.
@@ -87,7 +87,7 @@ def of_spring(value: Any) -> str:
 
 
 AnyCouplingRecord = Annotated[
-    Annotated[CouplingRecord, Tag("<mass>")] | Annotated[SpringRecord, Tag("<spring>")], Discriminator(of_spring)
+    Annotated[CouplingRecord, Tag("<mass>")] | Annotated[SpringRecord, Tag("<spring>")], Discriminator(coupling_tag)
 ]
 
 
@@ -102,9 +102,9 @@ class TransparencyRecord(DisplayPart):
     """The error and its unweighted terms. An impedance display has the dual terms."""
 
     error: Annotated[Number, Shown("error")]
-    admittance: Annotated[Number, Shown("{free_motion}")]
-    tracking: Annotated[Number, Shown("{missed}")]
-    coupling: Annotated[Number, Shown("{given_way}")]
+    admittance: Annotated[Number, Shown("{admittance_label}")]
+    tracking: Annotated[Number, Shown("{tracking_label}")]
+    coupling: Annotated[Number, Shown("{coupling_label}")]
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the error and its terms. Terms that are always 0 are left out."""
@@ -113,16 +113,16 @@ class TransparencyRecord(DisplayPart):
         yield from (row for row in super().rows(units) if row.label not in absent)
 
     @property
-    def free_motion(self) -> str:
-        """The error term of free motion."""
+    def admittance_label(self) -> str:
+        """Label of the error term of free motion."""
         return "|1/G_hh|/Z_0" if self.display == "impedance" else "|Z_0 G_hh|"
 
     @property
-    def missed(self) -> str:
-        """The error term of tracking, that is, of the commanded motion or force."""
+    def tracking_label(self) -> str:
+        """Label of the error term of tracking, that is, of the commanded motion or force."""
         return "|1 - A H/N|" if self.display == "impedance" else "|1 - G_he|"
 
     @property
-    def given_way(self) -> str:
-        """The error term of the coupling."""
+    def coupling_label(self) -> str:
+        """Label of the error term of the coupling."""
         return "Z_0 |1/Z_c|" if self.display == "impedance" else "|Z_c|/Z_0"

@@ -80,7 +80,7 @@ class EstimateRecord(Part):
 
 
 class BoundedRecord(Part):
-    """A number of the device with its interval."""
+    """A parameter of the device with its interval."""
 
     key: str
     unit: str

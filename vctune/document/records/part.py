@@ -70,7 +70,7 @@ def _existing(value: Any) -> Any:
 
 
 Number = Annotated[float | None, BeforeValidator(_existing)]
-"""A number that is null in the file if it does not exist."""
+"""A number; null in the file stands for infinity, for NaN, or for a number that is absent."""
 Proof = Literal["proved", "refuted", "undecided"]
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 

@@ -13,7 +13,7 @@ threshold would show changes that nobody can feel; twice this threshold would hi
 
 
 class PriceRecord(Part):
-    """The price of a number of the device: the relative change of the least error, to first order, if this number
+    """The price of a parameter of the device: the relative change of the least error, to first order, if this number
     improves."""
 
     key: str

@@ -18,7 +18,7 @@ from vctune.document.records.gains_json import (
     NotNegative,
     ProblemRecord,
     SpringRecord,
-    of_spring,
+    coupling_tag,
 )
 from vctune.document.records.part import Document, Pair, Part
 from vctune.document.text.json import as_record, read_json
@@ -57,7 +57,7 @@ class DemandsRecord(Part):
 
 
 class AxesRecord(Part):
-    """The two variables that span the plane: gains, or numbers of the environments for the listed design."""
+    """The two variables that span the plane: gains, or parameters of the environments for the listed design."""
 
     x: Key
     y: Key
@@ -87,7 +87,7 @@ class DesignPoint(Part):
 
     gains: ListedGains
     coupling: Annotated[
-        Annotated[ListedCoupling, Tag("<mass>")] | Annotated[ListedSpring, Tag("<spring>")], Discriminator(of_spring)
+        Annotated[ListedCoupling, Tag("<mass>")] | Annotated[ListedSpring, Tag("<spring>")], Discriminator(coupling_tag)
     ]
 
     @property

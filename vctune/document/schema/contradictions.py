@@ -214,7 +214,7 @@ def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:
 
 
 def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield impossible safety factors, weights, delays and numbers of parts."""
+    """Yield impossible values of the safety factor, the weights, the delays and the parameters of parts."""
     factor = number_at(raw, "stability", "safety_factor")
     if factor is not None and isfinite(factor) and 0 < factor < 1:
         yield ("stability", "safety_factor"), f"{factor:g} is below 1, where the handle is not absolutely stable"

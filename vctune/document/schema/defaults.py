@@ -2,11 +2,17 @@
 
 See document/README.md, section 1.
 
-Let tau be T/2 + delay plus the lags of actuator and velocity estimate. Let Z = m/tau + b, which is about the device's
-impedance at the frequency 1/tau. There the lags begin to destabilise the loop. The transparency band is [0.00025,
-0.015]/tau. The stability band ends at 0.05/tau, which is a tenth of the sampling rate if there is no delay. Z_0 = 2 pi
-f m at the transparency band's middle f, K_v <= 2 Z, and K_p <= 2 Z/tau. The least K_v is 1e-8 m/T. This value is below
-1e-5 Z for any supported delay, so the default need not depend on the delay.
+For an admittance display: let tau be T/2 + delay plus the lags of actuator and velocity estimate. Let Z = m/tau + b,
+which is about the device's impedance at the frequency 1/tau. There the lags begin to destabilise the loop. The
+transparency band is [0.00025, 0.015]/tau. The stability band ends at 0.05/tau, which is a tenth of the sampling rate if
+there is no delay. Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, and K_p <= 2 Z/tau. The least K_v is
+1e-8 m/T, which is below 1e-5 Z for any supported delay. Where actuator or estimate make tau longer than about 1000 T,
+it may be 1e-5 Z.
+
+For an impedance display the stability band ends at the Nyquist frequency, K_v is 0 unless the file frees it, and k_c
+replaces K_p, m_c and b_0. For a servo tau is the lag of hold, delay, low-pass and interpolation, the transparency band
+is [0.005, 0.1]/tau, the stability band ends at the Nyquist frequency, Z_0 is the resistance of the greatest hand, and
+there are no gains.
 """
 
 from __future__ import annotations
@@ -57,8 +63,9 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
     ----------
     document : the tables of a problem file, in its units
     default_name : name of the problem if the document states none
-    yardstick : problem whose bands and Z_0 replace the defaults of the objective and of the stability band; None for
-        the device's own defaults. The bounds of the variables use the device's own scales in either case
+    yardstick : problem whose transparency band, Z_0 and, if both problems require any passive hand, stability band
+        replace the defaults; None for the device's own defaults. The bounds of the variables use the device's own
+        scales in either case
     """
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
@@ -66,6 +73,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
     if device.servo is not None:
         radii = tuple(document.uncertainty.unmodelled)
         device = replace(device, servo=replace(device.servo, radii=radii))
+    # a servo, and a file with [environment], have the criterion "hands" only (contradictions.py refuses others)
     has_a_choice = device.kind.own_loop and document.environment is None
     criterion = document.stability.criterion if has_a_choice else "hands"
     device = replace(device, operator=operator if criterion != "hands" else None)
@@ -74,8 +82,10 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
 
     objective = document.transparency
     f1, f2 = objective.band_hz or (share / lag for share in device.kind.band)
-    middle = 2 * pi * sqrt(f1 * f2)
-    Z_0 = objective.reference_impedance or (_drag_at_rest(hands, lag) if device.servo else device.mass * middle)
+    middle_omega = 2 * pi * sqrt(f1 * f2)
+    Z_0 = objective.reference_impedance or (
+        _resistance_of_hands(hands, lag) if device.servo else device.mass * middle_omega
+    )
     own_objective = Transparency(
         Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, Terms(**objective.weights.model_dump())
     )
@@ -85,7 +95,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
         name=document.name if document.name is not None else default_name,
         description=document.description,
         device=device,
-        bounds=_bounds(document, device, lag, Z_0, middle),
+        bounds=_bounds(document, device, lag, Z_0, middle_omega),
         transparency=transparency,
         stability=stability,
         uncertainty=_uncertainty(document.uncertainty, device),
@@ -98,7 +108,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
     return replace(problem, stability=replace(stability, band=yardstick.stability.band))
 
 
-def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, middle: float) -> Bounds:
+def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, middle_omega: float) -> Bounds:
     """Return the ranges of the design variables.
 
     Parameters
@@ -106,15 +116,15 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     document : document that states some of the ranges
     device : device whose scales the default ranges have
     lag : lag of the device's loop, s
-    Z_0, middle : Z_0, N s/m, and the middle of the transparency band, rad/s; the device's own unless the problem states
-        others
+    Z_0, middle_omega : Z_0, N s/m, and the middle of the transparency band, rad/s; the device's own unless the
+        problem states others
     """
     gains, coupling = document.gains, document.coupling
     if device.kind.inverse:
         return Bounds(
             velocity=_range(gains.velocity, 0.0, 0.0),
             damping=_range(coupling.damping, 0.0, 1e6 * Z_0),
-            stiffness=_range(coupling.stiffness, 1e-6 * Z_0 * middle, 1e6 * Z_0 * middle),
+            stiffness=_range(coupling.stiffness, 1e-6 * Z_0 * middle_omega, 1e6 * Z_0 * middle_omega),
             position=ABSENT,
             mass=ABSENT,
             drag=ABSENT,
@@ -124,7 +134,7 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
             velocity=ABSENT,
             position=ABSENT,
             damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
-            mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
+            mass=_range(coupling.mass, 1e-6 * Z_0 / middle_omega, 1e6 * Z_0 / middle_omega),
             drag=_range(coupling.drag, 0.0, 1e3 * Z_0),
         )
     loop_impedance = device.mass / lag + device.damping
@@ -135,7 +145,7 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
         velocity=_range(gains.velocity, least, 2 * loop_impedance),
         position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
         damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
-        mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
+        mass=_range(coupling.mass, 1e-6 * Z_0 / middle_omega, 1e6 * Z_0 / middle_omega),
         drag=_range(coupling.drag, 0.0, Z_0 if drag_is_free else 0.0),
     )
 
@@ -151,7 +161,7 @@ def _with_yardstick(yardstick: Problem | None, objective: Transparency, table: T
     )
 
 
-def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
+def _hands(table: OperatorTable, units: UnitSystem) -> Hands:
     """Return the hands of a table.
 
     A plain number is the least value. The greatest value is then that of a human hand, or the plain number if that is
@@ -161,12 +171,10 @@ def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
     """
     ranges = {}
     for name, high in HUMAN_HANDS.high.numbers.items():
-        value, default_most = getattr(table, name), high if system == "linear" else 0.0
-        ranges[name] = (
-            Range(value, max(value, default_most)) if isinstance(value, float) else Range(value.min, value.max)
-        )
-    ends = ({name: getattr(bounds, end) for name, bounds in ranges.items()} for end in ("min", "max"))
-    return Hands(*(Hand(**numbers) for numbers in ends))
+        value, human_most = getattr(table, name), high if units == "linear" else 0.0
+        ranges[name] = Range(value, max(value, human_most)) if isinstance(value, float) else Range(value.min, value.max)
+    ends = ({name: getattr(range_, end) for name, range_ in ranges.items()} for end in ("min", "max"))
+    return Hands(*(Hand(**end_of_ranges) for end_of_ranges in ends))
 
 
 def _worlds(table: WorldsTable | None) -> Worlds | None:
@@ -182,19 +190,20 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
     return None if worlds == EVERY_WORLD else worlds
 
 
-def _drag_at_rest(hands: Hands, latency: float) -> float:
-    """Return the drag that the stiffest hand of a box requires of a servo at rest: stiffness times latency, N s/m.
+def _resistance_of_hands(hands: Hands, lag: float) -> float:
+    """Return the default Z_0 of a servo, N s/m: the greatest of K lag, B and M/lag of the greatest hand.
 
-    If no hand has a stiffness, its damping or its mass over the latency is used instead.
+    The default is 1 if all are 0. The lag, s, is that of the servo, without the force sensor's. It is less than the
+    latency L.
     """
-    stiffest = hands.high
-    return max(stiffest.stiffness * latency, stiffest.damping, stiffest.mass / latency) or 1.0
+    greatest = hands.high
+    return max(greatest.stiffness * lag, greatest.damping, greatest.mass / lag) or 1.0
 
 
 def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag: float, slowest: float) -> Stability:
     """Return the constraints.
 
-    For an impedance display, the default stability band ends at the Nyquist frequency.
+    For an impedance display and for a servo, the default stability band ends at the Nyquist frequency.
 
     Parameters
     ----------
@@ -246,7 +255,10 @@ def stated_parts(table: BaseModel) -> dict[str, Any]:
 
 
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
-    """Return the uncertainty. Return None if no number varies, that is, if each half-width or its number is 0."""
+    """Return the uncertainty; None if no parameter of the device varies and there is no disc.
+
+    A parameter does not vary if its half-width or the parameter is 0. The disc of a servo is in Servo.radii, not here.
+    """
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
     moving = tuple((key, width) for key, width in widths.items() if width > 0)
     radii = () if device.servo is not None else tuple(table.unmodelled)
@@ -255,7 +267,7 @@ def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
 
 
 def _range(value: object, low: float, high: float) -> Range:
-    """Return the range of a variable: a default, one number, or the stated range."""
+    """Return the range of a variable: [low, high] if the file states nothing, a fixed value, or the stated range."""
     if value is None:
         return Range(low, high)
     if isinstance(value, float):
@@ -264,6 +276,7 @@ def _range(value: object, low: float, high: float) -> Range:
 
 
 def _experiment(table: ExperimentTable, device: Device) -> Experiment:
+    """Return the experiment of a table; the device's mass sets the default damping of the friction's bristles."""
     return Experiment(
         name=table.name,
         environment=Environment(**table.environment.model_dump()),
@@ -283,4 +296,5 @@ def _friction(table: FrictionTable, device: Device) -> Friction:
 
 
 def _sensors(table: SensorsTable) -> Sensors:
+    """Return the sensors of a table, with the seed of their noise."""
     return Sensors(table.position_resolution, table.force_noise, table.seed)

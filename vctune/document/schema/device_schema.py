@@ -29,7 +29,7 @@ class VelocityTable(Table):
         description="Corner frequency f, Hz, of the firmware's low-pass y += a (x - y), where a = 1 - e^(-2 pi f T). "
         "Default: no low-pass.",
     )
-    filter_order: Order = Field(1, description="Number of these low-passes in series, 1 or 2.")
+    filter_order: Order = Field(1, description="Number of low-passes of `filter_hz` in series, 1 or 2.")
 
 
 class ActuatorTable(Table):
@@ -58,7 +58,7 @@ class StructureTable(Table):
 
     handle_mass: Positive = Field(description="Part of device.mass on the handle's side of the spring, kg.")
     frequency_hz: Positive = Field(description="Frequency at which the two parts resonate without a hand, Hz.")
-    damping_ratio: NotNegative = Field(description="Damping ratio of that resonance.")
+    damping_ratio: NotNegative = Field(description="Damping ratio of the resonance at `frequency_hz`.")
 
 
 class ServoTable(Table):
@@ -73,7 +73,7 @@ class ServoTable(Table):
         "uncertainty included."
     )
     bandwidth_hz: Positive = Field(description="Bandwidth of the servo as a low-pass after the delay, Hz.")
-    order: Order = Field(1, description="Order of that low-pass, 1 or 2, as for the actuator.")
+    order: Order = Field(1, description="Order of the low-pass of `bandwidth_hz`, 1 or 2, as for the actuator.")
     stiffness: Positive | None = Field(
         None,
         description="Stiffness of the firmware's spring between the measured position and its reference, N/m. "
@@ -92,7 +92,7 @@ class ServoSensorTable(ForceSensorTable):
 class ServoDeviceTable(Table):
     """A device that follows its command with a delay and that the hand cannot push."""
 
-    units: Literal["linear", "rotary"] = Field("linear", description="Kind of motion, as for any other device.")
+    units: Literal["linear", "rotary"] = Field("linear", description="Kind of motion of the servo, linear or rotary.")
     sample_time: Positive = Field(description="Sample time of the admittance controller, s.")
     servo: ServoTable
     force_sensor: ServoSensorTable | None = Field(None, description="Default: the force is sensed without delay.")
@@ -146,15 +146,15 @@ def _share(key: str) -> Any:
 SharesTable: Any = create_model(
     "SharesTable", __base__=Table, **{key.replace(".", "_"): _share(key) for key in UNCERTAIN}
 )
-"""Table with a relative half-width for each number of a device that may be uncertain."""
+"""Table with a relative half-width for each parameter of a device that may be uncertain."""
 
 
 class UncertaintyTable(SharesTable):
-    """Relative half-widths of the intervals of the device's numbers.
+    """Relative half-widths of the intervals of the device's parameters.
 
-    The constraints hold for every device whose numbers lie in these intervals.
+    The constraints hold for every device whose parameters lie in these intervals.
 
-    To state the uncertainty of a number in a sub-table of [device], quote its name,
+    To state the uncertainty of a parameter in a sub-table of [device], quote its name,
     as in "actuator.bandwidth_hz" = 0.2.
     """
 

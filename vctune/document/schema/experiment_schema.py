@@ -39,7 +39,7 @@ class SceneOperatorTable(Table):
         "sine.",
     )
     start: Place = Field(0.0, alias="from", description="Position, m, at which the intended motion starts.")
-    end: Place = Field(0.05, alias="to", description="Other end of the intended motion, m.")
+    end: Place = Field(0.05, alias="to", description="Position, m, of the other end of the motion.")
     speed: Positive = Field(0.01, description="Greatest speed of the intended motion, m/s.")
     cycles: Count = Field(
         3, description="Number of cycles to and fro. If there are several, vctune does not evaluate the first cycle."

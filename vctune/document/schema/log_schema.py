@@ -1,4 +1,4 @@
-"""Define the schema of log.toml: the columns of a log, their units, and the known numbers of the device."""
+"""Define the schema of log.toml: the columns of a log, their units, and the known parameters of the device."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class KnownVelocityTable(VelocityTable):
 
 
 class KnownDeviceTable(Table):
-    """Known numbers of the device, which vctune copies to device.toml without identifying them."""
+    """Known parameters of the device, which vctune copies to device.toml without identifying them."""
 
     delay: NotNegative | None = Field(
         None, description="Delay between sampling and actuation, s, without the delay of the hold."

@@ -108,9 +108,9 @@ class WorldsTable(Table):
     walls: bool = Field(
         False,
         strict=True,
-        description="Whether springs may be walls. The force of a wall depends only on the position, and rises "
-        "with slopes in the range of stiffness. A wall is one-sided or piecewise linear, at any position. A wall "
-        "does not move, and its damper is not one-sided.",
+        description="Whether springs may be walls. The force of a wall depends only on the position, and the "
+        "slope of this force is everywhere within the range `stiffness`. A wall is one-sided or piecewise linear, at "
+        "any position. A wall does not move, and its damper is not one-sided.",
     )
     corner_hz: Positive | None = Field(
         None,
@@ -136,9 +136,13 @@ class GainsTable(Table):
         None,
         description="K_v, N s/m. Default { min = 1e-8 mass/sample_time, max = 2 Z } with Z = mass/tau + damping. "
         "tau is the sum of sample_time/2, delay and the lags of actuator and velocity estimate. The default min "
-        "never exceeds 1e-5 Z.",
+        "never exceeds 1e-5 Z. For an impedance display K_v is 0 unless the file frees it.",
     )
-    position: Variable | None = Field(None, description="K_p, N/m. Default { min = 0, max = 2 Z/tau }.")
+    position: Variable | None = Field(
+        None,
+        description="K_p, N/m. Default { min = 0, max = 2 Z/tau } with Z = mass/tau + damping. tau is the sum of "
+        "sample_time/2, delay and the lags of actuator and velocity estimate.",
+    )
 
 
 class CouplingTable(Table):
@@ -161,8 +165,9 @@ class CouplingTable(Table):
     drag: Variable | None = Field(
         None,
         description='b_0, N s/m. Default { min = 0, max = Z_0 } with the criteria "hands" and "both", because a stiff '
-        'hand with little damping requires some drag. Default 0 with the criterion "passive", or if the other four '
-        "numbers are fixed.",
+        'hand with little damping requires some drag. Default 0 with the criterion "passive", and if the file fixes '
+        "gains.velocity, gains.position, coupling.damping and coupling.mass. For a servo, the default is "
+        "{ min = 0, max = 1e3 Z_0 } with every criterion.",
     )
     stiffness: PositiveVariable | None = Field(
         None,
@@ -185,12 +190,14 @@ class TransparencyTable(Table):
     """The objective: the distance from G_hh = 0, G_he = 1, Z_c = 0 over a band."""
 
     band_hz: tuple[Positive, Positive] | None = Field(
-        None, description="Band, Hz. Default [0.00025/tau, 0.015/tau]: 0.5 to 30 Hz at 1 kHz without delay."
+        None,
+        description="Band, Hz. Default [0.00025/tau, 0.015/tau]: 0.5 to 30 Hz at 1 kHz without delay. "
+        "For a servo, [0.005/tau, 0.1/tau], where tau is the lag of hold, delay, low-pass and interpolation.",
     )
     reference_impedance: Positive | None = Field(
         None,
         description="Z_0, N s/m. Default 2 pi f mass, the impedance of the device's own mass at the middle f of the "
-        "band on a log scale.",
+        "band on a log scale. For a servo, the resistance of the greatest hand.",
     )
     norm: Literal["rms", "peak"] = Field(
         "rms", description="Norm of the error: root mean square over log frequency, or the greatest value."
@@ -204,7 +211,8 @@ class StabilityTable(Table):
     band_hz: tuple[Edge, Edge] | None = Field(
         None,
         description="Band, Hz. Default: from the lower edge of the transparency band to 0.05/tau, which is a tenth of "
-        "the sampling rate if there is no delay. The lower edge may be 0. The upper edge may be inf for an ideal "
+        "the sampling rate if there is no delay; for an impedance display and for a servo, to the Nyquist frequency. "
+        "The lower edge may be 0. The upper edge may be inf for an ideal "
         'device with hold "lag" and no delay.',
     )
     safety_factor: Positive = Field(
@@ -225,9 +233,9 @@ class StabilityTable(Table):
     )
     changing: Literal["damping"] | None = Field(
         None,
-        description='Number of the hand that may change while it holds the handle. Default: none. "damping": the '
-        "damping may take any value of its range at every sample. vctune proves this for the finished design; the "
-        "search does not consider it.",
+        description='Parameter of the hand that may change while the hand holds the handle. Only "damping" is '
+        "possible. Default: none. The damping may then take any value of its range at every sample. vctune proves the "
+        "finished design for such hands; the search does not consider them.",
     )
     changing_mass_min: NotNegative | None = Field(
         None, description="Least mass of a hand whose damping changes, kg. Default: the least one of operator.mass."

@@ -175,7 +175,7 @@ def _chi2(signals: Signals, fit: MotionFit) -> float:
 
 
 def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, delays: Mapping[str, float]) -> None:
-    """Refuse a log whose force no mass and friction explain, or explain only with an impossible mass."""
+    """Refuse a log if no mass and friction explain its force, or if only an impossible mass explains it."""
     mass, residual_share = fit.value("mass"), fit.residual / fit.force
     headers = {role: channel.header for role, channel in recording.channels.items()}
     pushed = headers.get("force", headers.get("command", headers.get("hand", "")))

@@ -310,7 +310,7 @@ def _fit_with_intervals(task: _Task, at: Floats) -> ServoFit:
 def _residual_share(residual_motion: Floats, position: Floats, span: int) -> float:
     """Return the root mean square residual motion over `span` rows, divided by that of the motion itself.
 
-    Differences over a span contain no drift over the whole log.
+    Differences over `span` rows contain only the drift within the span, not the drift over the whole log.
     """
     span = min(span, residual_motion.size // 2)
     motion = np.sqrt(np.mean((position[span:] - position[:-span]) ** 2))

@@ -130,7 +130,11 @@ def likelier_order(studies: Sequence[ServoStudy]) -> int:
 
 
 def _estimate(key: str, interval: Interval, source: str, jitter: float) -> Estimate:
-    """Return an interval as an estimate. The excess of the estimate is the width beyond its standard deviations."""
+    """Return an interval as an estimate.
+
+    `excess` states how far the interval extends beyond `joint_factor(JOINT_INTERVALS)` standard deviations, below and
+    above, plus the jitter.
+    """
     half_width = joint_factor(JOINT_INTERVALS) * interval.sigma
     beyond = (
         max(interval.value - half_width - interval.low, 0.0),

@@ -63,8 +63,8 @@ class LoopConstants:
 def loop_constants(at: DeviceResponse) -> LoopConstants:
     """Return the constants of a device's loop at omega > 0. The constants do not depend on the gains.
 
-    In C_0, the coefficient of K_p is the coefficient of K_v turned by a right angle. The coefficients in W and D have
-    the same relation if the firmware measures the velocity.
+    In C_0, the coefficient of K_p is the coefficient of K_v divided by j omega. The coefficients in W and D have the
+    same relation if the firmware measures the velocity.
     """
     if at.follows:
         return _following(at)

@@ -121,7 +121,7 @@ def mechanism(device: Device, structure: Structure, ops: Arithmetic) -> Mechanis
     Returns
     -------
     Mechanism
-        It has the shape of the device's numbers.
+        It has the shape of the device's parameters.
     """
     motor, handle, swing = device.motor_mass, structure.handle_mass, 2 * ops.pi * structure.frequency_hz
     reduced = motor * handle / device.mass
@@ -142,7 +142,7 @@ def hold_response(device: Device, omega: Number, ops: Arithmetic) -> DriveRespon
     ----------
     device : device; the function uses only sample_time, delay and hold
     omega : frequency, rad/s, may be 0; a number or an array of any shape
-    ops : arithmetic of omega and of the device's numbers
+    ops : arithmetic of omega and of the device's parameters
 
     Returns
     -------
@@ -174,7 +174,7 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
     ----------
     device : device in SI units; parts that it lacks are None in the result
     omega : angular frequency, rad/s, may be 0; a number or an array of any shape
-    ops : arithmetic of omega and of the device's numbers
+    ops : arithmetic of omega and of the device's parameters
 
     Returns
     -------

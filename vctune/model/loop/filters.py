@@ -230,7 +230,7 @@ def filter_rows(
     """Write a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2), into the rates of a system.
 
     The states of order 2 are y and y + y'/a with 2 a^2 = w^2, not y and y'. For a fast low-pass f(A/E) is about half of
-    |A/E|, and `inverse` divides by its diagonal. With the states y and y' the diagonal would be close to 0.
+    |A/E|, and `inverse` divides by the diagonal of f(A/E). With the states y and y' the diagonal would be close to 0.
 
     Parameters
     ----------

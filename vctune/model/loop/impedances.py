@@ -18,13 +18,15 @@ class LoopResponse(NamedTuple):
 
     Attributes
     ----------
-    C_scaled : F_s C_0 = q D times the scale; N s/m with the scale 1, N/m with the scale omega
+    C_scaled : F_s C_0 = q D times the scale; N s/m with the scale 1, N/m with the scale omega; for a
+        servo D = 1, so C, D and D - C_0 are dimensionless
     D_scaled : D times the scale
     miss_scaled : D - C_0 = (1 - G_he) D times the scale; for an ideal device D - C_0 = Z_d
     numerator : N = G_hh D, dimensionless; None if it is 1
     scale2 : the scale squared
     im_C_conj_D_scaled : scale * Im(F_s C_0 conj D), which is scale * |D|^2 Im q (model/README.md, section 5)
-    im_slope : `im_C_conj_D_scaled` divided by omega, regular at omega = 0; None if the former does not vanish there
+    im_slope : `im_C_conj_D_scaled` divided by omega, regular at omega = 0; None if `im_C_conj_D_scaled` does not vanish
+        there, for a servo, and for a device with a `factor`
     resistance : Re(N conj D) + b_h |N|^2, not scaled, N s/m. It is |D|^2 Re G_hh without an operator; for a rigid
         device in the hand of its least operator it is Re(D + Z_h)
     operator_relief : 2 b_h Re(F_s C_0 conj N), the term by which an operator relaxes the conditions, (N s/m)^2, not

@@ -13,7 +13,8 @@ from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 
 @dataclass(frozen=True, slots=True)
 class EndLimit:
-    """Re Z_c and R at an end of the axis. Where both vanish, the code divides both by the same positive power of omega.
+    """Re Z_c and R at an end of the frequency axis. If both vanish, both are divided by the same positive power of
+    omega.
 
     Attributes
     ----------
@@ -52,7 +53,7 @@ def lags(device: Device, ops: Arithmetic) -> Lags:
     Parameters
     ----------
     device : device in SI units
-    ops : arithmetic of the device's numbers
+    ops : arithmetic of the device's parameters
 
     Returns
     -------

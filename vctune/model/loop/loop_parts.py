@@ -15,9 +15,14 @@ from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """The scale (omega or 1), and omega divided by the scale.
+    """The factor by which the code multiplies the loop's impedances (see `LoopResponse`).
 
-    None stands for a factor 1, so that the code omits the product.
+    None stands for the factor 1; the code then omits the product.
+
+    Attributes
+    ----------
+    own : the factor: omega with an integrator, 1 without
+    lacking : omega divided by this factor
     """
 
     own: Number | None

@@ -48,7 +48,7 @@ class Arithmetic(Protocol):
         """
 
     def reciprocal(self, re: Number, im: Number) -> tuple[Number, Number]:
-        """Return 1/(re + j im). The result is as tight as the number is relative to its size.
+        """Return 1/(re + j im). The relative width of the result is about that of the number.
 
         Parameters
         ----------
@@ -156,9 +156,9 @@ class ArrayArithmetic(Arithmetic, Protocol):
 
 SERIES_BELOW = 0.05
 """Argument at which phi_2 changes from its series to its formula. The formula's subtraction loses a factor 2/x of the
-precision. At half this argument it would lose another factor 2, and `vctune.proof.enclosures.jets.PHI_ERROR` would no
-longer hold. At twice this argument the remainder of the series of eight terms, now 1e-17, would be 3e-15, which exceeds
-the rounding error."""
+precision. At half this argument, the subtraction would lose another factor 2, and
+`vctune.proof.enclosures.jets.PHI_ERROR` would no longer hold. At twice this argument the remainder of the series of
+eight terms, now 1e-17, would be 3e-15, which exceeds the rounding error."""
 
 
 CURVATURE_BELOW = 0.5

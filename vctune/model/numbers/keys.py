@@ -17,9 +17,9 @@ QUANTITIES = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping
 }
 """Symbol of each design variable in equations, and its quantity (`vctune.model.numbers.units`)."""
 WORLD = ("environment.mass", "environment.damping", "environment.stiffness")
-"""Keys of the numbers of a rendered environment that can span a plane."""
+"""Keys of the parameters of a rendered environment that can be the axes of a plane."""
 IN_WORDS = dict(zip(WORLD, ("mass of the tool", "least damping", "stiffness of the wall"), strict=True))
-"""Names of these numbers on an axis of a figure."""
+"""Names of these parameters on an axis of a figure."""
 
 
 def labelled(key: str, units: Units) -> str:

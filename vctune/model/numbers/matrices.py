@@ -96,8 +96,8 @@ def rows_of(matrix: Matrix | Block) -> Matrix:
 
 LEFT_OUT = 2.0**-10
 """Permitted remainder of the Taylor polynomial of e^A, for A of norm at most 1/2, as a share of the rounding error. The
-code encloses the remainder. With half or twice this share, the order is mostly the same: 15 for doubles, 29 for 128
-bits."""
+code encloses the remainder. With half or twice this share, the order of the polynomial is mostly the same: 15 for
+doubles, 29 for 128 bits."""
 
 
 def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
@@ -157,8 +157,8 @@ def exponentials_less_one(one: Matrix, other: Matrix, ops: Arithmetic) -> tuple[
 
 
 COTH_WITHIN = 2.0
-"""Norm of A up to which the series computes (A/2) coth(A/2); its radius of convergence is 2 pi. Half this norm would
-take one more inverse; twice this norm would take three times as many terms."""
+"""Norm of A up to which the series computes (A/2) coth(A/2); its radius of convergence is 2 pi. With half this norm,
+the code would compute one more inverse; with twice this norm, three times as many terms."""
 
 
 def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
@@ -266,7 +266,8 @@ def identity(n: int) -> Matrix:
 
 
 def inverse(matrix: Matrix) -> Matrix:
-    """Return 1/A by elimination in the order of the rows. A must be close to triangular, or close to 1."""
+    """Return 1/A by elimination in the order of the rows. A must be close to a triangular matrix, or close to the
+    identity."""
     n = len(matrix)
     rows = [[*row, *one] for row, one in zip(matrix, identity(n), strict=True)]
     for i in range(n):

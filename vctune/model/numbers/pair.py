@@ -1,7 +1,8 @@
 """Represent complex numbers in any arithmetic: `Pair`, because CasADi has none, and `EvenOdd`, a number of the unit
 circle whose parts stay regular at the angle 0 (model/README.md, section 14).
 
-Formulas clear their denominators. They therefore need no division, and a product with a conjugate only in parts.
+The formulas clear their denominators, so they need no division of complex numbers. They need only the real or the
+imaginary part of a product with a conjugate.
 """
 
 from __future__ import annotations

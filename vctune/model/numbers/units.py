@@ -1,4 +1,4 @@
-"""Define the names and units of a device's numbers, for a linear and for a rotary handle.
+"""Define the names and units of a device's parameters, for a linear and for a rotary handle.
 
 The same formulas hold for linear and for rotary devices. For a rotary device, a mass is a moment of inertia, a force is
 a torque, and a position is an angle.

@@ -7,8 +7,8 @@ point independently, so that
     G_y = sum over n of 4 s^2/(omega_n T)^2 A(j omega_n) e^{-j (theta + omega_n delay)} (1 + u_n)/(2b),   |u_n| <= 1,
 
 also lies in a disc, with centre c and radius r. Without an actuator both sums have a closed form. A delay that is not a
-whole number of samples rotates the aliases relative to each other. Such a delay therefore raises R by more than its
-length suggests. The image of the disc under G/(1 + K_v F G) gives
+whole number of samples rotates the aliases relative to each other. Such a delay therefore raises R by more than the
+formula for whole samples predicts. The image of the disc under G/(1 + K_v F G) gives
 
     R/s^2 = [r - Re c - (|c|^2 - r^2) K_v Re F]/s^2 / (1 + 2 K_v Re(F c) + K_v^2 |F|^2 (|c|^2 - r^2)).
 """
@@ -27,8 +27,8 @@ from vctune.model.sampled.impedance_display import Required, firmware_filter
 
 ALIASES = 24
 """Number of pairs of aliases that the code sums one by one if the device has an actuator or a spring. The code bounds
-the other aliases. With half this number, R at the Nyquist frequency is accurate to 1e-3; with twice this number, to
-1e-4."""
+the sum of the other aliases. With half this number, R at the Nyquist frequency is accurate to 1e-3; with twice this
+number, to 1e-4."""
 
 
 class InAnyHand(NamedTuple):
@@ -125,8 +125,9 @@ class _Alias(NamedTuple):
 
     Attributes
     ----------
-    centre : A e^{-j psi} C, with the delays in psi
-    radius : |A| rho
+    centre : A e^{-j psi} C, with the centre C of the disc of the motor's admittance (`motor_disc`), and the angle psi
+        of all delays
+    radius : |A| rho, with the radius rho of the disc of the motor's admittance
     """
 
     centre: Pair
@@ -134,7 +135,8 @@ class _Alias(NamedTuple):
 
 
 def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
-    """Return the disc of a device with an actuator or a structure: c = h B + s^2 C', r = h |B| + s^2 R'.
+    """Return the disc of a device with an actuator or a structure. Its centre and its radius are weighted sums over all
+    aliases.
 
     The first alias has the weight h = (2 s/theta)^2, every other one (2 s/(theta + 2 pi n))^2.
     """
@@ -157,7 +159,7 @@ def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
 
 
 def _alias(device: Device, theta: Number, at: Number, ops: Arithmetic) -> _Alias:
-    """Return the motor's response at omega = at/T: over all hands, Z_s in series with Z_x is a disc around 1/(2 g)."""
+    """Return the disc of the motor's responses at omega = at/T."""
     drive = drive_at(device, theta, at, ops)
     size = ops.sqrt(drive.abs2()) if drive_states(device) else 1
     rho, reactance, g = motor_disc(device, at / device.sample_time, ops)
@@ -258,7 +260,8 @@ def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First
 
 
 def _beyond_the_last(device: Device, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return bounds of |C'| and of R' over all aliases after the last that is summed.
+    """Return bounds of the weighted sums of |centre| and radius over all aliases after the last summed one, divided by
+    s^2.
 
     The weights of these aliases sum to at most 2/(pi^2 N). A, rho and the bound of |C| decrease from the first of these
     aliases on.

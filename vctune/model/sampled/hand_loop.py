@@ -345,8 +345,8 @@ class SeenByTool(NamedTuple):
 def seen_by_tool(loop: ForceInHand, gains: Gains, at: Offered, share: Number) -> SeenByTool:
     """Return the impedance that the virtual tool of an impedance display meets (model/README.md, section 18).
 
-    With j s Z_c = C and G = s P/(2 j F) it is j F C/(s (C P/2 - y F)). The numerator and the denominator are regular at
-    theta = 0, and the latter is the return difference of the loop with the tool held.
+    With j s Z_c = C and G = s P/(2 j F), this impedance is j F C/(s (C P/2 - y F)). F C and C P/2 - y F are regular at
+    theta = 0. With y = 1, y F - C P/2 is the return difference of the loop with the tool held.
 
     Parameters
     ----------
@@ -381,7 +381,7 @@ def met_in_hand(
     loop : loop in a hand
     device : device that runs the coupling
     gains, coupling : design in numbers of the arithmetic
-    share : share of the coupling of an impedance display; others offer the whole
+    share : share of the coupling, for an impedance display; the function ignores it for other displays
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
     """

@@ -1,7 +1,7 @@
-"""Evaluate the sampled velocity loop without a hand, in a form whose terms do not cancel if numbers are intervals.
+"""Evaluate the sampled velocity loop without a hand, in a form whose enclosures stay narrow for uncertain parameters.
 
 See model/README.md, section 14. The polynomials of a sampled device are sums whose terms cancel, so that uncertain
-numbers give wide enclosures. This module holds and samples x' = A x + b u exactly as
+parameters give wide enclosures. This module holds and samples x' = A x + b u exactly as
 
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2),
 
@@ -64,7 +64,7 @@ Plant = SampledPlant | PlantLetGo
 
 HIGHEST_RESONANCE = 0.75
 """Greatest resonance frequency, in units of the sampling frequency, for which the code uses this form. At 1, coth has a
-pole and Q does not exist; the limit stays a quarter below."""
+pole and Q does not exist; this limit is a quarter lower."""
 POSITION, VELOCITY, BEND, BENDING = range(4)
 """Indices of the first states: the motor's position, the velocity of the centre of mass, the bend, and its rate."""
 
@@ -94,7 +94,7 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
     ----------
     device : device in SI units; the function uses its mechanism, actuator, delay and velocity estimate
     whole_samples : N, the number of whole samples in its delay
-    ops : arithmetic of the device's numbers
+    ops : arithmetic of the device's parameters
     fractional : whether the delay is longer than N samples
 
     Returns

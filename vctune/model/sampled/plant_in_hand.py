@@ -131,7 +131,7 @@ class PlantInHand:
     def poles(self) -> int:
         """Return the number of poles of F without those of the delays.
 
-        If no pole is unstable, this number determines how often F encircles 0.
+        If no pole of the loop is unstable, this number determines how often the curve of F encircles 0.
         """
         return len(self.push) + (0 if self.meets_position else self.order)
 

@@ -11,8 +11,8 @@ With the letters of `vctune.model.sampled.servo_plant` and d = 1 - w = 2 j s e^(
     Z_seen = w^(N+1) (K T (1 - delta + delta w)/d + B - K T l - (B, M/T, K T) (q_0, q_1, q_-1)),
 
 For a position command, Z_seen also has the factor cos(theta/2) e^(-j theta/2). A filter a/(1 - b w), b = 1 - a, of the
-sensed samples is a/(a + b d). In front of 1/d, the code writes this filter as 1 - b d/(a + b d). The firmware's own
-spring adds its stiffness times the G_x of a servo without force sensor to Z_seen.
+sensed samples is a/(a + b d). For the term with 1/d, the code writes this filter as 1 - b d/(a + b d), so that one d
+cancels. The firmware's own spring adds its stiffness times the G_x of a servo without force sensor to Z_seen.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ Radii = tuple[tuple[float, float], ...]
 constant above the last point, and proportional to the frequency below the first, because a servo at rest is at its
 command."""
 BEYOND = 1e9
-"""Multiple of the disc's last frequency up to which r is constant. The product must lie above the Nyquist frequency,
-which it also does with half or twice this multiple."""
+"""Multiple of the disc's last frequency up to which r is constant. The product must lie above the Nyquist frequency.
+With half or twice this multiple, it does as well."""
 
 
 @dataclass(frozen=True, slots=True)

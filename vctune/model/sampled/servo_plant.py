@@ -43,8 +43,9 @@ from vctune.model.parts import Servo
 from vctune.model.sampled.velocity_loop import split_delay
 
 FAR = 4.0
-"""Greatest |A| times half a time for which the code expands the exponential around the middle of the time. Half this
-number would enclose servos up to half the bandwidth; twice this number, up to twice the bandwidth."""
+"""Greatest |A| times half a time for which the code expands the exponential around the middle of the time. With half
+this number, the code could enclose servos up to half the bandwidth; with twice this number, up to twice the
+bandwidth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +146,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     ----------
     device : a servo, in SI units
     delay : whole samples in the delay of servo and sensor together, and in the delay of the servo alone
-    ops : arithmetic of the device's numbers
+    ops : arithmetic of the device's parameters
 
     Returns
     -------
@@ -212,7 +213,7 @@ def servo_rates(device: Device, ops: Arithmetic) -> tuple[Matrix, Matrix]:
     Parameters
     ----------
     device : a servo and its force sensor
-    ops : arithmetic of the device's numbers
+    ops : arithmetic of the device's parameters
     """
     T, servo, sensor = device.sample_time, device.servo, device.sensing
     assert servo is not None

@@ -80,8 +80,9 @@ class SampledPlant:
 
 
 SNAP = 1e-12
-"""Share of a sample that counts as a rounding error. A quotient of decimals has a relative error of 1e-16, and nobody
-intends a delay this close to a whole sample. Half or twice this share makes no difference."""
+"""Difference from a whole number of samples, as a share of a sample, that the code treats as a rounding error. A
+quotient of decimals has a relative error of 1e-16, and nobody intends a delay this close to a whole sample. With half
+or twice this share, no stated delay would be read differently."""
 
 
 def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
@@ -116,7 +117,7 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
     ----------
     device : device in SI units; its force sensor and operator are ignored
     whole_samples : N, the number of whole samples in its delay
-    ops : arithmetic of the device's numbers
+    ops : arithmetic of the device's parameters
     fractional : whether the delay is longer than N samples, delta > 0
 
     Returns

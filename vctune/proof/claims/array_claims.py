@@ -24,7 +24,8 @@ from vctune.model.numbers.keys import WORLD
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
+from vctune.model.sampled.eliminated_spring import margin_in_spring
+from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, offered, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, plant_let_go, prefers_this_form, return_difference
 from vctune.model.sampled.plant_in_hand import (
@@ -76,15 +77,17 @@ from vctune.proof.engine.boxes import FREQUENCY, SAMPLES_BEFORE, WHOLE_SAMPLES, 
 from vctune.proof.engine.sharing import shared
 
 SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
-"""Names of the rows for the shares of rho. rho is the factor by which F vanishes at theta = 0 with K_p = 0 in a hand
-without stiffness."""
+"""Names of the rows for the shares of rho (model/README.md, section 14). Near theta = 0, K_p = 0 and a hand without
+stiffness, the return difference F is proportional to rho."""
 AT_REST = (FREQUENCY, STIFFNESS)
-"""Names of the two rows of a box of hands that both begin at 0 there: the angle and the stiffness."""
+"""Names of the two rows that both begin at 0 in a box of hands next to rest: the angle and the stiffness."""
 
 
 WORLD_ENDS = tuple(tuple(f"{key}.{end}" for key in WORLD) for end in ("min", "max"))
 """Names of the rows of boxes of environments: least mass, damping and stiffness, then the greatest."""
 NO_HAND = Hand(0, 0, 0)
+LEAST_DAMPING = "least operator.damping"
+"""Name of the least damping of a box of hands (`any_spring_margins`)."""
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 """Names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)."""
 
@@ -104,14 +107,15 @@ class Claims:
     clamped : two margins that must both be positive if the response lies within a disc and `conditions` hold at its
         edge
     resistance : the loop's resistance, N s/m, which must be positive for every coupling
-    in_hand : margins in theta; in every hand one of them must be positive
+    in_hand : margins in theta; at every theta and in every hand, one of them must be positive
     above_bound : margin in theta, `OFFSET` and `SLOPE`; where it is positive, so is `in_hand` for the bound's gains
     any_hand : two margins in theta that must both be positive for any passive hand on an impedance display
     required_in_hands : the least feasible Re Z_c in a hand, N s/m, as a function of theta; unbounded where F may be 0
-    poles_in_hand : curve of a hand and theta that must not turn around 0
+    poles_in_hand : curve, as a function of a hand and theta, that must not turn around 0
     required : the least feasible Re Z_c, N s/m, where the resistance is positive in the whole box; unbounded elsewhere
-    sensitivity_any_position : margin, also near theta = 0; where it is positive, `sensitivity` is for every K_p
-    model_poles, sampled_poles : curves of omega and of theta that must not turn around 0
+    sensitivity_any_position : margin, valid also near theta = 0; where it is positive, `sensitivity` is positive for
+        every K_p
+    model_poles, sampled_poles : curves, as functions of omega and of theta, that must not turn around 0
     model_any_position, sampled_any_position : margins; where they are positive, the curve is not 0 for any K_p > 0
     sampled_any_phase, sensitivity_any_phase : margins in theta for any number of whole samples of delay; where they are
         positive, `sampled_poles` is not 0, and `sensitivity` is positive
@@ -147,7 +151,8 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
     Parameters
     ----------
     demands : constraints with the device, the factor and the limits of the claims
-    uncertain : keys of the device's uncertain numbers; each function takes them from its values, as `device.KEY`
+    uncertain : keys of the device's uncertain parameters; each function takes these parameters from its values, as
+        `device.KEY`
 
     Returns
     -------
@@ -226,7 +231,7 @@ def hands_margins(
     Parameters
     ----------
     demands : the constraints
-    uncertain : keys of the device's uncertain numbers, which the margins take from their values
+    uncertain : keys of the device's uncertain parameters, which the margins take from their values
     delays : whole samples of the delays, the same for all devices
     ops : arithmetic of theta and the values
     lead : stepping rule of the walls: 0 for the trapezoidal rule, 1 for backward Euler
@@ -235,7 +240,7 @@ def hands_margins(
     Returns
     -------
     Margin
-        Functions of theta, rad, and of values by name: the design, `HAND` and the uncertain numbers; N s/m.
+        Functions of theta, rad, and of values by name: the design, `HAND` and the uncertain parameters; N s/m.
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -275,6 +280,36 @@ def hands_margins(
     return margins
 
 
+def any_spring_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic) -> Margins:
+    """Return margins that are all positive only if the claim holds in hands of every stiffness.
+
+    Parameters
+    ----------
+    demands : the constraints, with a device that `moves_as_two_states` and with every passive environment
+    uncertain : keys of the device's uncertain parameters, which the margins take from their values
+    delays : whole samples of the delays, the same for all devices
+    ops : arithmetic of theta and the values
+
+    Returns
+    -------
+    Margins
+        Functions of theta, rad, and of values by name: those of `hands_margins` and `LEAST_DAMPING`. The condition
+        holds for hands with at least this damping.
+    """
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
+    device = _uncertain_device(demands.device, uncertain)
+
+    def margins(theta: Number, v: Values) -> tuple[Number, ...]:
+        plant, own = in_hand(v), device(v)
+        assert isinstance(plant, PlantInHand)
+        there = offered(coupling_of(v), own, theta, ops)
+        law = Hand.of(v), v[LEAST_DAMPING], gains_of(v)
+        found = margin_in_spring(plant, own, *law, there, factor, theta, ops)
+        return (*found.for_every_spring, plant.step[0][0])  # alpha > 0: then p grows with the damping
+
+    return margins
+
+
 def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
     """Return environments whose ends come from a mapping of values.
 
@@ -299,7 +334,7 @@ def whenever_margins(
     Parameters
     ----------
     demands : the constraints
-    uncertain : keys of the device's uncertain numbers, which the margin takes from its values
+    uncertain : keys of the device's uncertain parameters, which the margin takes from its values
     delays : delays whose whole samples the margin ignores
     ops : arithmetic of theta and the values
 
@@ -359,7 +394,7 @@ def bounded_in_any_hand(device: Device) -> Margin:
 
 
 def _above_bound(demands: Demands) -> Margin:
-    """Return the margin of a coupling against a bound of R in all hands.
+    """Return the margin by which a coupling exceeds a bound of R in all hands.
 
     The margin is a function of theta, `OFFSET` and `SLOPE`.
     """
@@ -383,7 +418,7 @@ def limp_hands_margins(
     Parameters
     ----------
     demands : the constraints
-    uncertain : keys of the device's uncertain numbers, which the margins take from their values
+    uncertain : keys of the device's uncertain parameters, which the margins take from their values
     delays : whole samples of the delays, the same for all devices
     lead : see `hands_margins`
     """
@@ -432,7 +467,7 @@ def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delay
     Parameters
     ----------
     demands : constraints with the device and the factor
-    uncertain : keys of the device's uncertain numbers, which the margins take from their values
+    uncertain : keys of the device's uncertain parameters, which the margins take from their values
     delays : whole samples of the delays, the same for all devices
 
     Returns
@@ -496,7 +531,7 @@ def _devices(
 ) -> tuple[Callable[[Values], Device], Callable[[Values], Plant]]:
     """Return the device and its sampled plant as functions of a claim's values.
 
-    Without uncertain numbers both are constant. Boxes of the same devices at several frequencies share one sampled
+    Without uncertain parameters both are constant. Boxes of the same devices at several frequencies share one sampled
     plant.
     """
     exact = nominal.converted(decimal)

@@ -28,19 +28,20 @@ from vctune.proof.engine.polynomial_tests import any_positive
 
 MAX_HALVINGS, MAX_BOXES, TOGETHER = 4 * CELL_HALVINGS, 30_000, 128
 """Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells that
-the prover treats together, so that their boxes fit into memory. Feasible cells take up to 30,000 boxes, most some
-thousand. With 12,000 boxes the prover leaves some of the cells near K_p = 0 open, and the caller divides them."""
+the prover treats together, so that their boxes fit into memory. Feasible cells take up to 30,000 boxes, most a few
+thousand. With a limit of 12,000 boxes, the prover leaves some of the cells near K_p = 0 open, and the caller divides
+them."""
 IN_WORLDS = 5_000
-"""Greatest number of boxes for a cell with a box of environments. Most feasible cells take some thousand. With six
-times as many, 0.1 % less of a plane is undecided."""
+"""Greatest number of boxes for a cell with a box of environments. Most feasible cells take a few thousand boxes. With
+six times this limit, 0.1 % less of a plane of gains stays undecided."""
 AT_REST = 0.1
-"""Greatest K_p T^2/m, as a share of the first interval of angles, for which the prover treats a cell separately near
-theta = 0."""
+"""Greatest K_p T^2/m, as a share of the width of the first interval of angles, for which the prover treats a cell
+separately near theta = 0."""
 
 MASS = "coupling.mass"
 FEW = 1024
-"""Number of boxes up to which an array takes about as long as one box. It is large because the arrays of many cells are
-long. An eighth of this number takes a fifth longer."""
+"""Number of boxes up to which an array takes about as long as one box. This number is large because the arrays of many
+cells are long. With an eighth of this number, the proofs take a fifth longer."""
 
 
 def hold_in_hands(demands: Demands, cells: Cells) -> Flags:
@@ -92,13 +93,17 @@ def _band() -> tuple[Floats, Floats]:
 def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
     assert demands.hands is not None
     boxes = over_hands(cells, demands.hands, _band())
-    return _prove(_in_hand(demands, boxes), boxes, len(cells), MAX_BOXES if demands.worlds is None else IN_WORLDS)
+    most = MAX_BOXES if demands.worlds is None else IN_WORLDS
+    # the margins of a servo are linear in the hand, so that a mean of two of them suffices for all hands, but for the
+    # safety factor; to halve the hands takes a hundred times as long for wide cells and decides 1 % more of a plane
+    linear = demands.device.servo is not None and demands.device.unmodelled is None
+    return _prove(_in_hand(demands, boxes), boxes, len(cells), most, whole_hands=linear)
 
 
 def _in_hand(demands: Demands, boxes: Boxes) -> Test:
     """Return the test that a margin in a hand is positive. Near theta = 0 it uses only the coupling's drag.
 
-    The impedance of a heavy coupling changes there within a millionth of the range of angles.
+    Near theta = 0, the impedance of a heavy coupling changes within a millionth of the range of angles.
     """
     if demands.worlds is not None:
         spans = boxes.high.max(axis=1, initial=0.0, keepdims=True) - boxes.low.min(axis=1, initial=inf, keepdims=True)
@@ -154,12 +159,12 @@ def _with_shares(boxes: Boxes) -> Boxes:
     )
 
 
-def _prove(test: Test, boxes: Boxes, owners: int, max_boxes: int = MAX_BOXES) -> Flags:
+def _prove(test: Test, boxes: Boxes, owners: int, max_boxes: int = MAX_BOXES, *, whole_hands: bool = False) -> Flags:
     return prove(
         test,
         boxes,
         owners,
-        halved=[True] * len(boxes.names),
+        halved=[not whole_hands or name not in HAND for name in boxes.names],
         max_halvings=MAX_HALVINGS,
         max_boxes=max_boxes,
         at_ends=True,

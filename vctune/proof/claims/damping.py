@@ -1,8 +1,8 @@
 """Find gains for which no coupling damping b_c works: the intervals required at different frequencies are disjoint.
 
 For M = omega m_c, Re Z_c - b_0 = b M^2/(b^2 + M^2). It is at least r if b lies between M (M -+ sqrt(M^2 - 4 r^2))/(2
-r). If r > M/2, no b suffices. Re Z_c grows with m_c and b_0, so the function uses their greatest values. For the
-coupling as the firmware runs it, omega is (2/T) tan(theta/2).
+r). If r > M/2, no b suffices. Re Z_c grows with m_c and b_0, so the module uses the greatest m_c and b_0 of a cell. For
+the coupling as the firmware runs it, omega is (2/T) tan(theta/2).
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ The difference factor R - b_0 may cancel. It has 5 roundings. The product has an
 to u, contribute 3 u of the difference. Together these errors are at most 4 u factor R. The raised b_0 and the lowered
 difference allow for `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, which is 22 times as much. M - 2 r is exact
 where it cancels (Sterbenz 1974). The other dozen operations act on positive numbers and include a tangent with 8 units
-in the last place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. Half or twice this guard leads to the same decisions.
+in the last place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. With half or twice this guard, the decisions are the
+same.
 """
 ROUNDING_OF_BOUNDS = 1e-9
-"""Rounding allowance: two intervals of b_c must be this far apart to exclude each other. Half or twice this allowance
-leads to the same decisions, unless the distance between the intervals is about as small as the allowance."""
+"""Rounding allowance: two intervals of b_c must be this far apart to exclude each other. With half or twice this
+allowance, the decisions are the same, unless the distance between the intervals is about as small as the allowance."""
 
 
 def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, Floats]:

@@ -16,7 +16,7 @@ from vctune.proof.engine.boxes import SAMPLES_BEFORE, Boxes
 from vctune.proof.engine.branching import Decided, Test
 
 Ends = dict[str, tuple[Floats, Floats]]
-"""Least and greatest number of each row, by its name, for one box or several."""
+"""Least and greatest value of each row, by the row's name, for one box or several."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +27,8 @@ class Part:
     ----------
     names : names of the rows except the angle
     low, high : ends of the numbers, shape (rows, 1), or (rows, n) for n parts
-    delays : whole samples of the delays
-    sample_time, other : T, s; and the delay, s, of the device or the sensor that is not a row
+    delays : whole samples of the delays sample_time, other : T, s; and the delay, s, of the device or the sensor that
+        is not a row
     range : least and greatest delay, s, if `SAMPLES_BEFORE` is a row; None otherwise
     """
 
@@ -74,26 +74,26 @@ class Part:
 
 
 def row_of(key: str) -> str:
-    """Return the name of the row for a number of the device."""
+    """Return the name of the row for a parameter of the device."""
     return f"device.{key}"
 
 
 OWN_BOXES = 0.5
-"""Share of a sample below which the end of a range of delays has boxes of its own. With 1, a delay of five samples
-takes three times as many boxes. With 0, a delay of fifty samples whose constraint is active at the end takes ten times
-as many."""
+"""If a range of delays contains less than this share of its first or last sample, that sample has boxes of its own.
+With a share of 1, a delay of five samples takes three times as many boxes. With a share of 0, a delay of fifty samples
+whose constraint is active at the end of the range takes ten times as many."""
 DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
 def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
     """Divide a box of devices by the whole samples of their delays, and return its parts.
 
-    If the delays are known exactly, there is one part.
+    If the delays are known exactly, the box is a single part.
 
     Parameters
     ----------
     device : device with the delays that are not rows
-    ends : least and greatest number of each row except the angle
+    ends : least and greatest value of each row except the angle
     apart : whether the whole samples may be a row; only for margins of one hand with every passive environment
     """
     names = tuple(ends)
@@ -159,9 +159,9 @@ def _at_whole_samples(test: Test, names: tuple[str, ...], T: float, shortest: fl
 def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
     """Return one part for all delays of a box, with the whole samples of the delay as one more row.
 
-    At small angles one box covers many whole samples, because the loop is smooth in them. A first or last sample of
-    which the range holds little has boxes of its own. The function returns None for delays within one sample, for
-    servos, and if the force sensor is late too.
+    At small angles one box covers many whole samples, because the loop is a smooth function of their number. A first or
+    last sample of which the range contains little has boxes of its own. The function returns None for delays within one
+    sample, for servos, and if the force sensor is late too.
     """
     own, T = row_of(device.delay_key), device.sample_time
     late = any(device.number(key) for key in DELAYS if row_of(key) != own)

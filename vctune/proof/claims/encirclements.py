@@ -69,7 +69,8 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
 
 
 def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return the numbers for one loop. If no pole crosses the boundary within a cell, they are those of its centre."""
+    """Return the numbers of turns for one loop. If no pole crosses the boundary within a cell, its numbers are those of
+    its centre."""
     claims, device = claims_of(demands), demands.device
     same, throughout = np.ones((2, len(cells)), bool), np.zeros(len(cells), np.intp)
     if cells.extended:
@@ -156,7 +157,7 @@ def turns_in_hand(demands: Demands, points: Cells) -> Floats:
 
 
 def _middle(demands: Demands) -> Values:
-    """Return the numbers of the hand at the centre of the box, by name."""
+    """Return the parameters of the hand at the centre of the box, by name."""
     assert demands.hands is not None
     return demands.hands.middle.mapped(decimal).by_key
 
@@ -168,7 +169,7 @@ def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> f
     ----------
     device : device in numbers of the arithmetic; enclosures represent all devices of a box
     cells : cells; only their greatest gains matter
-    ops : arithmetic of the device's numbers
+    ops : arithmetic of the device's parameters
 
     Returns
     -------

@@ -34,19 +34,19 @@ LITTLE_PHASE = 0.5
 angle, the proof needs the same number of boxes for the uncertain friction wheel."""
 FEW_SAMPLES = 4
 """Number of whole samples in a box's delays up to which the prover tries them one by one. For more samples, it first
-finds the angle above which the phase of the delay does not matter. Half or twice as many only change the time for long
-uncertain delays."""
+finds the angle above which the phase of the delay does not matter. With half or twice as many, only the time for long
+uncertain delays changes."""
 ANGLES, LEAST_ANGLE = 400, 1e-6
 """Number of angles, and least of these angles, at which the code estimates the size of a loop. The prover then proves
-the estimate, so that half or twice as many angles only change the time."""
+the estimate. With half or twice as many angles, only the time changes."""
 MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000
-"""Greatest number of boxes for one claim, and for one curve. A curve that stays away from 0 takes some dozens. The
-uncertain friction wheel takes 27,000 for all claims. A device of two masses with seven uncertain numbers and a disc
-takes a million for one claim. The time until the prover gives up is proportional to these numbers."""
+"""Greatest number of boxes for one claim, and for one curve. A curve that stays away from 0 takes a few dozen boxes.
+The uncertain friction wheel takes 27,000 boxes for all claims. A device of two masses with seven uncertain parameters
+and a disc takes a million boxes for one claim. The time until the prover gives up is proportional to these numbers."""
 FEW = 64
 """Number of boxes up to which the prover halves the halves again before it evaluates them, because so few boxes take
-about as long as one. Without this, extending a proved band takes three times as long. With four times as many boxes it
-takes a third longer."""
+about as long as one. Without these further halvings, extending a proved band takes three times as long. With four times
+as many boxes, it takes a third longer."""
 MAX_HALVINGS = 80
 """Greatest number of halvings of a box: twenty in each of four rows. With half or twice as many halvings, the proof
 needs the same number of boxes for the uncertain friction wheel."""
@@ -69,22 +69,22 @@ class RobustDesign:
 
     @property
     def values(self) -> Values:
-        """Enclosures of the design's numbers."""
+        """Enclosures of the design's parameters."""
         numbers = astuple(self.design.gains) + astuple(self.design.coupling)
         return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The keys of the uncertain numbers."""
+        """The keys of the uncertain parameters."""
         return tuple(f"device.{name}" for name in self.box.uncertain)
 
     def loops(self) -> list[RobustDesign]:
-        """Return the design with each box of devices whose velocity loops must be stable."""
+        """Return this design for each box of devices whose velocity loops must be stable."""
         design = self.design
         return [replace(self, design=replace(design, device=box.nominal), box=box) for box in self.box.loops]
 
     def ends(self) -> tuple[Floats, Floats]:
-        """Return the least and the greatest values of the uncertain numbers."""
+        """Return the least and the greatest values of the uncertain parameters."""
         low, high = (
             np.array([end.number(key) for key in self.box.uncertain], float).reshape(-1, 1)
             for end in (self.box.low, self.box.high)
@@ -92,17 +92,17 @@ class RobustDesign:
         return low, high
 
     def claims(self) -> Claims:
-        """Return the claims as functions that also take the uncertain numbers."""
+        """Return the claims as functions that also take the uncertain parameters."""
         demands = replace(self.demands, device=self.box.low)
         return claims_of(demands, self.box.uncertain)
 
     def device(self, numbers: Floats) -> Device:
-        """Return the device of the box with given uncertain numbers."""
+        """Return the device of the box with given uncertain parameters."""
         within = np.clip(numbers[:, None], *self.ends())
         return self.box.device(dict(zip(self.box.uncertain, within[:, 0].tolist(), strict=True)))
 
     def enclosed(self) -> Device:
-        """Return the nominal device in which each uncertain number is an enclosure of its range."""
+        """Return the nominal device in which each uncertain parameter is an enclosure of its range."""
         low, high = self.ends()
         numbers = dict(zip(self.box.uncertain, map(between, low[:, 0], high[:, 0]), strict=True))
         return self.box.nominal.converted(decimal).with_numbers(numbers)
@@ -236,7 +236,7 @@ def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: in
 
 
 def _within_a_sample(robust: RobustDesign) -> tuple[Floats, Floats]:
-    """Return the ends of the box with its delays reduced to one sample, from 0 to T."""
+    """Return the ends of the box, with each range of delays replaced by one sample, from 0 to T."""
     (low, high), row = robust.ends(), robust.box.uncertain.index("delay")
     low[row], high[row] = 0.0, robust.box.nominal.sample_time
     return low, high
@@ -345,7 +345,7 @@ def part_over_band(
     Parameters
     ----------
     robust : the design and the box
-    test : test of boxes with rows for a frequency and the uncertain numbers
+    test : test of boxes with rows for a frequency and the uncertain parameters
     low, high : edges of the band, in the test's unit of frequency
     max_boxes : number of boxes after which the prover leaves the proof open
     at_ends : whether to replace a box by the face at which its margin is least; not for curves
@@ -362,7 +362,7 @@ def part_over_band(
 def _proved(test: Test, boxes: Boxes, max_boxes: int, *, at_ends: bool = True) -> Proofs:
     """Prove a margin positive, or prove that a curve misses 0.
 
-    For a curve set `at_ends=False`, because it need not be nearest to 0 at an end.
+    For a curve, set `at_ends=False`, because the curve need not be nearest to 0 at an end of a row.
     """
     rows = [True] * len(boxes.names)
     return prove(test, boxes, 1, halved=rows, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=at_ends, few=FEW)

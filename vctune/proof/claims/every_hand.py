@@ -21,6 +21,7 @@ from vctune.model.hand_arrays import stacked
 from vctune.model.hands import MASS, STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
+from vctune.model.sampled.eliminated_spring import moves_as_two_states
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.sampled.worlds.loop_in_late_worlds import sides_at_nyquist, sides_of
 from vctune.model.sampled.worlds.loop_in_walls import LEADS
@@ -30,11 +31,13 @@ from vctune.proof.claims.array_claims import (
     AT_REST,
     SHARES,
     any_hand_margins,
+    any_spring_margins,
     hands_margins,
     limp_hands_margins,
     whenever_margins,
 )
 from vctune.proof.claims.delay_parts import DELAY_ROWS, Ends, Part, parts_of, row_of
+from vctune.proof.claims.in_hands.any_spring import left_by_any_spring
 from vctune.proof.claims.in_hands.own_share import with_own_share
 from vctune.proof.claims.in_hands.resonant_hands import AROUND, RATIO, Resonance, resonance
 from vctune.proof.claims.margins_of_claims import (
@@ -72,33 +75,39 @@ from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_
 from vctune.proof.engine.winding import turned_angle
 
 STEP = 1.4
-"""Ratio of the edges of the first intervals. Its square root and its square need the same number of boxes to within a
-tenth."""
+"""Ratio of the edges of the first intervals. With its square root or its square, the proofs need the same number of
+boxes to within a tenth."""
 MAX_BOXES = 400_000
-"""Number of boxes after which the prover leaves the claim open. An optimal design takes some thousand. The time until
-the prover gives up is proportional to this number."""
+"""Number of boxes after which the prover leaves the claim open. An optimal design takes a few thousand boxes. The time
+until the prover gives up is proportional to this number."""
 EASY_BOXES = 3_000
-"""Number of boxes after which hands near a sharp resonance get boxes of their own. If the margin is large there, some
-hundred boxes suffice. If it is small, these boxes are wasted, which takes some seconds; half or twice as many take half
-or twice as long."""
-EASY_WHOLE = 5_000
-"""Number of boxes after which the prover uses only the sides of the rectangles of uncertain masses and dampings of
-device and hand. The sides begin with sixteen times as many boxes. An easy proof over the whole range takes about a
-thousand boxes, and must fit into this limit. With twice this limit, a proof on the sides takes 5,000 boxes more."""
+"""Number of boxes after which hands near a sharp resonance get boxes of their own. If the margin near the resonance is
+large, a few hundred ordinary boxes suffice. If the margin is small, the ordinary boxes are wasted, which takes a few
+seconds; half or twice as many take half or twice as long."""
+EASY_AFTER = 5
+"""Factor of `EASY_BOXES` for a claim that is proved for every stiffness first. The other boxes then lie next to the
+resonance of the stiffest hand, where boxes of their own help little. The factor affects only the time."""
+EASY_WHOLE = 3_000
+"""Number of boxes after which the prover looks for boxes that it can prove for every stiffness of the hand, and uses
+only the sides of the rectangles of uncertain masses and dampings of device and hand. The sides begin with sixteen times
+as many boxes. An easy proof over the whole range takes about a thousand boxes, and must fit into this limit. With twice
+this limit, a proof on the sides takes 3,000 boxes more."""
 MANY_PARTS = 3
-"""Least number of parts of a box of delays for which the prover first tries the test that holds for any whole samples
-of a servo's delay. With fewer parts, it may be that no part has a delay of whole samples."""
+"""Least number of parts of a box of delays for which the prover first tries the test that holds for any number of whole
+samples in a servo's delay. If there are fewer parts, possibly no part has a delay of whole samples."""
 EASY_PARTS = 4_000
-"""Number of boxes after which the prover treats an interval of angles for each part separately. Half or twice as many
-take the same time."""
+"""Number of boxes after which the prover treats an interval of angles for each part separately. With half or twice as
+many boxes, a proof takes the same time."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """Distances from the ends of the angles, as shares of pi, at which the code looks for a witness. With fewer distances,
-the witness grows more slowly in a simulation; with more, it grows no faster."""
+the motion at the witness grows more slowly in a simulation; with more distances, it grows no faster."""
 AT_NYQUIST = 1e-5
-"""Distance from pi, as a share of pi, within which the prover examines only the sides that decide at pi, so that a box
-there can fail. A tenth and ten times this distance lead to the same verdicts."""
+"""Distance from pi, as a share of pi, within which the prover examines only the sides that decide at pi. The margins of
+the other sides are 0 at pi, so that a box there could not fail. With a tenth and with ten times this distance, the
+verdicts are the same."""
 MAX_HALVINGS = 120
-"""Greatest number of halvings of a box: twenty in each of six rows. Half or twice as many give the same proofs."""
+"""Greatest number of halvings of a box: twenty in each of six rows. With half or twice as many halvings, the proofs are
+the same."""
 
 
 def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -132,7 +141,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     asked = Asked(design, demands, box)
     in_time = asked.walls or asked.in_time
     near = resonance(design, demands.hands, box) if design.device.kind.own_loop and not in_time else None
-    found = _decided(asked, asked.ends(), asked.tests, EASY_BOXES if near else MAX_BOXES, whenever=asked.whenever)
+    easy = EASY_BOXES * (EASY_AFTER if asked.for_every_spring else 1)
+    found = _decided(asked, asked.ends(), asked.tests, easy if near else MAX_BOXES, whenever=asked.whenever)
     if near and found.verdict is Verdict.UNDECIDED:
         left_to_it = partial(asked.tests, near=near)
         found, tried = _decided(asked, asked.ends(), left_to_it, MAX_BOXES), found.boxes
@@ -187,7 +197,7 @@ class Asked:
 
     @property
     def uncertain(self) -> tuple[str, ...]:
-        """The keys of the device's numbers that are rows of the boxes."""
+        """The keys of the device's parameters that are rows of the boxes."""
         return self.box.modelled.uncertain if self.box is not None else ()
 
     @property
@@ -199,7 +209,7 @@ class Asked:
 
     @property
     def shared(self) -> bool:
-        """Whether each share of the coupling has margins of its own."""
+        """Whether each share of the coupling has margins of its own, so that the share is a row."""
         of_spring = self.design.device.kind.inverse and self.demands.worlds is not None
         return (of_spring or self.walls or self.in_time) and self.demands.factor > 1
 
@@ -227,7 +237,7 @@ class Asked:
         return test
 
     def ends(self) -> Ends:
-        """Return the least and the greatest number of each row except the angle."""
+        """Return the least and the greatest value of each row except the angle."""
         assert self.demands.hands is not None
         # the requirement of a servo is convex in the hand; with a box of environments it is not
         of_servo = self.design.device.servo is not None and self.demands.worlds is None
@@ -238,7 +248,7 @@ class Asked:
     @property
     def affine(self) -> tuple[tuple[str, str], ...]:
         """Pairs of rows, one of the device and one of the hand. If the sum of a pair is given, the margin is affine in
-        it.
+        the device's row.
 
         With a box of environments, one of several margins has to be positive, and no single margin need be positive at
         both ends; then there are no pairs.
@@ -247,6 +257,25 @@ class Asked:
             return ()
         return tuple((row_of(key), f"operator.{key}") for key in felt_with_hand(self.box))
 
+    @property
+    def for_every_spring(self) -> bool:
+        """Whether the stiffness of the hand can be eliminated in closed form."""
+        passive = self.demands.worlds is None and self.demands.hands is not None
+        return passive and moves_as_two_states(self.design.device)
+
+    def left_by_any_spring(self, part: Part, fixed: Values, boxes: Boxes, max_boxes: int) -> tuple[Boxes, int]:
+        """Return the boxes in which the claim is not proved for every stiffness, and the number of evaluated boxes.
+
+        Parameters
+        ----------
+        part : part of the boxes
+        fixed : values by name that are not rows of the boxes
+        boxes : boxes of that part
+        max_boxes : number of boxes after which the search ends
+        """
+        margins = any_spring_margins(self.demands, self.uncertain, part.delays, TAYLOR)
+        return left_by_any_spring(margins, self.design.device, part, fixed, boxes, max_boxes)
+
     def tests(self, part: Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
         """Return the tests that prove the claim on a part of the boxes.
 
@@ -254,7 +283,7 @@ class Asked:
         ----------
         part : part of the boxes
         fixed : values by name that are not rows of the boxes
-        near : resonance; its hands get boxes of their own, and these tests omit them; None for all hands
+        near : resonance; hands near it get boxes of their own, which these tests omit; None for all hands
         """
         return [self._test(part, fixed, near, lead) for lead in (LEADS if self.walls else LEADS[:1])]
 
@@ -337,7 +366,8 @@ def _late_as_one(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
 
 
 def _judged_again(found: Outcome, design: Design, demands: Demands, hand: Hand) -> Outcome:
-    """Judge a claim that is not proved again for the outcome's own device and hand. If they fail, it is refuted."""
+    """Judge a claim that is not proved again, for the device and the hand that the outcome names. If the claim fails
+    for them, it is refuted."""
     theta = None if found.witness is None else min(found.witness * design.device.sample_time, pi)
     each = [(factor, share) for factor in {demands.factor, 1.0} for share in {1.0, 1 / factor}]
     fails = theta is not None and any(
@@ -401,7 +431,7 @@ def _decided(
     near: Resonance | None = None,
     whenever: Callable[[Part, Values], Test] | None = None,
 ) -> Outcome:
-    """Prove margins positive over all values of theta, the hand's numbers and the device's numbers.
+    """Prove margins positive over all values of theta, the hand's parameters and the device's uncertain parameters.
 
     Parameters
     ----------
@@ -413,12 +443,13 @@ def _decided(
     whenever : function that returns a test that holds for parts with any whole samples; None without one
     """
     sides, tried = sides_of_rectangles(ends, asked.affine), 0
-    if len(sides) > 1:
+    springs = near is None and asked.for_every_spring
+    if len(sides) > 1 or springs:
         found = _decided_over([ends], asked, tests, min(EASY_WHOLE, max_boxes), near, whenever)
         if found.verdict is not Verdict.UNDECIDED:
             return found
         tried = found.boxes
-    found = _decided_over(sides, asked, tests, max_boxes, near, whenever)
+    found = _decided_over(sides, asked, tests, max_boxes, near, whenever, springs=springs)
     return replace(found, boxes=found.boxes + tried)
 
 
@@ -429,8 +460,13 @@ def _decided_over(
     max_boxes: int,
     near: Resonance | None,
     whenever: Callable[[Part, Values], Test] | None,
+    *,
+    springs: bool = False,
 ) -> Outcome:
-    """Prove the margins of `_decided` over several sides, each with the ends of its own rows."""
+    """Prove the margins of `_decided` over several sides, each with the ends of its own rows.
+
+    With `springs`, the function first proves as many boxes as it can for every stiffness at once.
+    """
     boxes, fixed = 0, fixed_of(asked.design)
     apart = MASS in sides[0] and asked.demands.worlds is None
     parts = [part for ends in sides for part in parts_of(asked.design.device, ends, apart=apart)]
@@ -438,14 +474,18 @@ def _decided_over(
     if whenever is not None and len(parts) >= MANY_PARTS:
         left, boxes = _left_of_parts(whenever(parts[1], fixed), boxes_over(parts[1], near))
     for part in parts:
+        first, count = boxes_over(part, near).subset(left), 0
+        if springs and max_boxes > 0:
+            first, count = asked.left_by_any_spring(part, fixed, first, max_boxes)
+            boxes += count
         for test in tests(part, fixed):
             found = prove(
                 part.within(test),
-                boxes_over(part, near).subset(left),
+                first,
                 1,
                 halved=[True] * (1 + len(part.names)),
                 max_halvings=MAX_HALVINGS,
-                max_boxes=max_boxes,
+                max_boxes=max(max_boxes - count, 0),
                 at_ends=True,
                 few=FEW,
             )
@@ -482,7 +522,7 @@ def _at_both_ends(ends: Ends, name: str) -> Ends:
 
 
 def fixed_of(design: Design) -> Values:
-    """Return the numbers of a design by name, for proofs in which they are not rows of the boxes."""
+    """Return the parameters of a design by name, for proofs in which they are not rows of the boxes."""
     numbers = (*astuple(design.gains), *astuple(design.coupling))
     return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
 
@@ -555,7 +595,7 @@ def _in_doubt(
         return _fails_at(replace(design, device=device), demands, hand, theta, share)
 
     refuted = fails(theta)
-    if refuted and theta in (0.0, pi):  # no loop grows at an end of the angles, but it may grow close to that end
+    if refuted and theta in (0.0, pi):  # no motion grows at an end of the angles; close to an end, a motion may grow
         theta = next((beside for off in NEAR_ENDS if fails(beside := abs(theta - pi * off))), theta)
     outcome = Outcome(
         Verdict.REFUTED if refuted else Verdict.UNDECIDED, boxes, theta, device if uncertain else None, hand
@@ -621,9 +661,9 @@ def _ends(
 ) -> Ends:
     """Return the ends of the rows of the boxes.
 
-    The rows are the shares, the device's uncertain numbers and, if the claim is about hands, the hand's numbers. With a
-    reserve g, the share of the coupling is a row from 1/g to 1. If the vertices of the hands suffice, each vertex has a
-    column.
+    The rows are the shares, the device's uncertain parameters and, if the claim is about hands, the hand's parameters.
+    With a safety factor g, the share of the coupling is a row from 1/g to 1. If the vertices of the hands suffice, each
+    vertex has a column.
     """
     low, high = ([], []) if hands is None else ([hands.low], [hands.high])
     if corners is not None:

@@ -53,8 +53,9 @@ class Certified:
 def prove(demands: Demands, cells: Cells) -> Certified:
     """Prove all constraints throughout each cell (proof/README.md, section 8).
 
-    With K_p = 0 the loop does not contain the position. If the range of K_p in a cell starts at 0 but is wider, the
-    cell therefore does not include the designs with K_p = 0. A cell with K_p = 0 throughout does include them.
+    With K_p = 0 the loop does not contain the position, so designs with K_p = 0 need another proof than designs with
+    K_p > 0. If the range of K_p in a cell starts at 0 but has a width, the proof for the cell does not include the
+    designs with K_p = 0. The proof for a cell with K_p = 0 throughout does include them.
 
     Parameters
     ----------
@@ -185,7 +186,8 @@ def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """The places where a constraint may fail throughout a cell, for n cells; None for constraints that do not exist.
+    """The places where a constraint may fail throughout a cell, for n cells; None for constraints that the problem does
+    not have.
 
     Attributes
     ----------
@@ -262,8 +264,8 @@ def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Fla
 def fails_in_hands(demands: Demands, cells: Cells, at: PlacesInHands) -> Flags:
     """Return the cells throughout which the constraint in hands fails. Each cell has its own place.
 
-    With a box of environments, the constraint fails where every margin is negative. One of the environments then has a
-    pole there, with the coupling divided by a number from 1 to the factor.
+    With a box of environments, the constraint fails where every margin is negative. With one of the environments, the
+    loop then has a pole on the unit circle there, if the coupling is divided by some number from 1 to the factor.
 
     Parameters
     ----------

@@ -1,4 +1,9 @@
-"""The margins of the claims: functions that must be positive, each written once for every arithmetic."""
+"""The margins of the claims: functions that must be positive, each written once for every arithmetic.
+
+In sampled loops, s = sin(theta/2) and z = e^{j theta}. model/README.md defines C, D, N, Z_2, y and A H in sections 2
+and 12, F and F_0 in section 7, and rho in section 14. A limp hand has no stiffness. Next to rest its F vanishes with
+K_p = 0 unless the code divides it by rho.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +72,7 @@ class Design:
 
     @property
     def series(self) -> Coupling:
-        """The coupling of an admittance display. Only this display has a frequency model."""
+        """The coupling of an admittance display or a servo: damping and mass in series with a drag in parallel."""
         assert isinstance(self.coupling, Coupling)
         return self.coupling
 
@@ -75,10 +80,10 @@ class Design:
 def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return 2 r (Re Z_c - factor R) at omega > 0, where r is the loop's resistance (model/README.md, section 4).
 
-    Where the margin is positive and r > 0, Re Z_c >= factor R. Without an operator the margin is 2 r Re Z_c - factor
+    Where this margin and r are positive, Re Z_c >= factor R. Without an operator the margin is 2 r Re Z_c - factor
     (|C||D| - Re(C conj D)), which is positive only if r > 0. For an ideal device in a hand the margin is 2 r Re Z_c +
-    factor (2 b_h Re C - ...). Re C <= 0 where r <= 0, so this margin too is positive only if r > 0. For any other
-    device, r > 0 needs a separate proof (`resistance_apart`).
+    factor (2 b_h Re C - ...). Re C <= 0 where r <= 0, so the margin is again positive only if r > 0. For any other
+    device in a hand, r > 0 needs a separate proof (`resistance_apart`).
 
     Parameters
     ----------
@@ -120,9 +125,10 @@ def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmeti
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return a margin that is regular at omega = 0. Where it is positive, `conditions_margin` is positive.
 
-    Where both sides of 2 Re D Re Z_c >= factor N vanish, the function divides them by omega^2. For a coupling with
-    drag, or with an operator that relaxes the constraint, the margin uses only Re Z_c >= b_0. In all other cases with
-    K_p > 0 and b > 0, R does not vanish, and no margin is positive.
+    Where both sides of 2 r Re Z_c >= factor times `llewellyn_demand` vanish, the function divides them by their common
+    power of omega. For a coupling with drag, or with an operator that relaxes the constraint, the margin uses only
+    Re Z_c >= b_0. In all other cases with K_p > 0 and b + tau_s K_p > 0 (tau_s: lag of the force sensor), R does not
+    vanish, and no margin is positive.
 
     Parameters
     ----------
@@ -213,8 +219,8 @@ def sensitivity_margin(plant: Plant, gains: Gains, theta: Number, limit: Number,
 def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 - radius^2 |F - F_0|^2. It is positive where |1 - S| radius < 1 (model/README.md, section 13).
 
-    By the small-gain theorem, no response in the disc of that radius around the modelled response then makes a stable
-    loop unstable.
+    Where |1 - S| radius < 1 at every theta, the small-gain theorem applies: no response in the disc of this radius
+    around the modelled response makes a stable loop unstable.
 
     Parameters
     ----------
@@ -260,8 +266,8 @@ def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, o
 def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14).
 
-    Where it is positive, F is not 0, so that no pole of the loop in the hand lies at that frequency. For an impedance
-    display the margin is |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
+    Where the margin is positive, F is not 0, so that no pole of the loop in the hand lies on the unit circle at theta.
+    For an impedance display the margin is |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
 
     Parameters
     ----------
@@ -281,7 +287,7 @@ def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Nu
 
 
 def whenever_margin(plant: ServoInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return 2 s (Re Z_c - factor |Z_seen|) for a servo whose delay may have any number of whole samples.
+    """Return 2 s (Re Z_c - factor |Z_seen|), s = sin(theta/2), for a servo with any number of whole samples of delay.
 
     If there is a disc around Z_seen, the margin includes it. Where the margin is positive, so is `hand_margin`.
 
@@ -316,7 +322,7 @@ def limp_hand_margin(
     plant : the device in the hand, over one sample
     design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    rest : shares of rho (`NextToRest`); if this margin is positive for all shares, so is `hand_margin`
+    rest : shares of rho (`NextToRest`); if the divided margin is positive for all shares, so is `hand_margin`
     factor : least permitted Re Z_c / R
     ops : arithmetic of the other arguments
 
@@ -332,8 +338,8 @@ def limp_hand_margin(
 def margins_in_worlds(
     plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic, share: Number = 1.0
 ) -> Disjuncts:
-    """Return the margins in a hand with a box of environments, each as its terms. At least one of them must be
-    positive.
+    """Return the margins in a hand with a box of environments, each as the terms of its sum. At least one margin must
+    be positive.
 
     Parameters
     ----------
@@ -375,7 +381,11 @@ def margins_in_late_worlds(
     names: Sequence[str],
     ops: Arithmetic,
 ) -> tuple[Number, ...]:
-    """Return margins in a hand with every environment of any stepping rule; one of them must be positive (section 20).
+    """Return margins in a hand with every environment of a box that may run late or by Euler's rules.
+
+    At least one of these margins must be positive.
+
+    See model/README.md, section 20.
 
     Parameters
     ----------
@@ -417,7 +427,7 @@ def limp_margins_in_late_worlds(
 def _beyond(
     seen: Seen, design: Design, theta: Number, share: Number, worlds: Worlds, names: Sequence[str], ops: Arithmetic
 ) -> tuple[Number, ...]:
-    """Return the distance of a loop beyond each side of the polygon of environments."""
+    """Return the distance of a loop beyond each side of the polygon of environments, in the order of `names`."""
     T, coupling = design.device.sample_time, design.series
     offered, planes = (
         offered_at(coupling, T, theta, ops),
@@ -489,7 +499,8 @@ def any_hand_margin(
 def hand_curve(
     plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic, held: SpringDamper | None = None
 ) -> Pair:
-    """Return F of the loop in a hand, rotated to be real at both ends. A stable loop's curve returns without a turn.
+    """Return F of the loop in a hand, rotated to be real at both ends. The curve of a stable loop makes no turn around
+    0.
 
     Parameters
     ----------
@@ -504,14 +515,14 @@ def hand_curve(
     Pair
         Dimensionless. It has the shape of theta.
     """
-    loop, half, turns = loop_in_hand(plant, theta, ops), ops.sin(theta / 2), plant.poles / 2
+    loop, sine, half_poles = loop_in_hand(plant, theta, ops), ops.sin(theta / 2), plant.poles / 2
     F = loop.clamped(gains, held) if held is not None and isinstance(loop, ForceInHand) else loop.closed(gains)
-    turned = Pair(ops.cos(theta * turns), -ops.sin(theta * turns))
-    return Pair(F.even, half * F.odd) * turned
+    turned = Pair(ops.cos(theta * half_poles), -ops.sin(theta * half_poles))
+    return Pair(F.even, sine * F.odd) * turned
 
 
 def resistance_apart(device: Device) -> bool:
-    """Return whether the loop's resistance needs a proof of its own, besides the conditions."""
+    """Return whether the loop's resistance needs a proof of its own, besides `conditions_margin`."""
     return device.operator is not None and not device.ideal
 
 
@@ -587,8 +598,8 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
 def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
     """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2 with P = dF/dK_p. Neither depends on K_p.
 
-    Both are regular at theta = 0. There F and F_0 are those of the velocity loop alone, times 1 - e^{-j theta}. Where
-    the first is not 0, F is not 0 for any K_p.
+    Both results are regular at theta = 0, where F and F_0 are those of the velocity loop alone, times 1 - e^{-j theta}.
+    Where the first result is not 0, F is not 0 for any K_p.
 
     Parameters
     ----------
@@ -628,7 +639,7 @@ def sensitivity_sufficient_margin(plant: Plant, gains: Gains, theta: Number, lim
 
 
 def outwards(band: tuple[float, float]) -> tuple[float, float]:
-    """Return a band in rad/s widened by the rounding error of 2 pi f."""
+    """Return a band in rad/s, each edge moved outwards by four floats, more than the rounding error of 2 pi f."""
     low, high = band
     for _ in range(4):
         low, high = nextafter(low, 0.0), nextafter(high, inf)

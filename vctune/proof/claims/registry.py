@@ -183,11 +183,11 @@ CLAIMS: dict[ClaimId, Claim] = {
             label="every hand with every wall of the box",
             explain=(
                 "The device is stable in each hand of `[operator]` with each wall, to which a mass and a damper of "
-                "`[environment]` are added. The force of a wall depends only on the position, and rises with slopes "
-                "in the range `environment.stiffness`. A wall is one-sided or piecewise linear, at any position. It "
-                "steps by the trapezoidal rule or by backward Euler. The claim does not cover walls that move or "
-                "one-sided dampers. The proof uses the multiplier of Zames and Falb. If its condition fails, a wall "
-                "need not make the device unstable."
+                "`[environment]` are added. The force of a wall depends only on the position, and its slope is "
+                "everywhere within the range `environment.stiffness`. A wall is one-sided or piecewise linear, at any "
+                "position. It steps by the trapezoidal rule or by backward Euler. The claim does not cover walls that "
+                "move or one-sided dampers. The proof uses the multiplier of Zames and Falb. If its condition fails, "
+                "a wall need not make the device unstable."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
         ),
@@ -206,9 +206,9 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "have in common. The device is stable in each hand of `[operator]` with every environment that is "
                 "passive as it runs, in the exact sampled loop, while the damping of the hand takes any value of its "
                 "range at every sample. The mass, at least `changing_mass_min`, and the stiffness of the hand stay as "
-                "they are. The claim does not include the safety factor. Where no such function is found nothing is "
-                "known: it does not say that a hand makes the device unstable. If a hand without mass is the reason, "
-                "`changing_mass_min` leaves it out."
+                "they are. The claim does not include the safety factor. If vctune finds no such function, the claim "
+                "is undecided, and the device may still be stable. If a hand without mass is the reason, "
+                "`changing_mass_min` excludes this hand."
             ),
             asked=lambda demands, _: demands.changing is not None,
         ),

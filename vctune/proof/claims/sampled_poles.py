@@ -22,10 +22,11 @@ from vctune.proof.engine.winding import turned_angle
 
 ISOLATED_DEGREE = 40
 """Greatest degree for which the displayed spectral radius comes from isolated roots. Above this degree it comes from
-eigenvalues. No proof uses the displayed radius. Twice this degree takes seconds for a long delay."""
+eigenvalues. No proof uses the displayed radius. With twice this degree, the isolation takes seconds for a long
+delay."""
 ROOT_TOLERANCE = 1e-16
-"""Radius of the enclosures of poles, finer than a double. Without a tolerance, FLINT would only separate the
-enclosures from each other. Half or twice this radius gives the same double."""
+"""Radius of the enclosures of poles, finer than a double. Without a tolerance, FLINT would only separate the enclosures
+from each other. With half or twice this radius, the displayed radius is the same double."""
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:

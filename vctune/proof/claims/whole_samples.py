@@ -21,23 +21,24 @@ from vctune.model.servo import latency
 from vctune.proof.device_box import DeviceBox
 
 NEAR = 0.05
-"""Share of a sample within which a delay is near a whole number of samples. The delays of clocks, buses
-and amplifiers are not known better. Half or twice this share would change the certificate's promise, but not the
-proof."""
+"""Share of a sample within which a delay is near a whole number of samples. The delays of clocks, buses and amplifiers
+are not known more exactly. With half or twice this share, the certificate would cover other delays, by the same
+proofs."""
 NEXT_TO = 1e-7
-"""Distance, in samples, between a whole number of samples and the delay just below it that the prover uses. Decimals
-can still distinguish both. Half or twice this distance leads to the same designs."""
+"""Distance, in samples, between a whole number of samples and the delay just below it for which the prover proves the
+claims. Decimals can still distinguish the two delays. With half or twice this distance, vctune finds the same
+designs."""
 PEAK = 0.75
-"""Time of the greatest sensed acceleration, as a share of the lag of a servo and its sensor. At half and 4/3 of this
-time the acceleration is three quarters of the greatest."""
+"""Time after a step of the command at which the sensed acceleration is greatest, as a share of the lag of a servo and
+its sensor. At half and at 4/3 of this time, the acceleration is three quarters of the greatest."""
 
 
 def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     """Return whether the sensed force jumps where the delay passes a whole number of samples.
 
-    The force jumps if the sensor measures the acceleration of a hand's mass immediately. This requires that the command
-    moves the handle directly, without an actuator's low-pass or a spring, and that the sensor has no low-pass. A servo
-    of order 1 turns a command into an acceleration immediately.
+    The force jumps if the sensor measures the acceleration of a hand's mass immediately. The sensor does so only if the
+    command moves the handle directly, without an actuator's low-pass or a spring, and if the sensor has no low-pass. A
+    servo of order 1 turns a command into an acceleration immediately.
 
     Parameters
     ----------
@@ -104,10 +105,11 @@ def reaching_whole_sample(box: DeviceBox, hands: Hands) -> DeviceBox:
 
 
 def kept_at_whole_sample(device: Device, before: Device) -> Device:
-    """Return a device whose delay stays next to the same whole number of samples as another device's delay.
+    """Return a device with the delay, in samples, of another device, if that delay is next to a whole number of
+    samples.
 
-    To compute a price, the caller compares a device with a slightly better one. If their delay is near a whole number
-    of samples, the constraints of both devices hold on both sides of that number.
+    To compute a price, the caller compares a device with a slightly better one. A small change of the sample time would
+    otherwise move the delay across the jump of the sensed force.
 
     Parameters
     ----------
@@ -128,8 +130,8 @@ def next_to_whole_samples(box: DeviceBox) -> list[Device]:
     """Return the devices of a box on both sides of whole samples, for the delay and for its sum with the sensor's
     delay.
 
-    At whole samples, the sensed force or its slope may jump with the delay. A fast low-pass moves the peak of the
-    sensed acceleration to a delay that is shorter by `PEAK` times the lag.
+    At whole samples, the sensed force or its slope may jump with the delay. With a fast low-pass, the sensed
+    acceleration is greatest at a delay that is shorter by `PEAK` times the lag.
 
     Parameters
     ----------

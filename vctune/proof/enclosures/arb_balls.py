@@ -20,8 +20,8 @@ from vctune.proof.enclosures.jets import interpolated_over
 
 PRECISION = 128
 """Working precision, bits. With half or twice as many bits, the proofs for the designs of problems/ need the same
-number of boxes and about the same time. The reserve serves designs that are closer to their constraints than an optimum
-rounded to decimals."""
+number of boxes and about the same time. The additional precision serves designs that are closer to their constraints
+than an optimum rounded to decimals."""
 SMALL = 0.1
 """Argument below which the code computes (1 - sinc x)/x^2 by its series with an enclosed remainder. With half this
 argument, the subtraction in the closed form would lose another factor 4 of the precision. With twice this argument, the

@@ -21,8 +21,8 @@ ROUNDING = 2.0**-43
 """Rounding error of a bound, relative to the magnitudes in its sum: 1024 u with u = 2^-53. The count of roundings is
 272. For 14 rows, a product of two matrices or of a matrix and a vector takes 14 roundings, and so does a sum over rows.
 The bound takes two such products and eight such sums, the sum of 120 coefficients, and a dozen further operations. The
-remainder is not among these magnitudes: if it exceeds them, the bound proves nothing. Half this number would suffice;
-twice this number makes no difference to a proof."""
+remainder is not among these magnitudes: if it exceeds them, the bound proves nothing. Half this bound would suffice.
+With twice this bound, the proofs are the same."""
 
 
 @dataclass(frozen=True, slots=True)

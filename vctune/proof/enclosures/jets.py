@@ -23,9 +23,9 @@ NumPy evaluates these functions by the C library, or by Intel's SVML on processo
 states 1 unit for each of them ("Known Maximum Errors in Math Functions" in its manual) and 2 units for its vector
 variants. NumPy states at most 4 for SVML (numpy/numpy, pull request 19478), less than 1 for the high-accuracy variants
 that replaced them (24006), and its own tests require 1 (umath-validation-set-*.csv). Eight units are twice the greatest
-of these numbers. They are measurements by others, not theorems. Therefore `tests/proof/test_enclosures.py` measures the
-errors on the machine on which it runs, against at least 60 digits. Half this bound would be the greatest stated error,
-without reserve; twice the bound widens an enclosed point by 2e-15.
+of these stated errors, which are measurements by others, not theorems. Therefore `tests/proof/test_enclosures.py`
+measures the errors on the machine on which it runs, against at least 60 digits. Half this bound would equal the
+greatest stated error, without reserve. With twice the bound, an enclosed point would be wider by 2e-15.
 """
 PHI_ERROR = 1e-13
 """Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100. In a problem file,
@@ -39,13 +39,13 @@ series. The sum is at least 0.49, the omitted terms are below x^8/10!, which is 
 u. For x >= c = `CURVATURE_BELOW`, sin(x)/x is correct to 17 u. The difference 1 - sinc x is at least 0.041, so that it
 is correct to 18 u/0.041 = 4.9e-14. For x < c, the error of the series of sinc_curvature is like that of phi_2. If the
 argument itself has the relative error u, then phi_1 and phi_2 change by at most u, because |x phi'| <= phi, and e^-x
-changes by x u, which is at most 8e-14 until e^-x underflows. This argument does not prove half the bound; twice the
-bound would double the width 2e-13 of an enclosure.
+changes by x u, which is at most 8e-14 until e^-x underflows. The derivation above does not prove half this bound. With
+twice the bound, the width of an enclosure would double from 2e-13.
 """
 EXPONENT_ERROR = 1e-12
 """Bound on the relative error of exp of a rounded sum, if exp does not overflow. The rounding of the sum contributes
-710 u and exp contributes 16 u, together 8e-14. Half the bound would suffice, and twice the bound works as well, because
-it applies to radii above 1."""
+710 u and exp contributes 16 u, together 8e-14. Half the bound would suffice. Twice the bound would work as well,
+because the bound applies to radii above 1."""
 SMALL = 0.5
 """Argument below which the code encloses the derivative of sinc by its series. Above it, the code uses the quotient
 (cos x - sinc x)/x, and dividing by x enlarges the rounding error. With half this argument, the rounding error would

@@ -1,9 +1,9 @@
 """Polynomials of order two in the rows of a box, with enclosed remainders, for many boxes at once.
 
-A `Taylor` represents a number as a polynomial in e_1 ... e_k. Each e_i runs from -1 to 1, which are the ends of a row
-of the box. A radius covers all terms of higher order and every rounding error (Taylor models: Makino and Berz 2003).
-Unlike the slopes of a jet, the polynomial shows how rows act together. At a resonance, for example, the number may
-hardly vary if mass and stiffness vary in proportion.
+A `Taylor` represents a number as a polynomial in e_1 ... e_k. Each e_i runs from -1 to 1, as row i of the box runs from
+its lower to its upper end. A radius covers all terms of higher order and every rounding error (Taylor models: Makino
+and Berz 2003). Unlike the slopes of a jet, the polynomial shows how rows act together. At a resonance, for example, the
+number may hardly vary if mass and stiffness vary in proportion.
 """
 
 from __future__ import annotations
@@ -19,14 +19,15 @@ from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Float
 SWOLLEN = 1 + 2.0**-44
 """Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius. The remainder of a
 product needs the most roundings. For 14 rows and 8-by-8 matrices there are 152: 105 for the coefficients of order two,
-14 for the rows, 2 for the constant, 15 for the remainders, 8 for the sum of the products, and 8 others. Half this
-factor's excess over 1 would cover 256; twice the excess would widen a radius by 1e-13 of itself."""
+14 for the rows, 2 for the constant, 15 for the remainders, 8 for the sum of the products, and 8 others. With half its
+excess over 1, the factor would cover 256 roundings; with twice the excess, it would widen a radius by 1e-13 of
+itself."""
 HIGHER_ERROR = 1e-13
 """Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53. The reciprocal 1/m has one rounding. Its
 f''/2 takes the most roundings: three for the cube of 1/m, and 2 for the library's cube. Its f' takes 3, two of them
 from 1/m. For a square root, f''/2 takes 3: the root, its product with m, and the quotient. The parameter `error` covers
 the errors of a library's exp, sin and cos, and all errors of sinc, whose slopes cancel. Half this bound would suffice,
-and twice the bound works as well."""
+and twice this bound would work as well."""
 
 Times = Callable[[Floats, Floats], Floats]
 

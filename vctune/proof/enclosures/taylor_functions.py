@@ -17,13 +17,13 @@ SINC_TERMS = 12
 """Number of terms in the series of sinc' and sinc'' for arguments below 1. The remainder is below 1e-20. With half as
 many terms it is 1e-9; more terms are no better in double precision."""
 ASTRIDE = 1e-12
-"""Relative amount by which an interval may extend past a point of a table and still count as on one side of it. This
-close to the point, the power laws of both sides agree up to `POWER_ERROR`. Half or twice this amount changes nothing,
-because the prover cuts no box that close to a point."""
+"""Relative amount by which an interval may extend past a point of a table while the code still uses the power law of
+one side. This close to the point, the power laws of both sides agree up to `POWER_ERROR`. With half or twice this
+amount, the proofs are the same, because the prover cuts no box that close to a point."""
 POWER_ERROR = 8e-12
 """Bound on the relative error of a table's power and of its value, for each unit of the power and of the logarithm of
-the ratio of two points. It covers rounding errors and `ASTRIDE`. Half the bound would suffice, and twice the bound
-works as well."""
+the ratio of two points. The bound covers rounding errors and `ASTRIDE`. Half the bound would suffice, and twice the
+bound would work as well."""
 
 
 def _sinc(x: Floats) -> tuple[Floats, Floats, Floats]:
@@ -43,8 +43,8 @@ def _ranged(x: Number) -> Number:
 
 
 def _narrower(x: Taylor, over: Enclosure, of: Taylor) -> Taylor:
-    """Return a number where its remainder is less than the width of its range; elsewhere return an enclosure of that
-    range.
+    """Return a number where its remainder is narrower than the given range of its values; elsewhere return an enclosure
+    of that range.
 
     The function attributes the width of that enclosure to the rows on which the number's argument depends.
     """
@@ -92,7 +92,7 @@ def _power(x: Taylor, table: Table) -> Taylor:
 
 
 def _like(x: Number, one: Taylor) -> Taylor:
-    """Return a matrix, on which the boxes may have no influence, as a `Taylor` over the boxes of another matrix.
+    """Return a matrix, which may be the same for all boxes, as a `Taylor` over the boxes of another matrix.
 
     Parameters
     ----------

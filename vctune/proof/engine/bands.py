@@ -9,19 +9,20 @@ from vctune.proof.engine.boxes import Boxes, Cells, band_of, over_cells
 from vctune.proof.engine.branching import Proofs, Test, prove
 
 STEP = 1.4
-"""Ratio of the edges of the first intervals. With its square root the proofs take 60 % more boxes, with its square 16 %
-fewer. If rounding and cell size nearly hide the sign of a margin, the ratio decides whether the cell is proved."""
+"""Ratio of the edges of the first intervals. With the square root of this ratio, the proofs take 60 % more boxes; with
+its square, 16 % fewer. If rounding and cell size nearly hide the sign of a margin, this ratio decides whether the cell
+is proved."""
 HALVINGS = 24
 """Greatest number of halvings of an interval of frequency for a single design. The narrowest interval is 2e-8 of the
-first one; an optimal design needs it where it touches its constraint. Half or twice as many halvings prove the same
-designs around those of problems/."""
+first one. An optimal design needs such intervals where it touches its constraint. With half or twice as many halvings,
+the prover proves the same designs near the optimal designs of the problems in problems/."""
 CELL_HALVINGS = 10
 """Greatest number of halvings for a cell. After few halvings, the size of the cell widens an enclosure more than the
-interval does. Half as many halvings leave up to half of the cells near the feasible region's border open. Twice as many
-prove no more cells."""
+interval does. With half as many halvings, the prover leaves up to half of the cells near the border of the feasible
+region open. With twice as many, it proves no more cells."""
 MAX_BOXES = 4_000
-"""Number of boxes for one claim after which the prover leaves a cell open. Most cells take some hundred boxes. Half or
-twice as many prove the same cells."""
+"""Number of boxes for one claim after which the prover leaves a cell open. Most cells take a few hundred boxes. With
+half or twice as many, the prover proves the same cells."""
 
 
 def cells_over_band(

@@ -3,7 +3,7 @@
 The test bounds a margin from below by its value at one point of the box. In a row where the slope keeps its sign, the
 point lies at the worse end, and the bound loses nothing. In any other row it lies in the middle, and the bound loses
 the slope times half the width. If the worst device or the worst design is at a vertex of its box, the test therefore
-evaluates it exactly.
+evaluates the margin at exactly this device or design.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from vctune.proof.engine.interval import WIDE
 from vctune.running import check_time
 
 NARROW = 1.02
-"""Ratio of a box's frequencies below which the test tries a second margin, which needs narrow boxes. With half or twice
-this ratio's excess over 1, the proofs need the same number of boxes."""
+"""Ratio of the highest to the lowest frequency of a box below which the test tries a second margin, because this margin
+needs narrow boxes. With half or twice this ratio's excess over 1, the proofs need the same number of boxes."""
 FROM_ZERO = 0.1
 """Relative width that the test assumes for an interval that begins at frequency 0, because halving never reduces its
 relative width. With half or twice this value, the proofs need the same number of boxes."""
@@ -182,13 +182,13 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
 
 
 def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Values, test: Test) -> Test:
-    """Return a test that uses other margins in boxes in which all given rows begin at 0.
+    """Return a test that uses other margins in the boxes in which all of `rows` begin at 0.
 
     Parameters
     ----------
     rows : names of these rows
-    sufficient : margins, any of which proves the claim there, the more easily the narrower these rows are; the points
-        and the faces at which such a margin is least say nothing about the margin of the claim
+    sufficient : margins, any of which proves the claim in these boxes, the more easily the narrower the rows are. The
+        points and the faces at which such a margin is least say nothing about the margin of the claim
     fixed : values by name that are not rows of the boxes
     test : test of the other boxes
     """
@@ -242,8 +242,8 @@ def any_of(tests: Sequence[Test]) -> Test:
 
 
 def nearest(found: Sequence[Decided]) -> Decided:
-    """Return the result of the test that is nearest to a proof. A box counts as proved if any of the tests proves
-    it."""
+    """Return, for each box, the result of the test that is nearest to a proof. A box is proved if any of the tests
+    proves it."""
     room = np.array([each.room for each in found])
     which, at = np.argmax(room, axis=0), np.arange(room.shape[1])
 
@@ -308,7 +308,7 @@ def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
 
 
 def _by_sufficient(decided: Decided) -> Decided:
-    """Return the result of a test of `sufficient` without failing points and sides, because these do not apply to the
+    """Return the result of a test of `sufficient` without its failing points and sides, which do not apply to the
     claim's own margin."""
     return replace(decided, fails=np.zeros_like(decided.fails), side=np.zeros_like(decided.side))
 
@@ -325,8 +325,8 @@ class _Bounded:
 def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
     """Bound a margin from below by its value at one point of each box and by its slopes.
 
-    The cost of a row is what the bound loses to the row's slope. If the margin is negative at that point, the cost is
-    the variation of the margin with the row. If the slopes are unknown, the widest row costs most.
+    The cost of a row is the amount by which the slope in this row lowers the bound. If the margin is negative at that
+    point, the cost is the variation of the margin with the row. If the slopes are unknown, the widest row costs most.
     """
     check_time()
     varied = boxes.varied()
@@ -380,7 +380,7 @@ def room_left(value: Floats, uncertain: Floats, reach: Floats) -> Floats:
     """Return how near a margin is to a proof.
 
     The result is value / uncertain if the value is positive, so that it exceeds 1 if the margin is proved. For a
-    negative value it is value / reach, but at least `LOST`. It is 0 where the quotient is nan.
+    negative value it is value / reach, but at least `LOST`. The result is 0 where the quotient is nan.
 
     Parameters
     ----------

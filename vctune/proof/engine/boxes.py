@@ -30,11 +30,11 @@ WHOLE_SAMPLES = "whole samples of device.delay"
 SAMPLES_BEFORE = "whole samples before device.delay"
 """Name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay."""
 CHUNK = 4096
-"""Number of boxes that the prover evaluates together, so that their arrays fit into the processor's cache. With half or
-twice as many boxes, a proof takes the same time."""
+"""Number of boxes that the prover evaluates together. The arrays of so many boxes fit into the processor's cache. With
+half or twice as many boxes, a proof takes the same time."""
 
 Values = Mapping[str, Number]
-"""Numbers by name. The claim's function supplies all numbers that are not among them."""
+"""Values of a claim by name. The claim's function itself supplies every value that is not among them."""
 
 
 def gains_of(values: Values) -> Gains:
@@ -61,7 +61,7 @@ class Cells:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys of the design's numbers, `KEYS` or `SPRING_KEYS`."""
+        """The keys of the design's parameters, `KEYS` or `SPRING_KEYS`."""
         return keys_of(len(self.low))
 
     def __len__(self) -> int:
@@ -135,7 +135,7 @@ class Boxes:
         Parameters
         ----------
         rows : one number for each of `names` except the first, which is the frequency
-        fixed : the other numbers by name; if a name is also that of a row, the row's number counts
+        fixed : the other values by name; if a name is also that of a row, the function uses the row's value
 
         Returns
         -------
@@ -145,7 +145,8 @@ class Boxes:
         return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole_samples}
 
     def varied(self) -> list[bool]:
-        """Return for each row whether some box has a width in it. The frequency always counts as a row with width."""
+        """Return for each row whether some box has a width in this row. For the frequency, the result is always
+        true."""
         return [True, *np.any(self.low[1:] < self.high[1:], axis=1).tolist()]
 
     def ends(self, side: Floats) -> Boxes:
@@ -155,7 +156,7 @@ class Boxes:
         return replace(self, low=low, high=high)
 
     def halved(self, axis: Integers) -> Boxes:
-        """Return both halves of each box, cut along the axis that is given for the box.
+        """Return both halves of each box, cut across the row that `axis` names for the box.
 
         The function cuts a wide interval at the mean of the logarithms, and an interval that starts at 0 near 0. It
         cuts whole samples between two whole numbers.

@@ -1,4 +1,4 @@
-"""One prover for all claims over boxes. It halves an undecided box along the axis that contributes most to the
+"""One prover for all claims over boxes. It halves an undecided box across the row that contributes most to the
 uncertainty.
 
 Each box belongs to an owner: a cell of designs, or the one design whose box of devices the proof covers. A claim is
@@ -18,9 +18,9 @@ from vctune.proof.engine.boxes import CHUNK, Boxes, Integers, joined
 from vctune.running import check_time, tell
 
 BLUR = 2.0
-"""Ratio above which the prover leaves a box open. It compares two uncertainties: that of the rows that the prover must
-not halve, and that of the other rows. Above this ratio, halving the other rows would decide nothing. Half or twice
-this ratio proves the same cells."""
+"""Ratio of two uncertainties above which the prover leaves a box open: that of the rows that it must not halve, divided
+by that of the other rows. Above this ratio, halving the other rows would decide nothing. With half or twice this ratio,
+the prover proves the same cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +99,8 @@ def prove(
     max_halvings : greatest number of halvings of a box
     max_boxes : number of an owner's boxes after which the prover leaves the owner open
     measure : function of boxes; `Proofs.total` sums its values over the proved boxes of an owner; None for no sum
-    at_ends : whether to replace a box by the face at which its margin is least; only for a test of one margin, and
-        without `measure`
+    at_ends : whether to replace a box by the face at which its margin is least; only for a test whose `side` is the
+        worst end of every margin that may prove the box, and without `measure`
     few : number of boxes up to which the prover halves the halves again before the next test, because so few boxes take
         as long as one
     only_whole : whether to stop work on an owner as soon as one of its boxes stays open, without a search for a failing
@@ -148,7 +148,7 @@ def prove(
 
 
 @np.errstate(all="ignore")
-def left_open(test: Test, boxes: Boxes, *, max_boxes: int, share: float) -> Boxes:
+def left_open(test: Test, boxes: Boxes, *, max_boxes: int, share: float) -> tuple[Boxes, int]:
     """Halve the boxes in which a test does not prove the claim, until the claim fails in most of those that remain.
 
     Parameters
@@ -160,8 +160,8 @@ def left_open(test: Test, boxes: Boxes, *, max_boxes: int, share: float) -> Boxe
 
     Returns
     -------
-    Boxes
-        The boxes on which the test did not prove the claim. Outside them the claim holds.
+    left : the boxes on which the test did not prove the claim; outside them the claim holds
+    count : number of boxes that the test evaluated
 
     Raises
     ------
@@ -182,7 +182,7 @@ def left_open(test: Test, boxes: Boxes, *, max_boxes: int, share: float) -> Boxe
             break
         axis, _ = _axis(decided, halved)
         boxes, faces = boxes.halved(axis[goes_on]), faces.halved(axis[goes_on])
-    return joined(*settled, boxes)
+    return joined(*settled, boxes), count
 
 
 def _share(some: Flags, among: Flags) -> float:
@@ -190,7 +190,7 @@ def _share(some: Flags, among: Flags) -> float:
 
 
 def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:
-    """Return the row along which to halve each box, and whether halving would not help."""
+    """Return the row to halve in each box, and whether halving would not help."""
     cost = _known(decided.cost)
     axis = _costliest(cost, halved)
     blurred = decided.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0))
@@ -207,7 +207,8 @@ def _costliest(cost: Floats, halved: Flags) -> Integers:
 
 
 def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int) -> Boxes:
-    """Return the halves of each box along its own axis. If they are at most `few`, halve them again."""
+    """Return the halves of each box, cut across the row chosen for the box. If there are at most `few` halves, halve
+    them again."""
     cost = _known(cost)
     while True:
         at, boxes = np.arange(len(boxes)), boxes.halved(axis)
@@ -221,7 +222,8 @@ def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int)
 def _stage(boxes: int, open_: float) -> str:
     """Return the progress of a proof.
 
-    In one round the prover has halved all boxes equally often, so the number of open boxes gives a share of the volume.
+    In each round the prover halves all open boxes, so all have the same volume, and their number gives the open share
+    of the volume.
     """
     return f"{boxes} boxes, {1 - open_:.1%} proved"
 

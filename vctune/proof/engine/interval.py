@@ -19,25 +19,26 @@ from vctune.proof.enclosures.arb_balls import box
 from vctune.running import check_time, tell
 
 MAX_BOXES = 200_000
-"""Number of boxes after which a claim stays undecided. A proof for an optimal design takes some hundred boxes. The time
-until the prover gives up is proportional to this number."""
+"""Number of boxes after which a claim stays undecided. A proof for an optimal design takes a few hundred boxes. The
+time until the prover gives up is proportional to this number."""
 RESOLUTION = 1e-13
 """Least width of a box, relative to its position. A box that is still open at this width stays undecided. Neighbouring
-doubles differ by 1e-16. Half this width allows one more halving, twice this width one less."""
+doubles differ by 1e-16. With half this width, one more halving is possible; with twice this width, one less."""
 LOWEST = 1e-40
-"""Least upper edge of a box that starts at 0, relative to the interval's upper edge. It is far below any frequency at
-which a margin changes, and far above underflow. Half or twice this edge changes the search by a quarter of a step."""
+"""Least upper edge of a box that starts at 0, relative to the interval's upper edge. This edge is far below any
+frequency at which a margin changes, and far above underflow. With half or twice this edge, the search changes by a
+quarter of a step."""
 WIDE = 2.0
 """Ratio of the ends of a box above which the prover does not use the derivative, because its enclosure is too wide
 there. With the square root or the square of this ratio, the proofs for the designs of problems/ need the same number of
 boxes within 5 %."""
 CURVED = 1.1
-"""Ratio of the ends of a box above which the prover does not use the second derivative. It helps only near a minimum
-that nearly touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""
+"""Ratio of the ends of a box above which the prover does not use the second derivative. The second derivative helps
+only near a minimum that nearly touches 0. For ratios between 1.03 and 1.2, the time of a proof hardly changes."""
 GROWTH = 1.5
-"""Power by which the ratio of the ends grows from a proved box to the next. With a power below 1 the prover makes no
-progress. A power of 1 needs twenty times as many boxes for the designs of problems/; twice this power needs
-50 % more boxes."""
+"""Power by which the ratio of the ends grows from a proved box to the next. With a power below 1, the prover makes no
+progress. With a power of 1, the proofs for the optimal designs of the problems in problems/ need twenty times as many
+boxes; with twice this power, 50 % more."""
 
 
 class Verdict(StrEnum):
@@ -153,8 +154,9 @@ def prove_positive(
     margin : function that runs on `flint.arb` and on `flint.arb_series`
     low, high : 0 <= low <= high
     max_boxes : number of boxes after which the proof gives up
-    curved : whether to use the second derivative where the first does not decide. It reduces the boxes to a third for a
-        margin that nearly touches 0 inside the interval. For a margin that touches 0 at an end it only costs time
+    curved : whether to use the second derivative where the first does not decide. The second derivative reduces the
+        number of boxes to a third for a margin that nearly touches 0 inside the interval. For a margin that touches 0
+        at an end, it only costs time
 
     Returns
     -------

@@ -29,20 +29,21 @@ from vctune.proof.engine.branching import Decided, Test
 from vctune.running import check_time
 
 FEW = 128
-"""Number of boxes up to which an array of boxes takes about as long as one box. Half or twice this number takes the
-same time for random devices in hands; four times this number takes a third longer."""
+"""Number of boxes up to which an array of boxes takes about as long as one box. With half or twice this number, the
+proofs for random devices in hands take the same time; with four times this number, a third longer."""
 NEAR_ZERO = 1e-3
-"""Least size of a number, as a share of its range, in the relative width of its row. Without it the prover would halve
-a row that contains 0 forever. With a tenth of this share the proof takes 20 % more boxes, with ten times the share it
-takes as many."""
+"""Least divisor in the relative width of a row, as a share of the row's range. Without this least divisor, the prover
+would halve a row that contains 0 forever. With a tenth of this share, the proof takes 20 % more boxes; with ten times
+the share, as many."""
 FREQUENCY_FIRST = 64.0
 """Weight of the frequency's relative width if a box has no bound and one of several margins must be positive. Such
-boxes contain a zero of a denominator, and these zeros are at single frequencies. An eighth of this weight leaves servos
-with a stiff coupling open; eight times the weight needs the same number of boxes."""
+boxes contain a zero of a denominator, and these zeros are at single frequencies. With an eighth of this weight, the
+prover leaves servos with a stiff coupling open; with eight times the weight, it needs the same number of boxes."""
 WIDER = 0.1
-"""Exponent of a row's relative width in the weight of its cost: of two rows with equal cost, the prover halves the
-wider one. Half this exponent needs the same number of boxes, but up to five times as many without an integrator. Two
-and a half times the exponent takes a fifth more. With an exponent of 0, some proofs without an integrator stay open."""
+"""Exponent of a row's relative width in the weight of the row's cost. If two rows have the same cost, the prover halves
+the wider one. With half this exponent, the proofs need the same number of boxes, but up to five times as many without
+an integrator. With two and a half times the exponent, they take a fifth more. With an exponent of 0, some proofs
+without an integrator stay open."""
 
 
 def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:
@@ -117,7 +118,7 @@ def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans:
         check_time()
         numbers = of(boxes)
         varied = boxes.varied()
-        best = nearest([_by_polynomials(number, boxes, varied, spans) for number in numbers])
+        best = nearest([by_polynomials(number, boxes, varied, spans) for number in numbers])
         best = _or_mixed(numbers, best, boxes, varied, spans)
         left = np.flatnonzero(~best.proved)
         if left.size:
@@ -134,10 +135,22 @@ def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans:
     return test
 
 
-def _by_polynomials(number: Number, boxes: Boxes, varied: Sequence[bool], spans: Floats) -> Decided:
-    """Decide boxes by one of several margins.
+def by_polynomials(number: Number, boxes: Boxes, varied: Sequence[bool], spans: Floats) -> Decided:
+    """Decide boxes by one margin, whose failure need not be a failure of the claim.
 
     If that margin is negative at a point of a box, the cost of a row is the margin's variation with the row.
+
+    Parameters
+    ----------
+    number : the margin over the boxes
+    boxes : n boxes
+    varied : for each row of the boxes, whether it has a width
+    spans : full range of each row except the frequency, shape (rows - 1, 1)
+
+    Returns
+    -------
+    Decided
+        No box fails. The room is negative where the margin is negative at a point, and -inf where it is throughout.
     """
     least, n = least_over_boxes(number), len(boxes)
     width = boxes.high - boxes.low
@@ -175,7 +188,7 @@ def _or_mixed(
     if len(numbers) == 1 or not left.size:
         return best
     part, parts = boxes.subset(left), [number.subset(left) for number in numbers]
-    means = [_by_polynomials(_mean(a, b), part, varied, spans) for a, b in combinations(parts, 2)]
+    means = [by_polynomials(_mean(a, b), part, varied, spans) for a, b in combinations(parts, 2)]
     found = nearest([_subset(best, left), *means])
     for name in ("proved", "point", "cost", "known", "room"):
         getattr(best, name)[..., left] = getattr(found, name)
@@ -199,7 +212,8 @@ def _mean(a: Taylor, b: Taylor) -> Taylor:
 
 
 def _relative(boxes: Boxes, spans: Floats) -> Floats:
-    """Return the width of each row relative to its numbers. A number counts as at least `NEAR_ZERO` of its range."""
+    """Return the width of each row, relative to the row's values or to `NEAR_ZERO` of the row's range, whichever is
+    greater."""
     sizes = np.abs(boxes.low) + np.abs(boxes.high)
     sizes[1:] += NEAR_ZERO * spans
     relative = (boxes.high - boxes.low) / sizes
@@ -210,8 +224,8 @@ def _relative(boxes: Boxes, spans: Floats) -> Floats:
 def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) -> tuple[Flags, Floats]:
     """Return the boxes on which one of several margins is positive throughout, and the row ends where all are least.
 
-    The test bounds each margin from its value at one point, as `_by_slopes` does. The point lies at these ends and in
-    the middle of the other rows.
+    The test bounds each margin from its value at one point, as `_by_slopes` does. The point lies at these row ends, and
+    in the middle of the other rows.
     """
     rows, varied, n = boxes.rows(), boxes.varied(), len(boxes)
     numbers = margins(variables(rows, varied))
@@ -237,7 +251,7 @@ def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) 
 def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
     """Return the row ends where all margins that may be positive are least; 0 where the margins differ.
 
-    If all margins are negative throughout a box, the function may return any end.
+    If all margins are negative throughout a box, the function returns 0.
     """
     least, most = np.ones_like(boxes.low), -np.ones_like(boxes.low)
     for number in numbers:

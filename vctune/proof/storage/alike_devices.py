@@ -13,7 +13,7 @@ from vctune.proof.device_box import DeviceBox
 
 
 def parts_alike(device: Device, devices: DeviceBox | None) -> list[tuple[Device, tuple[Range, ...]]]:
-    """Return a device with plain numbers for each part, and the ranges of the part's uncertain numbers.
+    """Return a device with plain numbers for each part, and the ranges of the part's uncertain parameters.
 
     Within a part no delay, and no sum of both delays, passes a whole number of samples.
 
@@ -25,8 +25,8 @@ def parts_alike(device: Device, devices: DeviceBox | None) -> list[tuple[Device,
     Returns
     -------
     list
-        Empty if two delays are uncertain, because no such part is a box. In hands that change, not only the sum of a
-        servo's delays matters, because the damping changes between them.
+        Empty if two delays are uncertain, because no such part is a box. In hands that change, each of a servo's two
+        delays matters, not only their sum, because the damping may change between them.
     """
     if devices is None or not devices.uncertain:
         return [(device, ())]

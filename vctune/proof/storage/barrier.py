@@ -1,8 +1,9 @@
-"""Coefficients that make symmetric matrices, affine in them, positive definite: an interior point method.
+"""Find coefficients with which symmetric matrices, affine in the coefficients, are positive definite, by an interior
+point method.
 
-The search runs in floats. A storage function has some hundred coefficients and some dozen small matrices. Newton's
-method on the logarithms of the determinants takes 0.05 s for them. A solver of semidefinite programs would be one more
-dependency.
+The search runs in floats. A storage function has a few hundred coefficients, and its inequality has a few dozen small
+matrices. For these, Newton's method on the logarithms of the determinants takes 0.05 s. A solver of semidefinite
+programs would be one more dependency.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ LESS = 0.1
 many steps."""
 GIVE_UP = 0.2
 """Weight of the barrier, relative to the shortfall, at which the search concludes that there is no solution. The least
-possible shortfall is smaller than the present one by at most that weight. Half or twice this value leads to the same
-proofs."""
+possible shortfall is smaller than the present one by at most that weight. With half or twice this value, the proofs are
+the same."""
 BETTER = 1.1
 """Factor by which the least eigenvalue must grow in a round before the search starts another round. With half the
 excess over 1, the search takes one more round."""
@@ -36,8 +37,8 @@ INSIDE = 0.9
 """Greatest share of the way to the border of the feasible coefficients that a step covers. With half this share, the
 search takes twice as long."""
 RIDGE = 1e-13
-"""Multiple of the identity that the search adds to the curvature, scaled to a diagonal of 1. Coefficients without
-effect would make the curvature singular."""
+"""Multiple of the identity that the search adds to the curvature, after scaling the curvature to a diagonal of 1.
+Without this term, coefficients without effect would make the curvature singular."""
 
 
 class Family(NamedTuple):

@@ -19,11 +19,11 @@ from vctune.proof.enclosures.array_intervals import TINY, Floats
 from vctune.proof.storage.barrier import Family, Sums, well_inside
 
 ACROSS = 3
-"""Number of dampings, and of stiffnesses, in the grid of hands for the first candidate. Two are too few for many
-designs."""
+"""Number of dampings, and number of stiffnesses, in the grid of hands for the first candidate. With two of each, the
+search finds no valid candidate for many designs."""
 DIGITS = 14
-"""Significant digits of the decimals. Half as many are too few for loops with a small margin; twice as many exceed the
-digits of a double."""
+"""Significant digits of the decimals. Half as many would be too few for loops with a small margin; twice as many would
+exceed the digits of a double."""
 DOUBLINGS = 60
 """Number of doublings of the time over which noise drives the states: 2^60 samples, after which the states of every
 stable loop are stationary."""
@@ -106,8 +106,8 @@ def hand_without(design: Design, box: Holding) -> Hand | None:
     Returns
     -------
     Hand or None
-        A corner, with the greatest damping; None if each corner has a storage. The function tries no hand between
-        corners.
+        A corner, with the greatest damping; None if each corner has a storage. The function does not examine hands
+        between corners.
     """
     for corner in box.hands.corners:
         if corner.damping < box.hands.high.damping:

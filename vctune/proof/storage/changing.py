@@ -33,13 +33,13 @@ class Effort(NamedTuple):
 
 
 ASKED = Effort(4, 5_000)
-"""Effort if the problem requires the claim. A flexible handle takes 3,067 boxes, a rigid device some hundred."""
+"""Effort if the problem requires the claim. A flexible handle takes 3,067 boxes, a rigid device a few hundred."""
 IN_PASSING = Effort(1, 150)
 """Effort if the problem does not require the claim. The median time is 0.1 s for a rigid device and 0.3 s for one with
 parts."""
 FEW_STATES = 7
-"""Greatest number of states of a loop that vctune examines without being told to. A search for a storage with 9 states
-takes seconds."""
+"""Greatest number of states of a loop that vctune examines if the problem does not require the claim. A search for a
+storage with 9 states takes seconds."""
 LEAST_MASSES = (0.0, 0.1, 0.5)
 """Least masses of the hands that `examine_changing` tries, as shares of the greatest mass."""
 

@@ -1,9 +1,10 @@
 """Positive definite matrices over boxes: symmetric matrices whose entries are polynomials in the rows of a box.
 
-If W A W' is positive definite, then so is A, for any W. The function chooses W so that the product is nearly the
+If W A W' is positive definite, then so is A, for any W. `surely_definite` chooses W so that the product is nearly the
 identity in the middle of a box. Without the squares of single rows, the product is affine in each row. It is then
 positive definite throughout the box if it is positive definite at every vertex. The function factors the product at
-each vertex by interval LDL' and tests that all pivots are positive. The enclosures of the entries contain the squares.
+each vertex by interval LDL' and tests that all pivots are positive. The enclosures of the entries include all values of
+the squares.
 """
 
 from __future__ import annotations

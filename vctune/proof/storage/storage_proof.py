@@ -22,7 +22,7 @@ from vctune.proof.storage.definite import Definite, surely_definite
 from vctune.running import check_time
 
 AT_ONCE = 1024
-"""Number of boxes that the prover evaluates together. Half or twice this number takes the same time."""
+"""Number of boxes that the prover evaluates together. With half or twice this number, a proof takes the same time."""
 AHEAD = 64
 """Number of boxes up to which the prover halves the halves again before it evaluates them. So many boxes take twice as
 long as one."""
@@ -34,7 +34,8 @@ class StorageProof(NamedTuple):
     Attributes
     ----------
     boxes : number of evaluated boxes
-    open : numbers of a hand and a device that the prover left open, as in `Holding.ends`; None if the proof covers all
+    open : parameters of a hand and a device that the prover left open, as in `Holding.ends`; None if the proof covers
+        all
     fails : whether the storage grows by more than the port supplies there, computed in floats
     """
 
@@ -76,7 +77,8 @@ def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StoragePr
 
 
 def _halved(low: Floats, high: Floats, losses: Floats) -> tuple[Floats, Floats]:
-    """Return the halves of boxes, cut across the row that loses most. The function halves a few boxes several times."""
+    """Return the halves of boxes, cut across the row that loses most. If there are only a few boxes, the function
+    halves them several times."""
     worth = np.where(high > low, np.where(np.isfinite(losses), losses, 1.0), 0.0)
     while True:
         row, at = np.argmax(worth, axis=0), np.arange(low.shape[1])
@@ -136,7 +138,7 @@ def _stacked(matrix: Matrix) -> Taylor:
 
 
 def _lost(storage: Storage, hand: Hand, sensed: Number) -> Matrix:
-    """Return by how much Y with the sensed damping exceeds Y with the hand's own damping."""
+    """Return Y for the sensed damping minus Y for the hand's own damping."""
     low, high = storage.box.hands.ranges["damping"]
     share: Number = 0 if low == high else 2 * (sensed - hand.damping) / (decimal(high) - decimal(low))
     return tuple(tuple(times(share, decimal(x)) for x in row) for row in storage.terms[BETA])

@@ -160,7 +160,7 @@ def _transparency(design: Design) -> Drawing:
     cases = compared(problem, design.gains, design.coupling)
     names, terms = design.record.transparency, problem.device.kind.terms
     assert names is not None, "a design is judged"
-    symbols = {"admittance": names.free_motion, "tracking": names.missed, "coupling": names.given_way}
+    symbols = {"admittance": names.admittance_label, "tracking": names.tracking_label, "coupling": names.coupling_label}
     titles = {term: f"{IN_WORDS[term]}: {symbol}" for term, symbol in symbols.items()}
     parts = {term: titles[term] for term in terms} | ({"error": "all together"} if len(terms) > 2 else {})
     rows = len(parts) // 2

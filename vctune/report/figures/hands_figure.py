@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
-from math import nan, pi
+from math import inf, nan, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -27,36 +28,36 @@ from vctune.report.svg.elements import BLUE, GREY, INK, ORANGE, PAPER, RED, path
 from vctune.report.svg.labels import label_curves
 from vctune.report.svg.panel import Axes, Panel
 
-CURVES = 40
+ANGLES_OF_CURVES = 40
 """Number of angles per decade of the curves. Half as many show corners; twice as many double the file."""
-PLACES, DAMPINGS = 17, (0.0, 0.1, 1.0)
+GRID_OF_MAP, DAMPINGS = 17, (0.0, 0.1, 1.0)
 """Number of masses and of stiffnesses of the map, and shares of the range of dampings. The map shows the worst of these
-dampings."""
-LOWEST, MAPPED = 1e-3, 24
+dampings. The distance from the least mass or stiffness grows as a square, because R changes quickly near 0."""
+LEAST_ANGLE, ANGLES_OF_MAP = 1e-3, 24
 """Least angle, rad, and number of angles per decade of the map. With half as many the map is wrong by 2 % where it is
 steepest, with twice as many by 0.1 %."""
 LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
 """Levels of the map, %, which are closer near the limit of 100 %. Half or twice as many are no easier to read."""
 COLOURS = "#003170", "#434e6c", "#6a6c71", "#868379", "#9b9476", "#b0a571", "#c1b26a", "#cdbb63", "#e9d34e"
-"""Of cividis, which is read by every kind of sight and in grey."""
+"""Colours of the map cividis, which is readable in grey and with every kind of colour vision."""
 SCALE_WIDTH = 62.0
-"""Room for what the colours mean, to the right of the map, points."""
+"""Room for the legend of the colours, to the right of the map, points."""
 SHALLOW = 1e-9
-"""Least shown R as a share of the greatest R; at Nyquist R may vanish. Half or twice this share shows as many
-decades."""
+"""Least shown value as a share of the top of the axis, which is the greatest of Re Z_c and R; at Nyquist R may vanish.
+Half or twice this share shows as many decades."""
 WORST = 3
 """Number of hands with a curve of their own. They are the hands with the lowest minima."""
 
 
-class Met(NamedTuple):
+class OfferedAndRequired(NamedTuple):
     """The resistance of a coupling, and the resistance that the hands of a box require, up to Nyquist.
 
     Attributes
     ----------
-    hz, theta : frequencies, Hz, and omega T, rad
-    offered : Re Z_c as the firmware runs it; for an impedance display, Re 1/Z_c over s^2
-    required : the greatest R of the hands
-    least : the least ratios in the hands, the lowest first
+    hz, theta : frequencies, Hz, and omega T, rad; one entry for each angle above 0, as in `offered` and `required`
+    offered : Re Z_c as the firmware runs it, N s/m; for an impedance display, Re(1/Z_c)/s^2, s = sin(theta/2)
+    required : greatest R of the hands, in the unit of `offered`
+    least : least ratios in the hands, the lowest first
     """
 
     hz: Floats
@@ -66,13 +67,13 @@ class Met(NamedTuple):
     least: list[RatioInHand]
 
 
-def met_in_hands(
+def offered_and_required(
     problem: Problem,
     gains: Gains,
     coupling: AnyCoupling,
     hands: Hands | None = None,
     least: list[RatioInHand] | None = None,
-) -> Met:
+) -> OfferedAndRequired:
     """Return the curves that `draw_required_in_hands` and `draw_ratio_in_hands` draw.
 
     Parameters
@@ -80,47 +81,53 @@ def met_in_hands(
     problem : problem with the device
     gains, coupling : the design
     hands : the hands; None for the problem's hands
-    least : the least ratios in them with any passive environment; None to compute them
+    least : the least ratios in them with any passive environment; None or empty to compute them
     """
     device, hands = problem.device, hands or problem.hands
-    where = loops_in_hands(device, hands, per_decade=CURVES)
-    some = where.theta > 0
-    theta = where.theta[some]
-    found = least or least_ratios_in_hands(device, hands, gains, coupling)
-    required = where.required(gains)[:, some].max(axis=0)
-    return Met(theta / (2 * pi * device.sample_time), theta, offered(coupling, device, theta, FLOATS), required, found)
+    where = loops_in_hands(device, hands, per_decade=ANGLES_OF_CURVES)
+    positive = where.theta > 0
+    theta = where.theta[positive]
+    ratios = least or least_ratios_in_hands(device, hands, gains, coupling)
+    required = where.required(gains)[:, positive].max(axis=0)
+    hz = theta / (2 * pi * device.sample_time)
+    return OfferedAndRequired(hz, theta, offered(coupling, device, theta, FLOATS), required, ratios)
 
 
 def hands_figure(
     problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling, least: list[RatioInHand] | None = None
 ) -> Drawing:
-    """Draw Re Z_c against the R of the worst hands, and a map of the share that they need over mass and stiffness.
+    """Draw Re Z_c against the R of the worst hands, their ratio, and a map of the greatest R/Re Z_c of each hand.
+
+    The map has the axes mass and stiffness. It is left out unless both have a range.
 
     Parameters
     ----------
     problem : the device
     hands : hands of the claim
     gains, coupling : the design
-    least : the least ratios in the hands, before passive environments; None to work them out
+    least : the least ratios in the hands with any passive environment; None or empty to compute them
 
     Returns
     -------
     Drawing
     """
-    drawing = Drawing(WIDTH, 5.55, left=0.8, top=0.45)
-    curves, ratio, plane = drawing.divide(3, 1, (0, 0.45), (5, 4, 4))
-    met = met_in_hands(problem, gains, coupling, hands, least)
-    draw_required_in_hands(curves, problem, gains, coupling, met)
-    curves.set(xlabel="")
-    draw_ratio_in_hands(ratio, problem, gains, coupling, met)
+    mapped = hands.low.mass < hands.high.mass and hands.low.stiffness < hands.high.stiffness
+    drawing = Drawing(WIDTH, 5.55 if mapped else 4.6, left=0.8, top=0.45)
+    panels = drawing.divide(3, 1, (0, 0.45), (5, 4, 4)) if mapped else drawing.divide(2, 1, (0, 0.42), (3, 2))
+    upper, ratio = panels[:2]
+    curves = offered_and_required(problem, gains, coupling, hands, least)
+    draw_required_in_hands(upper, problem, gains, coupling, curves)
+    upper.set(xlabel="")
+    draw_ratio_in_hands(ratio, problem, gains, coupling, curves)
     label_curves(ratio)
-    label_curves(curves, 1)
-    _map(plane, problem, hands, gains, coupling, met.least[0].hand)
+    label_curves(upper, 1)
+    if mapped:
+        _map(panels[2], problem, hands, gains, coupling, curves.least[0].hand)
     return drawing
 
 
 def draw_required_in_hands(
-    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, met: Met | None = None
+    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, curves: OfferedAndRequired | None = None
 ) -> Axes:
     """Draw Re Z_c of the coupling as the firmware runs it, the greatest R of the hands, and R of the worst hands.
 
@@ -129,27 +136,29 @@ def draw_required_in_hands(
     axes : axes of Matplotlib, or a panel
     problem : problem with the device and its hands
     gains, coupling : the design
-    met : curves of the design (`met_in_hands`); None to compute them
+    curves : curves of the design (`offered_and_required`); None to compute them
 
     Returns
     -------
     Axes
         The given axes.
     """
-    met, device = met or met_in_hands(problem, gains, coupling), problem.device
-    scale, shown = _shown_as(device, met.theta), list[Hand]()
-    axes.semilogy(met.hz, scale * met.offered, color=BLUE, label=f"coupling, {_name(device)}")
-    axes.semilogy(met.hz, scale * _positive(met.required), color=ORANGE, label="required R, and in hands of:")
-    for worst in met.least:
+    curves, device = curves or offered_and_required(problem, gains, coupling), problem.device
+    scale, shown = _shown_as(device, curves.theta), list[Hand]()
+    axes.semilogy(curves.hz, scale * curves.offered, color=BLUE, label=f"coupling, {_name(device)}")
+    axes.semilogy(curves.hz, scale * _positive(curves.required), color=ORANGE, label="required R, and in hands of:")
+    for worst in curves.least:
         if worst.hand not in shown and len(shown) < WORST:
             shown.append(worst.hand)
-            where = loops_in_hands(device, Hands(worst.hand, worst.hand), per_decade=CURVES)
-            one = where.required(gains)[0, where.theta > 0]
+            where = loops_in_hands(device, Hands(worst.hand, worst.hand), per_decade=ANGLES_OF_CURVES)
+            required = where.required(gains)[0, where.theta > 0]
             colour, line = ((RED, "--"), (INK, ":"), (GREY, "-."))[len(shown) - 1]
             label = worst.hand.in_words(problem.units)
-            axes.semilogy(met.hz, scale * _positive(one), linewidth=0.9, color=colour, linestyle=line, label=label)
+            axes.semilogy(
+                curves.hz, scale * _positive(required), linewidth=0.9, color=colour, linestyle=line, label=label
+            )
     axes.set(ylabel=_axis(device))
-    frequency_axis(axes, met.hz[0], met.hz[-1])
+    frequency_axis(axes, curves.hz[0], curves.hz[-1])
     low, high = axes.get_ylim()
     axes.set(ylim=(max(low, SHALLOW * high), high))
     decades(axes)
@@ -157,7 +166,7 @@ def draw_required_in_hands(
 
 
 def draw_ratio_in_hands(
-    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, met: Met | None = None
+    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, curves: OfferedAndRequired | None = None
 ) -> Axes:
     """Draw Re Z_c / R in the worst hand of each frequency, up to Nyquist, on an axis around 1.
 
@@ -166,41 +175,57 @@ def draw_ratio_in_hands(
     axes : axes of Matplotlib, or a panel
     problem : problem with the device and its hands
     gains, coupling : the design
-    met : curves of the design (`met_in_hands`); None to compute them
+    curves : curves of the design (`offered_and_required`); None to compute them
 
     Returns
     -------
     Axes
         The given axes.
     """
-    met, name = met or met_in_hands(problem, gains, coupling), _name(problem.device)
-    axes.plot(met.hz, met.offered / _positive(met.required), color=BLUE, label=f"{name} / R")
-    worst = met.least[0]
-    whose = worst.hand.in_words(problem.units)
-    around_one(axes, problem.stability.safety_factor, worst.ratio, hertz(worst.omega), whose)
-    frequency_axis(axes, met.hz[0], met.hz[-1])
+    curves, name = curves or offered_and_required(problem, gains, coupling), _name(problem.device)
+    axes.plot(curves.hz, curves.offered / _positive(curves.required), color=BLUE, label=f"{name} / R")
+    worst = curves.least[0]
+    whose, ratio = worst.hand.in_words(problem.units), worst.ratio if worst.ratio < inf else None
+    around_one(axes, problem.stability.safety_factor, ratio, hertz(worst.omega), whose)
+    frequency_axis(axes, curves.hz[0], curves.hz[-1])
     return axes
 
 
-def _map(panel: Panel, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling, worst: Hand) -> None:
-    """Draw the greatest R/Re Z_c over all angles and dampings as a percentage, and mark the worst hand."""
-    device, units, shares = problem.device, problem.units, np.linspace(0.0, 1.0, PLACES) ** 2
-    places = {"mass": shares, "damping": np.array(DAMPINGS), "stiffness": shares}
-    of = {name: low + (high - low) * places[name] for name, (low, high) in hands.ranges.items()}
-    mass, stiffness = of["mass"], of["stiffness"]
-    held = Hand(*(number[..., None] for number in np.meshgrid(*of.values(), indexing="ij")))
-    theta = np.geomspace(LOWEST, pi, int(MAPPED * np.log10(pi / LOWEST)))
-    loop = loop_in_hand(plant_in_hand(device, held, delays_of(device), FLOATS), theta, FLOATS)
+def shares_required(device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling) -> tuple[Floats, Floats, Floats]:
+    """Return the greatest R/Re Z_c over all angles and `DAMPINGS`, for a grid of the hands' masses and stiffnesses.
+
+    Parameters
+    ----------
+    device : device in SI units
+    hands : ranges of the hands
+    gains, coupling : the design
+
+    Returns
+    -------
+    masses, stiffnesses, shares : kg; N/m; dimensionless, with a row for each stiffness and a column for each mass
+    """
+    squares = np.linspace(0.0, 1.0, GRID_OF_MAP) ** 2
+    positions = {"mass": squares, "damping": np.array(DAMPINGS), "stiffness": squares}
+    numbers = {name: low + (high - low) * positions[name] for name, (low, high) in hands.ranges.items()}
+    # axes: mass, damping, stiffness, angle
+    grid = Hand(*(number[..., None] for number in np.meshgrid(*numbers.values(), indexing="ij")))
+    theta = np.geomspace(LEAST_ANGLE, pi, int(ANGLES_OF_MAP * np.log10(pi / LEAST_ANGLE)))
+    loop = loop_in_hand(plant_in_hand(device, grid, delays_of(device), FLOATS), theta, FLOATS)
     required = required_in_hand(loop, gains)
-    Z_c = offered(coupling, device, theta, FLOATS)
-    need = (required.lost / required.size / np.maximum(Z_c, 1e-300)).max(axis=(1, 3)).T
+    given = offered(coupling, device, theta, FLOATS)
+    needed = (required.lost / required.size / np.maximum(given, 1e-300)).max(axis=(1, 3)).T
+    return numbers["mass"], numbers["stiffness"], needed
+
+
+def _map(panel: Panel, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling, worst: Hand) -> None:
+    """Draw the shares of `shares_required` as percentages, and mark the worst hand."""
+    device, units = problem.device, problem.units
+    mass, stiffness, needed = shares_required(device, hands, gains, coupling)
     left, top, width, height = panel.box
     panel.box, panel.grid = (left, top, width - SCALE_WIDTH, height), False
     panel.set(xlim=(mass[0], mass[-1]), ylim=(stiffness[0], stiffness[-1]))
-    lines = contour_generator(mass, stiffness, 100 * np.clip(need, 0.0, 1.2), fill_type=FillType.OuterOffset)
     for level, colour in zip(LEVELS, COLOURS, strict=False):
-        for corners, starts in zip(*lines.filled(level, np.inf), strict=True):
-            x, y = np.concatenate([(*part, (nan, nan)) for part in np.split(corners, starts[1:-1])]).T
+        for x, y in _regions(mass, stiffness, 100 * np.clip(needed, 0.0, 1.2), level):
             panel.fill(x, y, facecolor=colour, linewidth=0)
     _scale(panel, f"R, % of {_name(device)}")
     panel.plot(worst.mass, worst.stiffness, "o", color=RED, markeredgecolor=PAPER, markersize=7, clip_on=False)
@@ -209,8 +234,17 @@ def _map(panel: Panel, problem: Problem, hands: Hands, gains: Gains, coupling: A
     )
 
 
+def _regions(mass: Floats, stiffness: Floats, percent: Floats, level: float) -> Iterator[tuple[Floats, Floats]]:
+    """Yield the borders of the regions of a map from a level upwards, as x and y with nan after each closed line."""
+    lines = contour_generator(mass, stiffness, percent, fill_type=FillType.OuterOffset)
+    lowest = level or -1.0  # a region of contourpy excludes values equal to its lower level
+    for corners, starts in zip(*lines.filled(lowest, np.inf), strict=True):
+        x, y = np.concatenate([(*part, (nan, nan)) for part in np.split(corners, starts[1:-1])]).T
+        yield x, y
+
+
 def _scale(panel: Panel, label: str) -> None:
-    """Draw what the colours of the map mean, to the right of it."""
+    """Draw the legend of the map's colours to the right of the map."""
     left, top, width, height = panel.box
     x, wide = left + width + 12, 9.0
     y = np.linspace(top + height, top, len(LEVELS))
@@ -233,10 +267,10 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Dr
     Drawing
     """
     device = problem.device
-    where = loops_in_any_hand(device, CURVES)
-    some = where.theta > 0
-    theta = where.theta[some]
-    hz, required = theta / (2 * pi * device.sample_time), where.required(gains)[0, some]
+    where = loops_in_any_hand(device, ANGLES_OF_CURVES)
+    positive = where.theta > 0
+    theta = where.theta[positive]
+    hz, required = theta / (2 * pi * device.sample_time), where.required(gains)[0, positive]
     given, scale = offered(coupling, device, theta, FLOATS), _shown_as(device, theta)
     drawing = Drawing(WIDTH, 4.6, left=0.8, top=0.35)
     upper, lower = drawing.divide(2, 1, (0, 0.42), (3, 2))
@@ -245,9 +279,9 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Dr
     upper.set(ylabel=_axis(device))
     lower.plot(hz, given / _positive(required), color=BLUE, label=f"{_name(device)} / R")
     least = least_ratios_in_any_hand(device, gains, coupling)[0]
-    around_one(lower, problem.stability.safety_factor, least.ratio, hertz(least.omega))
-    for each in (upper, lower):
-        frequency_axis(each, hz[0], hz[-1])
+    around_one(lower, problem.stability.safety_factor, least.ratio if least.ratio < inf else None, hertz(least.omega))
+    for panel in (upper, lower):
+        frequency_axis(panel, hz[0], hz[-1])
     upper.set(xlabel="")
     decades(upper)
     label_curves(upper)
@@ -256,16 +290,18 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Dr
 
 
 def _shown_as(device: Device, theta: Floats) -> Floats | float:
-    """Return the factor by which the figure multiplies both curves; those of an impedance display are divided by
-    s^2."""
+    """Return the factor by which the figure multiplies both curves: s^2 with s = sin(theta/2) for an impedance display,
+    whose curves `offered` and R are divided by s^2; otherwise 1."""
     return np.sin(theta / 2) ** 2 if device.kind.inverse else 1.0
 
 
 def _name(device: Device) -> str:
+    """Return the name of the coupling's curve, such as "Re Z_c"."""
     return f"Re {device.kind.couples}"
 
 
 def _axis(device: Device) -> str:
+    """Return the label of the axis of the curves, with its unit."""
     quantity = "conductance" if device.kind.inverse else "resistance"
     return f"{quantity}, {device.kind.coupling_unit(UNITS[device.units])}"
 

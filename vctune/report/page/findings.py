@@ -97,7 +97,7 @@ def findings(record: DesignRecord, problem: Problem) -> dict[str, str]:
         left = [f"{name} margin {quantity(value, unit, 3)}" for value, unit, name in margins if value is not None]
         peak = f"|S| is greatest {_place(loop.peak_sensitivity, loop.peak_sensitivity_hz)}"
         found["nyquist"] = f"{'; '.join([peak, *left])}."
-    named = {"admittance": terms.free_motion, "tracking": terms.missed, "coupling": terms.given_way}
+    named = {"admittance": terms.admittance_label, "tracking": terms.tracking_label, "coupling": terms.coupling_label}
     sizes = {named[term]: getattr(terms, term) for term in kind.terms}
     most = max(sizes, key=lambda name: sizes[name] or 0.0)
     found["transparency"] = (

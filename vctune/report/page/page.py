@@ -106,7 +106,7 @@ def _reading_terms(record: DesignRecord) -> list[Row]:
     if terms is None:
         return []
     rows = {row.label: row for row in terms.rows(record.units)}
-    named = {"admittance": terms.free_motion, "tracking": terms.missed, "coupling": terms.given_way}
+    named = {"admittance": terms.admittance_label, "tracking": terms.tracking_label, "coupling": terms.coupling_label}
     return [
         Row(name, str(quantity(getattr(terms, term), digits=3)), IN_WORDS[term])
         for term, name in named.items()

@@ -1,7 +1,8 @@
 """Labels beside the curves that they name, if there is room. A legend names the other curves.
 
-The code divides the axes into a raster of points (1/72 inch). It computes the distance of each point to the nearest
-curve. This distance gives the room around a label at every position at once.
+The code divides the axes into a raster of points (1/72 inch); row 0 is the lower edge. It marks the cells that curves
+and labels take. A table of sums over the raster then tells for every position at once how far a label's box can grow
+before it meets a taken cell (`_room`).
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ SMALL = 7.8
 ROOM, ENOUGH = 2, 12
 """Least distance from a label to a curve, and distance beyond which more room is no better, points."""
 NEAR = 6.0
-"""Greatest distance from a label to its curve, points. A label that is farther away gets a line to a point of its
-curve."""
+"""Greatest distance from a label to its curve, and least distance from a label to the single point that it names,
+points. A label at more than twice this distance from its point gets a line to it."""
 FAR = 0.15
 """Weight of the distance from the label to the named point, relative to the weight of the room around the label."""
 HANDLE, SPACE = 1.7, 1.0
@@ -33,7 +34,9 @@ HANDLE, SPACE = 1.7, 1.0
 
 
 def label_curves(panel: Panel, columns: int = 2) -> None:
-    """Write the name of each curve, point and area beside it, or in a legend above the panel if there is no room.
+    """Write the name of each curve and point beside it and of each area within it, or in a legend if there is no room.
+
+    The legend stands above the panel.
 
     Parameters
     ----------
@@ -42,14 +45,16 @@ def label_curves(panel: Panel, columns: int = 2) -> None:
     """
     width, height = panel.box[2:]
     shape, scale = (int(height) + 1, int(width) + 1), np.array([width, height])
-    solid = [mark for mark in panel.marks if not mark.closed or (mark.hatch and not mark.edges)]
-    drawn = {id(mark): (_of_area if mark.closed else _of_line)(panel.shares(mark) * scale, shape) for mark in solid}
+    # plain areas and bands are pale, so a label may lie on them
+    obstacles = [mark for mark in panel.marks if not mark.closed or (mark.hatch and not mark.edges)]
+    drawn = {id(mark): (_of_area if mark.closed else _of_line)(panel.shares(mark) * scale, shape) for mark in obstacles}
     taken = np.zeros(shape, bool)
     taken[[0, -1]] = taken[:, [0, -1]] = True
     for each in drawn.values():
         taken |= each
-    left: list[Mark] = []
+    unplaced: list[Mark] = []
     named = [mark for mark in panel.marks if mark.named]
+    # the shortest curves come first, because they have the fewest places; areas come last
     for mark in sorted(named, key=lambda each: drawn[id(each)].sum() if id(each) in drawn else np.inf):
         own = drawn.get(id(mark))
         rows, letters = mark.label.count("\n") + 1, max(map(len, mark.label.split("\n")))
@@ -59,7 +64,7 @@ def label_curves(panel: Panel, columns: int = 2) -> None:
         else:
             place = _within(taken, panel.shares(mark) * scale, size)
         if place is None:
-            left.append(mark)
+            unplaced.append(mark)
             continue
         y, x = place
         taken[max(y - size[0] // 2, 0) : y + size[0] // 2 + 1, max(x - size[1] // 2, 0) : x + size[1] // 2 + 1] = True
@@ -67,8 +72,8 @@ def label_curves(panel: Panel, columns: int = 2) -> None:
         panel.over.append(text(*at, mark.label, size=SMALL, ha="center", va="center"))
         if mark.alone and own is not None and (point := np.argwhere(own)).size:
             _lead(panel, point.mean(axis=0), place, size)
-    if left:
-        words, _, high = legend(left, columns)
+    if unplaced:
+        words, _, high = legend(unplaced, columns)
         panel.over.append(f'<g transform="translate({panel.box[0]:.1f} {panel.box[1] - high - 2:.1f})">{words}</g>')
 
 
@@ -81,6 +86,8 @@ def legend(marks: Sequence[Mark], columns: int, size: float = 8.0) -> tuple[str,
     columns : number of columns, which the function fills one after another
     size : size of the letters, points
     """
+    if not marks:
+        return "", 0.0, 0.0
     rows, x, parts = -(-len(marks) // columns), 0.0, []
     for column in (marks[k : k + rows] for k in range(0, len(marks), rows)):
         names = [mark.label.replace("\n", " ") for mark in column]
@@ -117,7 +124,7 @@ def _of_line(points: Floats, shape: tuple[int, int]) -> Mask:
 
 
 def _of_area(corners: Floats, shape: tuple[int, int]) -> Mask:
-    """Return which cells of the raster an area covers. It has an odd number of edges to the left of such a cell."""
+    """Return which cells of the raster an area covers. A cell is inside if an odd number of edges lies to its right."""
     y, x = np.mgrid[: shape[0], : shape[1]]
     inside = np.zeros(shape, bool)
     for (x_0, y_0), (x_1, y_1) in pairwise([*corners, corners[0]]):
@@ -128,7 +135,8 @@ def _of_area(corners: Floats, shape: tuple[int, int]) -> Mask:
 
 
 def _room(taken: Mask, size: tuple[int, int]) -> Floats:
-    """Return the distance from a box around each cell to the nearest taken cell; -1 if the box covers a taken cell."""
+    """Return the distance from a box around each cell to the nearest taken cell, at most `ENOUGH`; -1 if the box covers
+    a taken cell."""
     (rows, columns), room = taken.shape, np.full(taken.shape, -1.0)
     around = [(each // 2 + ENOUGH + 1, each // 2 + ENOUGH) for each in size]
     total = np.pad(taken, around).cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
@@ -143,7 +151,10 @@ def _room(taken: Mask, size: tuple[int, int]) -> Floats:
 
 
 def _beside(taken: Mask, own: Mask, size: tuple[int, int], *, alone: bool) -> tuple[int, int] | None:
-    """Return the middle of the box with the most room beside a line, or around a single point (`alone`)."""
+    """Return the middle of the box with the most room beside a line, or around a single point (`alone`).
+
+    The result is (row, column) of the raster; None if no box fits.
+    """
     if not own.any():
         return None
     if alone:
@@ -156,15 +167,19 @@ def _beside(taken: Mask, own: Mask, size: tuple[int, int], *, alone: bool) -> tu
     return _best(np.where((room >= ROOM) & (apart >= ROOM) & (apart <= NEAR), room - apart, -np.inf))
 
 
-def _within(taken: Mask, extent: Floats, size: tuple[int, int]) -> tuple[int, int] | None:
-    """Return the middle of the box with the most room among the columns of an area."""
+def _within(taken: Mask, corners: Floats, size: tuple[int, int]) -> tuple[int, int] | None:
+    """Return the middle of the box with the most room between the leftmost and the rightmost corner of an area.
+
+    The result is (row, column) of the raster; None if no box fits. `corners` has the shape (n, 2), x first.
+    """
     room = _room(taken, size)
     x = np.arange(taken.shape[1])
-    inside = (x - size[1] / 2 >= extent[:, 0].min() - 1) & (x + size[1] / 2 <= extent[:, 0].max() + 1)
+    inside = (x - size[1] / 2 >= corners[:, 0].min() - 1) & (x + size[1] / 2 <= corners[:, 0].max() + 1)
     return _best(np.where((room >= ROOM) & inside, room, -np.inf))
 
 
 def _best(score: Floats) -> tuple[int, int] | None:
+    """Return the row and column of the cell with the greatest finite score; None if no score is finite."""
     y, x = np.unravel_index(int(np.argmax(score)), score.shape)
     return (int(y), int(x)) if np.isfinite(score[y, x]) else None
 

@@ -26,8 +26,8 @@ class Mark:
 
     Attributes
     ----------
-    x, y : points; with `edges`, an infinite number is at an edge of the panel
-    label : name; the figure does not show "" and names that begin with _
+    x, y : points; with `edges`, an infinite coordinate is at an edge of the panel
+    label : name; the figure does not show an empty name or a name that begins with _
     colour, width, dashes : style of the line; a width of 0 for no line
     marker, across, every : marker ("" for none), its size, and the distances along the curve to the first marker and
         between markers, as shares of the panel's diagonal

@@ -16,8 +16,8 @@ from vctune.simulation.firmware.stepped import Precision, Start, SteppedFirmware
 from vctune.simulation.mechanics.hand_changes import after_sample, from_state, hand_changes, steps_of_hands
 from vctune.simulation.mechanics.intended_motion import Floats, sample_count
 from vctune.simulation.mechanics.step import ANSWER, SAMPLES_PER_CALL, OpenStep, build_open, columns
-from vctune.simulation.mechanics.step_inputs import held_at
-from vctune.simulation.run import DIVERGENCE, Traces, motion_inputs, traces_of
+from vctune.simulation.mechanics.step_inputs import INTENDED, held_at
+from vctune.simulation.run import Traces, has_diverged, motion_inputs, traces_of
 from vctune.simulation.scene import Scene, equilibrium
 
 REWRITTEN = 1e-9
@@ -48,9 +48,9 @@ class Difference:
 
     Attributes
     ----------
-    force : greatest difference, N
+    force : greatest difference, in the unit of the command
     time : time of the sample with the greatest difference, s
-    tolerance : greatest permitted difference, N
+    tolerance : greatest permitted difference, in the unit of the command
     precision : precision of the firmware
     """
 
@@ -90,8 +90,7 @@ def run_in_the_loop(
     with interrupt_deferred():
         steps = steps_of_hands(scene, lambda now, then: build_open(now, then=then))
     own_firmware, noise = _OwnFirmware(scene, controller.precision), np.random.default_rng(scene.seed)
-    recorded, intended = np.empty((samples, len(columns(scene)))), np.empty(samples)
-    reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
+    recorded, (intended, aims) = np.empty((samples, len(columns(scene)))), np.empty((2, samples))
     controller.start(scene)
     changes, grip = hand_changes(scene), 0.0
     state, done, diverged = steps[0, 0].start, 0, False
@@ -101,16 +100,16 @@ def run_in_the_loop(
         inputs = motion_inputs(scene, done, noise)
         for k in range(count):
             at = done + k
-            step, regrips = steps[changes.hands(at)], changes.regrips and changes.at(at)
+            step, regrips = steps[changes.hands(at)], changes.regrips and changes.changes_after(at)
+            aims[at] = inputs[INTENDED, k] + grip
             sampled = _sample(step, controller, state, inputs[:, k], grip, regrips=regrips)
             state, recorded[at], grip, measured, external[at] = sampled
             own_rounded[at], own_exact[at] = own_firmware.commands(measured)
-        block = recorded[done : done + count]
-        intended[done : done + count] = inputs[0, :count]
+        intended[done : done + count] = inputs[INTENDED, :count]
+        diverged = has_diverged(scene, recorded[done : done + count], aims[done : done + count])
         done += count
-        diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
         progress(done / samples)
-    traces = traces_of(scene, recorded[:done], intended[:done], diverged=diverged)
+    traces = traces_of(scene, recorded[:done], intended[:done], aims[:done], diverged=diverged)
     external, own_rounded, own_exact = (commands[: len(traces.time)] for commands in (external, own_rounded, own_exact))
     differences = np.abs(external - own_rounded)
     if tolerance is None:

@@ -38,8 +38,8 @@ class HandChanges:
     alternates: bool
     regrips: bool
 
-    def at(self, sample: int) -> bool:
-        """Return whether the hand changes at a sample."""
+    def changes_after(self, sample: int) -> bool:
+        """Return whether the hand changes just after a sample."""
         return sample > 0 and self._until(sample) > self._until(sample - 1)
 
     def hands(self, sample: int) -> tuple[int, int]:
@@ -54,7 +54,7 @@ class HandChanges:
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """All pairs of hands that `pair` can return."""
+        """All pairs of hands that `hands` can return."""
         return [(0, 0), (0, 1), (1, 1), (1, 0)] if self.alternates else [(0, 0)]
 
 

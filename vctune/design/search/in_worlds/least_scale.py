@@ -26,7 +26,7 @@ from vctune.model.worlds import WorldsMet
 
 LEAPS = 2
 """Number of passes over the forbidden intervals. In each pass, the scan raises the scale to the greatest upper end of
-the intervals that it has reached. Half or twice this number gives starts that are equally good."""
+the intervals that it has reached. With half or twice this number, the starts are equally good."""
 
 
 def least_scale_in_worlds(
@@ -58,7 +58,7 @@ def _least_of_lossless(met: WorldsMet, samples: Samples, gains: Gains, time_cons
     """Return the least b_c that no environment of a box forbids. The environments run on time by the trapezoidal rule.
 
     At each angle and in each hand, the forbidden b_c form an interval. Below the interval, the reactance of the loop is
-    above that of every environment. Beyond it, the real part suffices or the reactance is below that of every
+    above that of every environment. Above this interval, the real part suffices or the reactance is below that of every
     environment. The function starts at 0 and raises b_c to the end of each interval that it reaches.
     """
     rows = [_forbidding(met, samples.device.sample_time, there, gains) for there in _places(samples)]

@@ -43,15 +43,16 @@ RESERVE = 5e-4
 """Least tightening. It covers the hands that the search misses and leaves the proof a reserve. With a fifth of
 this value, one of twenty random displays stays undecided. With twice this value, the compliance is greater by 5e-4."""
 ENOUGH = 2e-5
-"""Share by which the scale that a hand forbids may exceed that of the known hands before the hand joins them. Half or
-twice this share gives the same errors to 1e-8."""
+"""Share by which the scale that a hand forbids may exceed that of the known hands before the hand joins them. With half
+or twice this share, the errors are the same to 1e-8."""
 PER_DECADE, WINDOW, ZOOMS = 120, 17, 3
 """Number of angles per decade in each hand, number of angles in a window around the worst of them, and number of times
 that the search narrows the window. With half as many angles the errors of two displays agree to 1e-4. With twice as
 many angles, one error is 0.5 % smaller. The error has kinks, at which the search over b_c/k_c may stop."""
 SEARCHED, MOVES = 6, 16
 """Number of places from which the search for the worst hand starts, both on a grid and among the known hands; and
-number of its steps. The first step is a fifth of the range. Half or twice as many steps give the same errors to 1e-8.
+number of its steps. The first step is a fifth of the range. With half or twice as many steps, the errors are the same
+to 1e-8.
 """
 AROUND = 41
 """Number of angles around a place at which the search evaluates a neighbouring hand."""

@@ -20,8 +20,8 @@ from vctune.model.sampled.changing.named_rows import COMMAND, Chain, Row, late, 
 from vctune.model.sampled.plant_in_hand import mechanism_in_hand
 
 PULL = "K x"
-"""Name of the force of the hand's spring. If nothing else depends on the position, this force replaces the position as
-a state."""
+"""Name of the force of the hand's spring. If no other state depends on the position, this force replaces the position
+as a state."""
 
 
 FELT = ("felt", "felt rate")

@@ -14,14 +14,15 @@ from vctune.model.numbers.matrices import Matrix, Vector, add, blocked, nothing,
 from vctune.model.sampled.changing.loop_states import LoopStates
 
 OF_HAND = ("1", "mu", "nu", "sigma", "beta")
-"""Names of the functions of a hand that weight the matrices of a storage function. Each lies between -1 and 1 in a
-box. Beside them, each uncertain number of the device has one, which runs from -1 to 1 in its range."""
+"""Names of the functions of a hand that weight the matrices of a storage function. The value of each function lies
+between -1 and 1 in a box. Each uncertain parameter of the device has such a function as well, which runs from -1 to 1
+in the parameter's range."""
 BETA = OF_HAND.index("beta")
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """The range of an uncertain number of the device, by its key, in plain numbers."""
+    """The range of an uncertain parameter of the device, by its key, in plain numbers."""
 
     key: str
     low: float
@@ -35,7 +36,7 @@ class Holding:
     Attributes
     ----------
     hands : the hands
-    numbers : ranges of the device's uncertain numbers
+    numbers : ranges of the device's uncertain parameters
     """
 
     hands: Hands
@@ -58,7 +59,7 @@ class Holding:
         Parameters
         ----------
         device : device in any arithmetic, with the numbers that are certain
-        row : mass, damping and stiffness of the hand, and then the numbers of the device
+        row : mass, damping and stiffness of the hand, and then the parameters of the device
         """
         known = dict(zip((each.key for each in self.numbers), row[3:], strict=True))
         return Hand(*row[:3]), device.with_numbers(known) if known else device
@@ -67,7 +68,7 @@ class Holding:
 @dataclass(frozen=True, slots=True)
 class Storage:
     """A storage function k_eq q^2 + zeta' Y zeta, where Y is a sum of matrices weighted by functions of the hand and of
-    the device's uncertain numbers.
+    the device's uncertain parameters.
 
     With K_p = 0, the first state of zeta is the force p of the hand's spring, and the first entry of Y stands for
     p^2/K.
@@ -111,7 +112,7 @@ def weights(box: Holding, device: Device, hand: Hand, number: Callable[[float], 
     Returns
     -------
     Vector
-        A function of a number that the box does not vary is the integer 0.
+        A function of a parameter that is the same throughout the box is the integer 0.
     """
 
     def centred(value: Number, low: float, high: float) -> Number:
@@ -125,7 +126,8 @@ def weights(box: Holding, device: Device, hand: Hand, number: Callable[[float], 
 
 
 def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) -> Matrix:
-    """Return a matrix. If it is positive definite, the storage grows by less than 2 v_e y in every sample.
+    """Return a matrix with this property: if it is positive definite, the storage grows by less than 2 v_e y in every
+    sample.
 
     The term k_eq q^2 of the storage grows by k_eq (2 q + v_e) v_e. The part 2 k_eq q v_e cancels against the same part
     of 2 v_e y, so q drops out.

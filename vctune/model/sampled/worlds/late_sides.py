@@ -1,10 +1,10 @@
 """Sides of the set of environments that run late or step by Euler's rules, in double precision (model/README.md, 20).
 
-The search uses a set that is greater than the polygon of the environments z^-n (m f_m + b + k f_k): it adds any damping
-on time to each of them. If -Y is never in this set, the loop is stable without further proof, because it is stable with
-infinite damping, v_e = 0. The sides of the set are the sides of the polygon whose normal has a positive real part, and
-two sides along the real axis. Masses that step by explicit Euler on time do not tolerate any damping. For them the
-search uses the polygon itself.
+The search uses a set that is greater than the polygon of the environments z^-n (m f_m + b + k f_k): the set also
+contains each of these environments with any additional damping, which acts on time. If -Y is never in this set, the
+loop is stable without further proof, because it is stable with infinite damping, v_e = 0. The sides of the set are the
+sides of the polygon whose normal has a positive real part, and two sides along the real axis. Masses that step by
+explicit Euler on time do not tolerate any damping. For them the search uses the polygon itself.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating[Any, Any]]
 SIDES = 8
 """Number of sides: perpendicular to three factors on both sides of the polygon, and along the real axis and across it
-on both sides. A box need not have all of these sides."""
+on both sides. The polygon of a box need not have all of these sides."""
 LEAST = 1e-9
-"""Least distance of an angle from 0 and pi, rad, because factors may be infinite there. Half or twice this distance
-leads to the same sides."""
+"""Least distance of an angle from 0 and pi, rad, because factors may be infinite at 0 and pi. With half or twice this
+distance, the sides are the same."""
 UNPOSED = -1e30
-"""Value of `room` for a side that the box does not have: no loop is beyond such a side."""
+"""Value of `room` for a side that the polygon does not have: no loop is beyond such a side."""
 
 
 @np.errstate(all="ignore")

@@ -1,10 +1,10 @@
 """The sampled loop in a hand with every wall of a box of environments (model/README.md, section 19).
 
-The force of a wall is a function phi of the position x_e + l (T/2) v_e. This function does not change, and rises with
-slopes from k_1 to k_2. It acts in parallel with a mass and a damping of the box. The trapezoidal rule has l = 0,
-backward Euler l = 1. Let Y = y Z_c + Z_seen, s_d = j u, u = h t, h = 2/T, t = s/c, s = sin(theta/2), c = cos(theta/2),
-kappa = k_2 - k_1. With the multiplier (1 - z^-1)/(1 - a z^-1) of Zames and Falb, whose corner is w_c = h (1 - a)/(1 +
-a), let
+The force of a wall is a function phi of the position x_e + l (T/2) v_e. This function does not change with time, and
+its slope is everywhere between k_1 and k_2. The wall acts in parallel with a mass and a damping of the box. The
+trapezoidal rule has l = 0, backward Euler l = 1. Let Y = y Z_c + Z_seen, s_d = j u, u = h t, h = 2/T, t = s/c, s =
+sin(theta/2), c = cos(theta/2), kappa = k_2 - k_1. With the multiplier (1 - z^-1)/(1 - a z^-1) of Zames and Falb, whose
+corner is w_c = h (1 - a)/(1 + a), let
 
     p = k_1 - m u^2 - u Im Y,   f = n p + p^2/kappa + C,   n = 1 - l w_c/h,
     r = Re Y + b,               g = w r + u^2 r^2/kappa,   w = w_c + l h t^2 (1 + 2 k_1/kappa),
@@ -148,8 +148,8 @@ def disjuncts_in_walls(
 ) -> Disjuncts:
     """Return the terms of sums, the margins. E is positive if and only if one of the margins is.
 
-    The first margin says that r suffices, whatever p is. The others say that p lies above, or below, every value at
-    which E could vanish with this r.
+    If the first margin is positive, r suffices for every p. If one of the others is positive, p lies above, or below,
+    every value at which E could vanish with this r.
 
     Parameters
     ----------

@@ -5,10 +5,11 @@ Z_seen, s_d = j u and u = (2/T) tan(theta/2). Since b has no upper limit, the bo
 
     Re Y + b_1 > 0,   or   -Im Y > m_2 u - k_1/u,   or   -Im Y < m_1 u - k_2/u.
 
-The safety factor g requires this for every y from 1/g to 1. The first condition fails below some y, the second above
-some y, and the third below some y. The values of y at which all three fail therefore form an interval. This interval
-contains no y from 1/g to 1 in any of four cases: the first condition holds at y = 1/g, the third holds at y = 1/g, the
-second holds at y = 1, or the first holds at the y above which the second fails. The last case is
+With the safety factor g, one of these conditions must hold for every y from 1/g to 1. The first condition fails below
+some y, the second above some y, and the third below some y. The values of y at which all three fail therefore form an
+interval. This interval contains no y from 1/g to 1 in any of four cases: the first condition holds at y = 1/g, the
+third holds at y = 1/g, the second holds at y = 1, or the first holds at the y above which the second fails. The last
+case is
 
     Re Z_c (-Im Z_seen - m_2 u + k_1/u) > Im Z_c (R - b_1).
 
@@ -32,14 +33,15 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.worlds import Worlds
 
 NOTHING = 1e-30
-"""Number added to sums of sizes that may all be 0. It may be any number far below the sizes and above the square root
-of the least positive double."""
+"""Number that the code adds to a sum of magnitudes that may all be 0, so that the sum can be a divisor. Any number far
+below the magnitudes and above the square root of the least positive double would serve."""
 
 
 class Seen(NamedTuple):
     """Z_seen = -lost/size - j swing/(s size), the impedance of the loop in a hand that the environment sees.
 
-    For an impedance display it is the impedance that the virtual tool meets, or G/s^2 where the coupling is not a part.
+    For an impedance display, Z_seen is the impedance that the virtual tool meets, or G/s^2 if the coupling is not
+    included.
 
     Attributes
     ----------
@@ -76,7 +78,7 @@ class Disjuncts(NamedTuple):
     ----------
     resistive : margin of the real part
     above, below : margins of the reactance above, and below, that of every environment
-    turned : margin of the real part or the reactance above, whichever holds at each safety factor
+    turned : positive if, at each y, the real part suffices or the reactance lies above that of every environment
     """
 
     resistive: tuple[Number, ...]

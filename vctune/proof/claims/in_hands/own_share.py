@@ -1,4 +1,5 @@
-"""Omit boxes near rest that contain no hand, because their share of the stiffness belongs to no hand at any angle."""
+"""Omit boxes near rest that contain no hand, because their share of the stiffness belongs to no pair of angle and
+hand."""
 
 from __future__ import annotations
 
@@ -15,8 +16,8 @@ from vctune.proof.engine.boxes import Boxes
 from vctune.proof.engine.branching import Decided, Test
 
 WITHIN = 1e-9
-"""Least distance between a box and the shares of its angles and hands at which the test omits the box. It exceeds the
-rounding errors."""
+"""Least distance, between a box's share and the shares of its angles and hands, at which the test omits the box. This
+distance exceeds the rounding errors."""
 
 
 def with_own_share(test: Test, device: Device, names: tuple[str, ...]) -> Test:

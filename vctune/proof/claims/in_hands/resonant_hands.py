@@ -1,9 +1,9 @@
 """Hands near a resonance with the device, in coordinates along the resonance (README.md, section 10).
 
 A hand with little damping resonates with the device on the surface theta = T sqrt(K/(m + M)). Across this surface a
-margin changes within a fraction of the damping ratio. Boxes of mass, stiffness and angle lie across the surface and
-would have to be that small in all three rows. Boxes of mass, angle and the relative stiffness
-y = K/((m + M) (theta/T)^2) lie along the surface.
+margin changes within a relative distance that is a fraction of the damping ratio. Boxes of mass, stiffness and angle
+lie across the surface, and would have to be that small in all three rows. Boxes of mass, angle and the relative
+stiffness y = K/((m + M) (theta/T)^2) lie along the surface.
 """
 
 from __future__ import annotations
@@ -24,23 +24,24 @@ from vctune.proof.engine.branching import Decided, Test
 
 RATIO = "stiffness of the hand over the resonant one"
 ROWS = tuple(RATIO if key == STIFFNESS else key for key in HAND)
-"""The numbers of a hand in these coordinates."""
+"""The parameters of a hand in these coordinates."""
 SHARP = 0.03
 """Damping ratio of hand and device below which the resonance gets boxes of its own. For loops with a damping ratio of
 0.02, half this limit takes up to two thirds fewer boxes. Loops with a ratio of 1e-5 take 34,000 boxes with this limit,
 and more than half a million without it."""
 DAMPED = 0.1
-"""Damping ratio above which a hand with less stiffness has no sharper resonance. Half or twice this ratio needs the
-same number of boxes to within a third."""
+"""Damping ratio at the first angle of the resonant boxes. The damping ratio of a softer hand is greater, so its
+resonance is not sharp. With half or twice this ratio, the proofs need the same number of boxes to within a third."""
 AROUND = (0.5, 2.0)
-"""Multiples of the resonant stiffness that such boxes cover. Half this range in the logarithm takes up to
-50 % more boxes; twice the range takes as many boxes within 10 %."""
+"""Multiples of the resonant stiffness that such boxes cover. With half this range on a logarithmic scale, a proof takes
+up to 50 % more boxes; with twice the range, the same number of boxes to within 10 %."""
 SLOWEST = 1e-5
-"""Least angle of such boxes, rad. Half or twice this angle takes as many boxes; 1e-3 leaves slow devices with hardly
-any damping open."""
+"""Least angle of such boxes, rad. With half or twice this angle, a proof takes as many boxes. With an angle of 1e-3,
+the prover leaves slow devices with hardly any damping open."""
 WITHIN = 1e-9
-"""Relative allowance for rounding. The test leaves a box to the other boxes only if it lies inside the range by this
-allowance, and omits a box only if it lies outside by it."""
+"""Relative allowance for rounding. A box of `HAND` is left to the boxes of `ROWS` only if it lies inside the
+resonance's range by this allowance. A box of `ROWS` is omitted only if it lies outside the hands' range by this
+allowance."""
 DEVICE_MASS = "device.mass"
 
 

@@ -29,12 +29,12 @@ from vctune.proof.engine.band_edges import extend_band
 from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 
 EXTENSION_BOXES = 2_000
-"""Number of boxes for one step beyond the band. The code shortens a step that needs more. Half or twice as many boxes
-give the same band where the ratio falls below 1, except for the last printed digits."""
+"""Number of boxes for one step beyond the band. The code shortens a step that needs more. With half or twice as many
+boxes, an edge at which the ratio falls below 1 is the same, except for the last printed digits."""
 LOWEST_EDGE = 1e-18
 """Lowest frequency, relative to the edge of the required band, to which the code extends a proof that does not reach 0.
-The prover treats a band from 0 separately, and lower edges have no practical meaning. Half or twice this share changes
-nothing."""
+The prover treats a band from 0 separately, and lower edges have no practical meaning. With half or twice this share,
+vctune states the same edges."""
 
 
 Margin = Callable[[Number], Number]

@@ -12,14 +12,14 @@ from vctune.proof.enclosures.arb_balls import BALLS, box, design_ball
 from vctune.proof.engine.interval import Verdict, prove_boxes
 
 SHRINK = 4.0
-"""Factor between two trial frequencies; the margin near 0 is proved up to one of them. With its square root, the proof
-reaches slightly higher frequencies, with its square slightly lower ones. The ordinary margin proves the frequencies
-above in any case."""
+"""Factor between two trial frequencies; the margin near 0 is proved up to one of them. With the square root of this
+factor, the proof reaches slightly higher frequencies; with its square, slightly lower ones. In any case, the ordinary
+margin proves the frequencies above."""
 STEPS = 120
-"""Number of trial frequencies, down to 1e-72 of the first. Half as many would suffice for every device whose numbers
-are within twenty decades."""
+"""Number of trial frequencies, down to 1e-72 of the first. Half as many would suffice for every device whose parameters
+lie within twenty decades."""
 END_BOXES = 64
-"""Number of boxes for a trial frequency. Half or twice as many boxes shift the result by about one step."""
+"""Number of boxes for a trial frequency. With half or twice as many boxes, the result changes by about one step."""
 
 
 def low_end_verdict(design: Design) -> Verdict:

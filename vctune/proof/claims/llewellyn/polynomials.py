@@ -1,10 +1,10 @@
 """Llewellyn's conditions for hold "lag" without delay, as polynomials with rational coefficients.
 
-The condition 2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C + Re(C conj D)) >= factor |C||D| holds where A >= 0 and
-A^2 - factor^2 B >= 0. Here A is the left-hand side and B = |C|^2 |D|^2. Both are rational in omega; multiplication by
-the hold's denominator 1 + (omega T/2)^2 makes them polynomials. Their signs change only at real roots, which the code
-isolates with certainty. The claim stays undecided at a root without a change of sign. 0 and infinity are ordinary edges
-of the band (model/README.md, section 6).
+The condition 2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C + Re(C conj D)) >= factor |C||D| holds where A >= 0 and A^2 -
+factor^2 B >= 0. Here A is the left-hand side and B = |C|^2 |D|^2. Both are rational in omega; multiplication by the
+hold's denominator 1 + (omega T/2)^2 makes them polynomials. Their signs change only at real roots, which the code
+isolates with certainty. The claim stays undecided at a root without a change of sign. The band may begin at 0 and end
+at infinity without special treatment (model/README.md, section 6).
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def conditions(design: Design, factor: float) -> Conditions:
 def prove(conditions: Conditions, low: float, high: float) -> Outcome:
     """Prove the conditions on (low, high) exactly.
 
-    Between two neighbouring roots no sign changes, so the function evaluates the polynomials once there.
+    No sign changes between two neighbouring roots, so the function evaluates the polynomials at one point between them.
 
     Parameters
     ----------

@@ -2,8 +2,8 @@
 
 Y + Z_e has no pole outside the unit circle, because the loop with v_e = 0 is stable. Factors remove the poles on the
 circle: 1 - 1/z removes the pole of springs at z = 1, and 1 + 1/z removes the pole at z = -1 of masses that step by the
-trapezoidal rule. A mass that steps by explicit Euler has a pole at infinity, which 1/z removes. The number of turns is
-then the number of the loop's poles outside the circle.
+trapezoidal rule. A mass that steps by explicit Euler has a pole at infinity, which 1/z removes. The number of turns of
+the product is then the number of the loop's poles outside the circle.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Prove the condition of walls over boxes, with tangents of each box's own (model/README.md, section 19).
 
-Any tangents bound E from below. Each box therefore uses the tangents that are best at its centre. A bound by these
-tangents does not apply to a face of the box, where other tangents are best. The margins therefore have no useful
-slopes.
+Any tangents bound E from below. Each box therefore uses the tangents that are best at its centre. The best tangents of
+a face of the box are others, so the slopes of a margin with these tangents do not show at which face the true margin is
+least.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from vctune.proof.enclosures.taylor import Taylor
 COUPLING_SHARE = "share of the coupling"
 """Name of the row with the share y of the coupling, from 1/safety_factor to 1."""
 INWARDS = 1 - 1e-9
-"""Factor that keeps rounding from making the slope of a tangent negative. Half or twice its distance from 1 works as
-well."""
+"""Factor that keeps rounding from making the slope of a tangent negative. With half or twice the distance of this
+factor from 1, the slopes are not negative either."""
 
 
 def walls_margins(

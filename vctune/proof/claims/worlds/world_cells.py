@@ -1,8 +1,9 @@
 """Decide for many boxes of environments at once which of them leave a design stable in every hand.
 
-A witness refutes a box: a hand, a share of the coupling and two angles. Between the angles the real part is negative,
-and the reactance passes from one side of that of every environment of the box to the other. Each environment therefore
-cancels the reactance at some angle between them (model/README.md, section 18).
+A witness that refutes a box consists of a hand, a share of the coupling and two angles. Between the angles the real
+part is negative. At one angle the loop's reactance lies above that of every environment of the box, and at the other
+angle below. Each environment therefore cancels the reactance at some angle between the two (model/README.md, section
+18).
 """
 
 from __future__ import annotations
@@ -36,11 +37,11 @@ from vctune.proof.engine.interval import Verdict
 from vctune.proof.engine.polynomial_tests import FEW
 
 MAX_BOXES, CELL_BOXES = 60_000, 5_000
-"""Number of boxes after which the proof by the real part alone ends, and number of boxes after which the prover leaves
-a cell of environments open."""
+"""Number of boxes after which the proof by the condition on the real part alone ends, and number of boxes after which
+the prover leaves a cell of environments open."""
 FAILING = 0.8
-"""Share of the open boxes in which the real part certainly fails somewhere. Above this share, halving decides
-little."""
+"""Share of the open boxes in which the condition on the real part certainly fails somewhere. Above this share, the
+proof by the real part ends, because further halvings decide little."""
 FEW_BOXES = 1000
 """Number of intervals of angles after which the prover leaves a witness open."""
 
@@ -75,11 +76,13 @@ class WorldCells:
 
 @dataclass(frozen=True, slots=True)
 class OpenInHands:
-    """The boxes of angle and hand that the real part alone leaves open; there the environment decides.
+    """The boxes of angle and hand that the condition on the real part does not decide. In these boxes the environment
+    decides.
 
     Attributes
     ----------
-    asked : the claim with a box of all environments; their damping is at least the least of those to be examined
+    asked : the claim with a box of all masses and stiffnesses; its least damping is that of the environments to be
+        examined
     stable : whether the loop is proved stable with one of these environments
     parts : parts of the boxes, each with the boxes that stay open
     """
@@ -133,7 +136,7 @@ class OpenInHands:
 
 
 def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, damping: float) -> OpenInHands:
-    """Return the boxes that the real part alone leaves open. They are the same for all boxes of environments.
+    """Return the boxes of angle and hand that the condition on the real part does not decide.
 
     Parameters
     ----------
@@ -159,7 +162,7 @@ def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, dampi
     found = tuple(
         (
             part,
-            left_open(part.within(test), boxes_over(part), max_boxes=MAX_BOXES, share=FAILING),
+            left_open(part.within(test), boxes_over(part), max_boxes=MAX_BOXES, share=FAILING)[0],
         )
         for part in parts_of(design.device, asked.ends())
         for test in asked.tests(part, fixed_of(design))
@@ -201,8 +204,8 @@ def refuted_in_worlds(design: Design, demands: Demands, cells: WorldCells, witne
     """Return the boxes of environments in which no member leaves a design stable in the witness's hand.
 
     Each of these environments, with some additional damping, has a pole on the unit circle. The ends of such a box
-    bound the numbers that all members have in common. If a number may be chosen freely, its least value therefore
-    exceeds its greatest.
+    bound what all members have in common, so a box may have a least value above its greatest value: every number in
+    between then belongs to all members.
 
     Parameters
     ----------

@@ -1,0 +1,98 @@
+"""Prove the claim in hands for every stiffness at once (README.md, section 10).
+
+The stiffness of the hand moves a resonance through the boxes. `margin_in_spring` eliminates the stiffness and the
+damping in closed form. The rest hardly depends on the hand, so that few boxes of the angle and of the device's
+parameters cover all hands.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from vctune.model.device import Device
+from vctune.model.hands import HAND, MASS, STIFFNESS
+from vctune.proof.claims.array_claims import LEAST_DAMPING
+from vctune.proof.claims.delay_parts import Part, row_of
+from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Flags
+from vctune.proof.enclosures.box_minimum import least_over_boxes
+from vctune.proof.enclosures.taylor import variables
+from vctune.proof.engine.box_tests import Margins
+from vctune.proof.engine.boxes import Boxes, Values
+from vctune.proof.engine.branching import Decided, Test, left_open
+from vctune.proof.engine.polynomial_tests import by_polynomials
+from vctune.running import check_time
+
+TOP = 3.1
+"""Greatest angle, rad, of such boxes. Near Nyquist cos(theta/2), by which K and B act, vanishes."""
+SLOWEST = 1e-5
+"""Angle, rad, below which a box that begins at 0 is left to the other tests. There every resonance is damped."""
+REACH = 0.9
+"""Share of the resonant stiffness below which the stiffest hand of a box is too soft for a resonance. The test leaves
+such boxes to the other tests, which need few boxes there."""
+MOST_BOXES = 8_000
+"""Number of boxes after which the search ends. A box with uncertain mass, damping and delay took a few thousand. The
+other tests prove what the search leaves, so this number affects only the time."""
+FAILING = 0.8
+"""Share of the boxes in which the condition must fail for the search to end. In trials with four designs, the search
+ended too early with 0.5, and the proof then took ten times as many boxes."""
+WIDE = 1.1
+"""Ratio of a box's angles from which on a failure does not count, because a polynomial over so wide a box may be
+negative where the margin is not. The ratio affects only the time."""
+
+
+def left_by_any_spring(
+    margins: Margins, device: Device, part: Part, fixed: Values, boxes: Boxes, max_boxes: int
+) -> tuple[Boxes, int]:
+    """Return the boxes that remain to be proved, and the number of evaluated boxes.
+
+    Parameters
+    ----------
+    margins : function of a frequency and of values by name, over `vctune.proof.enclosures.taylor`; where all of its
+        margins are positive, the claim holds for every stiffness and for the given `LEAST_DAMPING` or more
+    device : device that states T, and m if m is not a row
+    part : part of the boxes
+    fixed : values by name that are not rows of the boxes
+    boxes : boxes of that part
+    max_boxes : number of boxes after which the search ends, if it is below `MOST_BOXES`
+    """
+    within = part.within(_test(margins, device, part, fixed))
+
+    def test(boxes: Boxes) -> Decided:
+        decided = within(boxes)
+        return replace(decided, fails=decided.fails & (boxes.high[0] < WIDE * boxes.low[0]))
+
+    return left_open(test, boxes, max_boxes=min(MOST_BOXES, max_boxes), share=FAILING)
+
+
+def _test(margins: Margins, device: Device, part: Part, fixed: Values) -> Test:
+    damping = 1 + part.names.index(HAND[1])
+
+    def tested(boxes: Boxes) -> Decided:
+        check_time()
+        varied, least = boxes.varied(), boxes.low[damping]
+        rows = variables(boxes.rows(), varied)
+        values = {**boxes.named(rows, fixed), LEAST_DAMPING: Enclosure(least, 4 * UNIT * np.abs(least))}
+        first, *others = margins(rows[0], values)
+        found = by_polynomials(first, boxes, varied, part.spans)
+        positive = np.all([least_over_boxes(other).bound > 0 for other in others], axis=0)
+        from_zero = boxes.low[0] == 0
+        proved = found.proved & positive & ~from_zero & (boxes.high[0] <= TOP)
+        lost = (from_zero & (boxes.high[0] < SLOWEST)) | (boxes.high[0] > TOP) | _too_soft(boxes, device)
+        cost = found.cost.copy()
+        cost[0, from_zero] = np.inf
+        room = np.where(proved, np.inf, np.where(lost, -np.inf, found.room))
+        return replace(found, proved=proved, fails=~proved & (found.room < 0), cost=cost, room=room)
+
+    return tested
+
+
+def _too_soft(boxes: Boxes, device: Device) -> Flags:
+    """Return the boxes in which no hand is stiff enough for a resonance. No verdict depends on the result."""
+    row = {name: 1 + place for place, name in enumerate(boxes.names[1:])}
+    own = row_of("mass")
+    mass = boxes.low[row[MASS]] + (boxes.low[row[own]] if own in row else device.mass)
+    resonant = mass * (2 * np.sin(np.minimum(boxes.low[0], np.pi) / 2) / device.sample_time) ** 2
+    return np.asarray(boxes.high[row[STIFFNESS]] < REACH * resonant)
