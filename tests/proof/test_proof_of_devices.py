@@ -112,4 +112,4 @@ def test_no_verdict_of_many_is_wrong(capsys):
         sys.stdout.write("\n")
     assert found["ALL", Verdict.UNDECIDED] < 0.02 * count, found
     assert found["ALL", Verdict.PROVED] > count / 4 and found["passive", Verdict.REFUTED] > count / 3, found
-    assert found["SAMPLED_POLES", Verdict.REFUTED] > 0 and found["MODEL_POLES", Verdict.REFUTED] > 0, found
+    assert found["stable", Verdict.REFUTED] > 0 and found["stable_model", Verdict.REFUTED] > 0, found
