@@ -148,15 +148,15 @@ def prove(
 
 
 @np.errstate(all="ignore")
-def left_open(test: Test, boxes: Boxes, *, max_boxes: int, share: float) -> tuple[Boxes, int]:
-    """Halve the boxes in which a test does not prove the claim, until the claim fails in most of those that remain.
+def left_open(test: Test, boxes: Boxes, *, max_boxes: int, growth: float) -> tuple[Boxes, int]:
+    """Halve the boxes in which a test does not prove the claim, until the test decides all boxes or their number grows.
 
     Parameters
     ----------
     test : test of one margin; it proves a box by the face at which the margin is least
     boxes : the first boxes, with one owner
     max_boxes : number of boxes after which the function halves no more
-    share : the function ends when the claim fails in this share of the remaining boxes
+    growth : the function ends when there are this many times as many open boxes as at first
 
     Returns
     -------
@@ -169,6 +169,7 @@ def left_open(test: Test, boxes: Boxes, *, max_boxes: int, share: float) -> tupl
         If the time limit ends the proof.
     """
     halved, faces, count, settled = np.ones(len(boxes.low), bool), boxes, 0, list[Boxes]()
+    most = growth * len(boxes)
     while len(boxes):
         decided = _in_chunks(test, faces)
         count += len(boxes)
@@ -177,16 +178,12 @@ def left_open(test: Test, boxes: Boxes, *, max_boxes: int, share: float) -> tupl
         left, lost = ~decided.proved, np.isneginf(decided.room) | single
         settled.append(boxes.subset(left & lost))
         goes_on = left & ~lost
-        boxes, faces, enough = boxes.subset(goes_on), faces.subset(goes_on), _share(decided.fails, left) >= share
-        if enough or count >= max_boxes:
+        boxes, faces = boxes.subset(goes_on), faces.subset(goes_on)
+        if len(boxes) > most or count >= max_boxes:
             break
         axis, _ = _axis(decided, halved)
         boxes, faces = boxes.halved(axis[goes_on]), faces.halved(axis[goes_on])
     return joined(*settled, boxes), count
-
-
-def _share(some: Flags, among: Flags) -> float:
-    return float(some[among].mean()) if among.any() else 1.0
 
 
 def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:
