@@ -148,14 +148,18 @@ def prove(
 
 
 @np.errstate(all="ignore")
-def left_open(test: Test, boxes: Boxes, *, max_boxes: int, growth: float) -> tuple[Boxes, int]:
-    """Halve the boxes in which a test does not prove the claim, until the test decides all boxes or their number grows.
+def left_open(
+    test: Test, boxes: Boxes, *, max_boxes: int, share: float = 1.0, growth: float = np.inf
+) -> tuple[Boxes, int]:
+    """Halve the boxes in which a test does not prove the claim, until the test decides all boxes or further halvings
+    promise little.
 
     Parameters
     ----------
     test : test of one margin; it proves a box by the face at which the margin is least
     boxes : the first boxes, with one owner
     max_boxes : number of boxes after which the function halves no more
+    share : the function ends when the claim fails in this share of the open boxes
     growth : the function ends when there are this many times as many open boxes as at first
 
     Returns
@@ -178,12 +182,16 @@ def left_open(test: Test, boxes: Boxes, *, max_boxes: int, growth: float) -> tup
         left, lost = ~decided.proved, np.isneginf(decided.room) | single
         settled.append(boxes.subset(left & lost))
         goes_on = left & ~lost
-        boxes, faces = boxes.subset(goes_on), faces.subset(goes_on)
-        if len(boxes) > most or count >= max_boxes:
+        boxes, faces, enough = boxes.subset(goes_on), faces.subset(goes_on), _share(decided.fails, left) >= share
+        if enough or len(boxes) > most or count >= max_boxes:
             break
         axis, _ = _axis(decided, halved)
         boxes, faces = boxes.halved(axis[goes_on]), faces.halved(axis[goes_on])
     return joined(*settled, boxes), count
+
+
+def _share(some: Flags, among: Flags) -> float:
+    return float(some[among].mean()) if among.any() else 1.0
 
 
 def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:
