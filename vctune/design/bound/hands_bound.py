@@ -159,7 +159,7 @@ def coefficients_in_hands(
         position = form(at.position) if isinstance(at, LoopInHand) else None
         return Affine(form(at.open), form(at.velocity), position)
 
-    # P conj F = e + j s o: without the factor s in each number (`parts`) its imaginary part is o, with s (`true`) s o
+    # P conj F = e + j s o; without the factor s in each number (`parts`), the imaginary part is o
     split, whole = loop(parts), loop(true)
 
     def seen(form: Callable[[EvenOdd], Pair]) -> Affine:

@@ -84,8 +84,8 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     Returns
     -------
     array of bool
-        Flags of the boxes, shape (n,). All flags are False if the problem does not require the limit, or if no formula
-        is known.
+        Flags of the boxes, shape (n,). All flags are False if the problem does not impose the condition at omega = 0,
+        or if no formula is known.
     """
     device = problem.device
     beyond = device.structure is not None or (device.operator is not None and not device.ideal)

@@ -32,7 +32,8 @@ changes.
 
 @dataclass(frozen=True, slots=True)
 class Quadratic:
-    """constant + linear . K + square . K^2 + cross K_v K_p at several points, each coefficient rounded the same way.
+    """constant + linear . K + square . K^2 + cross K_v K_p at several points, with all coefficients rounded in one
+    direction.
 
     Attributes
     ----------

@@ -56,17 +56,17 @@ LITTLE = 1e-3
 CHUNK = 1024
 """Number of boxes that the search halves in one round. With this number NumPy's calls have little overhead, and the
 arrays for all halves (4 axes, 2 halves, 160 frequencies) take tens of MB. With half this number, the search needs
-slightly fewer boxes and slightly more time for each; with twice this number, the reverse is true."""
+slightly fewer boxes and slightly more time for each box. With twice this number, the reverse is true."""
 TRY_EVERY = 8
 """Number of rounds after which the search tries the box with the least bound: it adds violated places and looks for a
-better design. With half as many rounds, it finds better designs earlier; with twice as many, it makes fewer attempts in
-vain."""
+better design. With half as many rounds, it finds better designs earlier; with twice as many, fewer attempts fail."""
 VIOLATED = 1e-4
 """Relative violation of a constraint above which the search adds its place. With a smaller violation, the new place
 would raise the bound only negligibly."""
 BETTER = 1e-3
-"""Share by which the error of a design must be below the incumbent's to count as better. This share is less than the
-usual gap of 1 %, and more than the difference between two results of the optimiser for one optimum."""
+"""Share by which the error of a design must be below that of the incumbent for the design to count as better. This
+share is less than the usual gap of 1 %, and more than the difference between two results of the optimiser for one
+optimum."""
 
 Improve = Callable[[Gains, float], Judgement | None]
 """Function that returns a certified design found from given gains with an error below a limit, or None."""
@@ -246,7 +246,8 @@ def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
 
 
 def _in_worst_hands(problem: Problem, best: Judgement | None) -> PlacesInHands:
-    """Return angles, each with the worst hand for the best known design or, without one, for gains in the middle."""
+    """Return angles, each with the worst hand for the best known design or, without one, for the middles of the gains'
+    ranges."""
     if problem.hands_met is None:
         return PlacesInHands.of(())
     at, bounds = loops_in_hands(problem.device, problem.hands_met, SHARES_IN_HANDS, ANGLES_IN_HANDS), problem.bounds

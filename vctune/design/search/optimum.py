@@ -50,7 +50,7 @@ of the grid. The first start alone may not lead to this design. More starts take
 which follows, finds the same designs."""
 NEARLY = 0.1
 """Greatest violation of a start, as a share, for `within_reach` to polish it. The spacing of the refined grid is half
-of it. With half this share, vctune misses some repairs; with twice this share, it polishes more starts without
+of this share. With half this share, vctune misses some repairs; with twice this share, it polishes more starts without
 success."""
 PROOF_BOXES = 300_000
 """Number of boxes of undecided proofs after which the search ends and the design stays undecided. Without this limit
@@ -136,7 +136,7 @@ def _best_known(optima: Sequence[Polished], unit: float) -> str:
 
 @np.errstate(all="ignore")
 def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best design of a problem in SI units; the design meets the constraints in double precision, unproved.
+    """Return the best design of a problem in SI units, which meets the constraints in double precision, without proof.
 
     Parameters
     ----------

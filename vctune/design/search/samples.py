@@ -31,8 +31,8 @@ from vctune.model.transparency import log_quadrature
 
 FREQUENCIES = 64
 """Least number of frequencies in the stability band, and in three decades below Nyquist. The exchange later adds
-frequencies in the gaps. With half as many frequencies, the starts are worse, but the design of no reference problem and
-of no basin of the tests changes by 0.1 %."""
+frequencies in the gaps. With half as many frequencies, the starts are worse, but all designs of the reference problems
+and of the basins of the tests stay the same to 0.1 %."""
 FEW, FEW_ANGLES, FEW_SPRINGS = (0.0, 0.1, 1.0), 12, 4
 """Sampling of the hands in the scan: positions in the range of each number of a hand, number of angles per decade, and
 number of soft springs per two decades at angle 0.

@@ -75,7 +75,7 @@ def violations(
     Parameters
     ----------
     posed : prepared problem, dimensionless
-    cases : one problem for each evaluated device: those of `posed`, and those of devices that a proof refuted
+    cases : one problem for each evaluated device: the devices of `posed`, and those on which a proof refuted a design
     values : the variables of the design
     tightening : relative tightening of the constraints
     refuted : points in hands at which a proof refuted a design, which the search for the least ratio may miss
@@ -198,7 +198,7 @@ def _point_at_walls(problem: Problem, values: Point, at: RatioInHand, met: World
 
 
 def _at_points(points: Sequence[ConstraintPoint], problem: Problem, values: Point, tightening: float) -> Violations:
-    """Find which of the given points in hands have too small a ratio."""
+    """Return the given points in hands at which the ratio is too small."""
     held, law = [point for point in points if point.hand is not None], design_of(values)
     linear, walls = problem.worlds_met, walls_met(problem, values)
     ratios = [

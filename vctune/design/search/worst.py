@@ -30,8 +30,8 @@ response; and greatest number of devices on the grid.
 
 The ratio is a smooth function of mass and damping, so five values suffice. A delay or an unmodelled response rotates a
 phase by one turn; 13 values sample every half turn six times. With half as many values the search may miss a minimum,
-which the proof then finds. With twice as many values there are four to eight times as many devices. If this
-exceeds the greatest number of devices, the search uses three or two values of each number.
+which the proof then finds. With twice as many values there are four to eight times as many devices. If this exceeds the
+greatest number of devices, the search uses three or two values of each parameter.
 """
 MOST = 24
 """Greatest number of minima over frequency that the search refines, beginning with the lowest. With a long delay there
@@ -48,7 +48,7 @@ so half as many rounds still give it to 1e-6."""
 MANY, TOGETHER = 5, 2
 """Greatest number of variables, including the frequency, that may all change in one step; and greatest number of
 variables that change in one step if there are more. For nine variables, the limit leaves 162 of 19,682 possible steps.
-With half and twice these numbers, the search finds designs that are equally good."""
+With half and twice these numbers, the search finds equally good designs."""
 
 SWEEPS = 3
 """Greatest number of passes in which the search moves each uncertain parameter to the end with the greater |S|. One
@@ -109,7 +109,7 @@ def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[P
     |S|.
 
     The function moves one parameter after the other until no move increases |S|. Few moves suffice, because |S| is
-    usually a monotonic function of each number.
+    usually a monotonic function of each parameter.
 
     Parameters
     ----------
