@@ -89,7 +89,8 @@ class Rendered:
         return proved
 
     def refuted(self, missed: WorldCells, found: Sequence[Between]) -> Flags:
-        """Return a flag for each box: whether its curve and its two angles provably refute every member.
+        """Return a flag for each box: whether its curve and its two angles provably refute every environment of the
+        box.
 
         Parameters
         ----------
@@ -119,7 +120,7 @@ class Rendered:
         Returns
         -------
         hopeful : flags of the boxes in which no point of a curve lies, shape (n,)
-        lost : indices of the boxes for which a curve seems to refute every member
+        lost : indices of the boxes in which a curve seems to refute every environment
         between : the curve and the two angles, for each box of `lost`
         """
         hopeful, found = np.ones(len(cells), bool), dict[int, Between]()

@@ -15,7 +15,7 @@ from vctune.model.problem import Problem
 
 
 def device_record(device: Device, problem: Problem) -> DeviceRecord:
-    """Return mass, damping and delay of a device, and its other numbers for which the problem states an uncertainty.
+    """Return mass, damping and delay of a device, and its other parameters for which the problem states an uncertainty.
 
     Parameters
     ----------
