@@ -91,7 +91,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
     Raises
     ------
     InputError
-        If there is no such design, its object is invalid, or the folder cannot be written.
+        If there is no such design, if its object is invalid, or if the folder cannot be written.
     """
     from vctune.report.design_report import write_report as write
 

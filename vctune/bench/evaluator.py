@@ -279,7 +279,7 @@ def by_kind(case: Case, evaluate: Callable[[Case], Floats]) -> Any:
 def loop_matrices(case: Case) -> Floats:
     """Return the matrices that advance v, x and the delayed forces by one sample.
 
-    The cases are arrays with the same number of whole samples of delay. Either all cases have K_p > 0, or none has.
+    The cases are arrays with the same number of whole samples of delay. Either all cases have K_p > 0, or no case has.
     Without K_p, the state does not contain x.
     """
     order, whole = 2 if case.K_p[0] > 0 else 1, int(_samples(case)[0][0])
@@ -378,7 +378,7 @@ def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> floa
     ----------
     problem : problem with its constraints
     case : one case with the problem's device
-    extra : more frequencies, rad/s; the function ignores those outside the band of a constraint
+    extra : more frequencies, rad/s; the function ignores frequencies outside the band of a constraint
 
     Returns
     -------

@@ -170,7 +170,7 @@ def _vctune_row(name: str, problem: Problem) -> Row:
 def _peer_row(name: str, prepared: Prepared, scan_result: ScanResult, peer: Peer) -> Row:
     """Return the row of another solver: its best answer, and its time relative to vctune's time.
 
-    The function first calls the compiled functions once, so that no time includes their compilation.
+    The function first calls the compiled functions once, so no measured time includes their compilation.
     """
     problem, dense_problems = (
         prepared.problem,

@@ -168,8 +168,8 @@ def _in_worlds(posed: Posed, **changes: Any) -> Posed:
 def problems_beside(problem: Problem) -> list[Problem]:
     """Return copies of a problem with a delay just below and at a whole number of samples, if its delay is near one.
 
-    The list is empty for an uncertain delay, because vctune extends the range of such a delay to the whole number
-    instead.
+    The list is empty for an uncertain delay, because vctune instead extends the range of an uncertain delay to the
+    whole number.
     """
     delays = () if problem.uncertainty is None else dict(problem.uncertainty.half_widths)
     if problem.hands_met is None or any(problem.device.number(key) for key in DELAYS if key in delays):

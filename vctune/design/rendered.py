@@ -1,4 +1,4 @@
-"""Find which environments a design can render in every hand, beyond those that the problem requires."""
+"""Find the environments that a design can render in every hand, beyond the environments that the problem requires."""
 
 from __future__ import annotations
 
@@ -226,7 +226,7 @@ def _ends_beyond(
     points : points at which environments have poles, in double precision
     low, high : the box
     number : `STIFFNESS` or `MASS`
-    known : value that is already proved; the function returns only better values. None if none is proved
+    known : value that is already proved; the function returns only better values. None if no value is proved
     """
     stiff, found = number == STIFFNESS, []
     if not stiff and high[MASS] == 0:

@@ -143,7 +143,7 @@ class Price:
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """The error of a design under one criterion alone, from the optimiser and without proof.
+    """The error of a design under only one criterion, from the optimiser and without proof.
 
     Attributes
     ----------
@@ -173,10 +173,11 @@ class Solved:
     scanned : result of the scan; None without a scan
     seconds : seconds by stage
     optimality : proved bound on the error of any design; None if not requested
-    nominal_error : error of the best design for the nominal device alone, not proved; None if the device is not
+    nominal_error : error of the best design for only the nominal device, not proved; None if the device is not
         uncertain
     repairs : changes of the problem that would make a design possible; None if not requested
-    alternatives : least errors under each criterion alone; None if the problem has one criterion or if not requested
+    alternatives : least errors under each criterion separately; None if the problem has one criterion or if not
+        requested
     prices : prices of the device's parameters, the greatest gain first; None if not requested or without an optimum
     changing : result on hands whose damping changes; None if not requested or not examined
     cut : stages that the time limit cut short, in words

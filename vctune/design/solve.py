@@ -33,8 +33,8 @@ SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 design.
 
 If the search evaluates each box on several devices, it divides this number by the number of devices. The search then
-takes about as long as a user waits for an answer. With half as many boxes it proves fewer problems infeasible; with
-twice as many it proves only a few more. SEARCH_GAP is the gap at which the search accepts a design: 1 %.
+takes about as long as a user would wait for an answer. With half as many boxes it proves fewer problems infeasible;
+with twice as many it proves only a few more. SEARCH_GAP is the gap at which the search accepts a design: 1 %.
 """
 STABILITY_BOXES = 1_500_000
 """Greatest number of boxes in the proofs that loops are stable or unstable. Each of these boxes takes a tenth of the
@@ -59,8 +59,8 @@ def solve(
     design.
 
     If the optimiser finds no design, a search over all designs (`vctune.design.bound`) finds one, proves that there is
-    none, or ends without a result. If the device is uncertain, the function also solves the problem for the nominal
-    device alone. This nominal design is one more start, and its error shows the cost of robustness.
+    none, or ends without a result. If the device is uncertain, the function also solves the problem for only the
+    nominal device. This nominal design is one more start, and its error shows the cost of robustness.
 
     Parameters
     ----------

@@ -29,8 +29,8 @@ def terms_study(document: dict[str, Any], problem: Problem) -> Study:
     """Return the study whose designs trade off |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0.
 
     The first two terms belong to the loop with K_v and K_p, the third to the coupling. At each K_p, the weight of the
-    third term determines K_v. The study sweeps K_p directly, because weights alone miss the non-convex parts of a
-    front.
+    third term determines K_v. The study sweeps K_p directly, because a sweep of weights misses the non-convex parts of
+    a front.
 
     Parameters
     ----------

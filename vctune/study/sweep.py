@@ -47,7 +47,7 @@ class _Sweep:
     statuses : number of finished points by status
     best : least error of a certified point
     pending : points at the workers
-    retries : points to try again, each alone, because their worker or another worker of the pool died
+    retries : points to try again one at a time, because their worker or another worker of the pool died
     """
 
     study: Study
@@ -128,7 +128,7 @@ def _collect(state: _Sweep, most: int) -> None:
 
 
 def _try_alone(state: _Sweep, task: Task) -> None:
-    """Try a point again alone. If its worker dies again, the point is certainly the cause."""
+    """Try a point again without other points. If its worker dies again, the point is certainly the cause."""
     state.pool.renew()
     content = _content(state.pool, state.pool.executor.submit(solve_point, task.problem, state.time_limit))
     _finish(state, task, content or row_without_design(FAILED, DIED))

@@ -149,7 +149,7 @@ def _longer(squares: Squares) -> Flags:
 
 
 def judged(prepared_design: Rendered, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
-    """Return the verdict on each cell of a plane of environments. The second result, a b_c for each cell, is all nan.
+    """Return the verdict on each cell of a plane of environments. The second result, b_c, is nan for each cell.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ class SampledConditions:
         """Return a lower bound of R, at least 0, shape (boxes, places), and the boxes that permit no coupling.
 
         A box permits no coupling if the denominator of R is negative for all its gains at some place. A passive hand
-        then makes the loop of K_v alone unstable.
+        then makes the loop with K_v and without a coupling unstable.
         """
         middle = 0.5 * (boxes.low + boxes.high)
         K_v, K_p = middle[K_V][:, None], middle[K_P][:, None]

@@ -48,8 +48,8 @@ def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, cross
     ----------
     of : Re or Im of the first number times the conjugate of the second
     a, b : two numbers at the same frequencies; a coefficient of the result is None if no product contributes to it
-    crossed : whether the product K_v K_p has a coefficient; it has none if the complex coefficients of K_v and K_p are
-        at right angles
+    crossed : whether the product K_v K_p has a coefficient; it has no coefficient if the complex coefficients of K_v
+        and K_p are at right angles
 
     Returns
     -------

@@ -1,4 +1,5 @@
-"""Bound quadratic functions of two numbers, usually the gains, and quotients of them, over many boxes at once."""
+"""Bound quadratic functions of two variables, usually the gains, and quotients of these functions, over many boxes at
+once."""
 
 from __future__ import annotations
 

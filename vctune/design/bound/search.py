@@ -39,7 +39,7 @@ from vctune.running import OutOfTimeError, out_of_time
 
 FREQUENCIES, INTERVALS = 40, 48
 """Number of frequencies of the first relaxation, and number of intervals of the transparency band. The time of a bound
-is proportional to both numbers. With smaller numbers the bounds are weaker, and the search needs more boxes."""
+is proportional to both. With smaller numbers, the bounds are weaker and the search needs more boxes."""
 MOST_FREQUENCIES = 160
 """Number of frequencies at which the search stops adding places. Up to this number, it adds the places at which the
 design in the middle of a box violates a constraint. A bound with this number of frequencies takes four times as long as

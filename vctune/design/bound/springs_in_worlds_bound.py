@@ -77,7 +77,7 @@ class Bounded:
     upper: Quadratic
 
     def over(self, boxes: DesignBoxes) -> Interval:
-        """Return the bounds over each box of the two numbers of the quadratic."""
+        """Return the bounds of the quadratic over each box of its two variables."""
         return Interval(self.lower.least(boxes), self.upper.greatest(boxes))
 
 

@@ -201,7 +201,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
 
 
 def _loop_gain(structure: NlpStructure, gains: Gains, pulse: dict[str, ca.SX]) -> Pair:
-    """Return L = K_v G_v + K_p G_x of the sampled loop, so that S = 1/(1 + L)."""
+    """Return L = K_v G_v + K_p G_x of the sampled loop, where S = 1/(1 + L)."""
     L = Pair(pulse["re_G_v"], pulse["im_G_v"]).scaled(gains.velocity)
     return L + Pair(pulse["re_G_x"], pulse["im_G_x"]).scaled(gains.position) if structure.integrator else L
 
@@ -398,9 +398,9 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
     Returns
     -------
     dict
-        x, f, g and p for `casadi.nlpsol`. x has the free coordinates, the log frequencies of tracked peaks and the
-        epigraph variable. f is log(error). g has the constraints in the order of `DEMANDS`, then those of tracked
-        peaks, then those of the mean errors. p has the parameters in the layout of `nlp_parameters.packed`.
+        x, f, g and p for `casadi.nlpsol`. x contains the free coordinates, the log frequencies of tracked peaks and the
+        epigraph variable. f is log(error). g contains the constraints in the order of `DEMANDS`, then the constraints
+        on tracked peaks and on mean errors. p contains the parameters in the layout of `nlp_parameters.packed`.
     """
     one = _at_one_frequency(structure)
     columns = {name: ca.MX.sym(name, table.rows, table.columns) for name, table in tables(structure).items()}

@@ -151,7 +151,7 @@ def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -
 
 
 def plant_numbers(plant: SampledPlant) -> dict[str, Any]:
-    """Return the numbers of a sampled plant, keyed by the names of `plant_layout`."""
+    """Return the constants of a sampled plant, keyed by the names of `plant_layout`."""
     (v_0, v_1), (x_0, x_1) = plant.velocity, plant.position
     taps = {"velocity_newer": v_0, "velocity_older": v_1, "position_newer": x_0, "position_older": x_1}
     low_pass = {} if plant.low_pass is None else {"low_pass": plant.low_pass}
@@ -164,7 +164,7 @@ def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> Sampled
     Parameters
     ----------
     structure : structure of the NLP
-    rows : the numbers, keyed by the names of `plant_layout`
+    rows : the constants, keyed by the names of `plant_layout`
     """
     return SampledPlant(
         open=tuple(rows["open"]),

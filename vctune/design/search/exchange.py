@@ -1,4 +1,5 @@
-"""The exchange method: solve an NLP with few frequencies, add those at which its answer violates a constraint, repeat.
+"""The exchange method: solve an NLP with few frequencies, add the frequencies at which its answer violates a
+constraint, repeat.
 
 See design/README.md, section 6. Each NLP is confined to a trust box in log coordinates around the last point with a
 stable loop. Without this box, the exchange could end at an unstable loop, because unstable loops beyond |S| = inf also
@@ -44,7 +45,7 @@ result."""
 STALLED = 8
 """Number of rounds within which the greatest violation must halve while an exchange with a box of environments has no
 feasible answer; otherwise the exchange ends without one. Such an exchange may add a few points in each round and hardly
-reduce the violation. Without environments, an exchange whose violation falls slowly may still find a design. With half
+reduce the violation. Without environments, an exchange whose violation falls slowly can still find a design. With half
 or twice this number, vctune finds the same designs."""
 RADIUS = 2.0
 """Half-width of the first trust box, and the greatest half-width, in log coordinates. This width permits variables from
@@ -98,9 +99,9 @@ def polish(
     """Improve a start to a local optimum of the semi-infinite problem; return None if the exchange finds no feasible
     design.
 
-    If environments run late or by Euler's rules, the function first requires the margin of the real part alone to be
-    positive, and starts a second exchange with all margins from the result. The polygons of such environments are thin,
-    so an exchange with all margins seldom becomes feasible from the original start. Impedance displays with a box of
+    If environments run late or by Euler's rules, the function first requires only a positive margin of the real part,
+    and starts a second exchange with all margins from the result. The polygons of such environments are thin, so an
+    exchange with all margins seldom becomes feasible from the original start. Impedance displays with a box of
     environments have their own search (`search/in_worlds/stiffest.py`).
 
     Parameters

@@ -5,7 +5,7 @@ For given K_v, K_p, b_0 and tau_c = m_c/b_c, the least feasible b_c is a maximum
     b_c >= (safety_factor R - b_0) (1 + 1/(omega tau_c)^2),
 
 and the error grows with b_c. A design is therefore a point (K_v, corner, tau_c, b_0). The corner K_p/(b + K_v) is the
-frequency below which the integral action outweighs K_v and the damping. All numbers of this module are dimensionless
+frequency below which the integral action outweighs K_v and the damping. All quantities of this module are dimensionless
 (Z_0 = T = 1). The constraints and the error are estimates, because the module evaluates them only at a fixed set of
 frequencies.
 """

@@ -46,8 +46,8 @@ many rounds, the search abandons designs that the third round would prove. With 
 are worse than those from another start."""
 LONG_SHOTS = 2
 """Number of starts that the search polishes if none is feasible, because a feasible design may lie between the points
-of the grid. The first start alone may not lead to this design. More starts take more time, and the search of every box,
-which follows, finds the same designs."""
+of the grid. The first start may not lead to this design. More starts take more time, and the search of every box, which
+follows, finds the same designs."""
 NEARLY = 0.1
 """Greatest violation of a start, as a share, for `within_reach` to polish it. The spacing of the refined grid is half
 of this share. With half this share, vctune misses some repairs; with twice this share, it polishes more starts without
@@ -58,7 +58,7 @@ the search would try more tightenings and more starts, although no proof can dec
 Nyquist. With half as many boxes the search makes only one attempt; with twice as many it makes three."""
 NEW_HANDS = 12
 """Number of times that the search adds a hand that only the proof has found, and polishes the optimum again. Such hands
-exist because a resonance above Nyquist may occur in few hands of the box. With half and twice this number the search
+exist because a resonance above Nyquist may occur in few hands of the box. With half or twice this number the search
 finds the same designs. With 0, it finds no design for a device with a sampling rate of 20 Hz."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
 """Factor by which the search increases the tightening if a proof refutes a design, and least tightening if a proof is

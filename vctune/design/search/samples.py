@@ -1,4 +1,5 @@
-"""The frequencies of a scan and the numbers that do not depend on the gains, computed once for all grids of a scan."""
+"""The frequencies of a scan and all quantities that do not depend on the gains, computed once for all grids of a
+scan."""
 
 from __future__ import annotations
 
@@ -90,7 +91,7 @@ class Samples:
 
     @property
     def everywhere(self) -> list[Samples]:
-        """The samples of all devices: these first, then those of the other devices."""
+        """The samples of all devices: first these samples, then the samples of the other devices."""
         return [self, *self.others]
 
 

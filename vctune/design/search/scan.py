@@ -113,7 +113,7 @@ def _faces(problem: Problem) -> list[bool]:
     """Return which laws to search: False stands for no integrator (K_p = 0), True for an integrator.
 
     The bounds of K_p decide. On a band from 0 Hz, K_p > 0 is also infeasible if the problem permits no drag, the
-    operator has no damping, and the device has damping or its force sensor a lag.
+    operator has no damping, and the device has damping or a lag of the force sensor.
     """
     position, device = problem.bounds.position, problem.device
     held = device.operator is not None and device.operator.damping > 0

@@ -19,8 +19,8 @@ from vctune.model.problem import Problem
 from vctune.proof.claims.llewellyn.polynomials import is_rational
 
 LEAST_POSITION = 5e-324
-"""The smallest positive double, for K_p. With any integrator, even a weak one, the limits at omega = 0 differ from
-those without."""
+"""The smallest positive double, for K_p. With any integrator, even a weak one, the limits at omega = 0 differ from the
+limits without an integrator."""
 
 
 def impossible(problem: Problem) -> Infeasibility | None:

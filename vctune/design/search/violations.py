@@ -120,7 +120,8 @@ def violations(
 
 
 def of_own_loops(cases: list[Problem]) -> list[Problem]:
-    """Return the problems without those whose device differs from an earlier one only in its unmodelled response."""
+    """Return the problems, but omit a problem whose device differs from an earlier device only in its unmodelled
+    response."""
     return list({case.device.modelled: case for case in reversed(cases)}.values())[::-1]
 
 
@@ -260,7 +261,7 @@ def _lowest_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Min
 def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
     """Return the point where |S| is greatest over all devices, if it is near its limit and below the Nyquist frequency.
 
-    The result is None if no gain is free, because the NLP then cannot change the peak, and rounding alone may put it
+    The result is None if no gain is free, because the NLP then cannot change the peak, which rounding errors may put
     above the limit.
 
     Parameters

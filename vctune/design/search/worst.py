@@ -48,11 +48,11 @@ so half as many rounds still give it to 1e-6."""
 MANY, TOGETHER = 5, 2
 """Greatest number of variables, including the frequency, that may all change in one step; and greatest number of
 variables that change in one step if there are more. For nine variables, the limit leaves 162 of 19,682 possible steps.
-With half and twice these numbers, the search finds equally good designs."""
+With half or twice these numbers, the search finds equally good designs."""
 
 SWEEPS = 3
 """Greatest number of passes in which the search moves each uncertain parameter to the end with the greater |S|. One
-pass mostly suffices, and the proof finds any greater |S|. With half and twice as many passes the search finds the same
+pass mostly suffices, and the proof finds any greater |S|. With half or twice as many passes the search finds the same
 devices."""
 
 

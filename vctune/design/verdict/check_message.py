@@ -88,7 +88,8 @@ def _whole(together: Sequence[ParameterChange]) -> str:
 
 
 def _remedy(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> str:
-    """Return the best change of one gain after which the design passes, and such changes of the problem."""
+    """Return the best change of one gain after which the design passes, and the changes of the problem after which it
+    passes."""
     if not repairs:
         return "no change of one number passes"
     of_gain = [repair for repair in repairs if repair.key in SYMBOLS]

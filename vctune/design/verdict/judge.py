@@ -87,7 +87,7 @@ class Judgement:
     compared : the objective with only the terms that can differ between designs, to which bounds on the error refer
     min_ratio, worst : least Re Z_c / R of all claims, and its frequency, rad/s (0 or inf at an end of the axis)
     tightest : the device with the least ratio, among the nominal device and those of a box
-    in_hand : the least Re Z_c / R in the hands of the claim, with its hand; None without such hands
+    in_hand : the least Re Z_c / R in the hands of the claim, with its hand; None without this claim
     in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand; None without this claim
     in_walls : the least ratio of the condition on walls, with its hand; None without walls
     peak_sensitivity, worst_sensitivity : greatest |S| of the nominal device and the devices of a box up to Nyquist, and

@@ -74,7 +74,7 @@ def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
 
 
 def _priced(polished: Polished) -> Floats:
-    """Return the multipliers; for the ratio, return those of 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
+    """Return the multipliers; for the ratio, the multipliers of 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
 
     For a device with a least operator, two terms of this constraint contain the factor, on different sides in the NLP.
     The function converts the multipliers of the NLP accordingly.

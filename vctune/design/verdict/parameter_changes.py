@@ -36,7 +36,7 @@ BETTER = {key: each for key, each in PART_NUMBERS.items() if each.better}
 """Parameters of a device's parts for which better parts exist, such as the bandwidth of an actuator."""
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
-"""Keys of parameters that increase Re Z_c as they grow. Decreasing such a parameter never repairs a design."""
+"""Keys of parameters that increase Re Z_c as they grow. A decrease of these parameters never repairs a design."""
 
 
 @dataclass(frozen=True, slots=True)

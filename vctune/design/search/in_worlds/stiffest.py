@@ -1,8 +1,8 @@
 """Find the stiffest coupling of an impedance display with which no environment of a box puts a pole on the unit circle.
 
 In a given hand, a design may fail only in a window of frequencies with a relative width of 1e-4, because the reactance
-of a stiff coupling changes sign next to the frequency at which its resistance is too small. An NLP at single
-frequencies escapes between such windows. The scales 1/k_c that an environment forbids have a closed form, and the
+of a stiff coupling changes sign next to the frequency at which its resistance is too small. The answers of an NLP at
+single frequencies fall between these windows. The scales 1/k_c that an environment forbids have a closed form, and the
 greatest of them covers all windows. This search therefore takes the scale from the closed form, and exchanges hands
 instead of frequencies. It minimises the error over b_c/k_c and K_v in a few hands, adds the hands that forbid more at
 the answer, and repeats.
