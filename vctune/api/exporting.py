@@ -179,7 +179,7 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     Parameters
     ----------
     exported : the files
-    folder : folder of the design; the function creates the folder of the files in it
+    folder : folder of the design, in which the function creates the folder of the files
 
     Returns
     -------

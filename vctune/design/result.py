@@ -179,7 +179,7 @@ class Solved:
     alternatives : least errors under each criterion separately; None if the problem has one criterion or if not
         requested
     prices : prices of the device's parameters, the greatest gain first; None if not requested or without an optimum
-    changing : result on hands whose damping changes; None if not requested or not examined
+    changing : result for hands whose damping changes; None if not requested or not examined
     cut : stages that the time limit cut short, in words
     """
 

@@ -120,7 +120,8 @@ def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
 
 
 def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Term]:
-    """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals.
+    """Return the terms of the mean over log frequency, with the inequality of Cauchy and Schwarz on each of several
+    equal intervals.
 
     For a term with weight 0, the function sets all coefficients to 1 and computes no integral.
     """

@@ -46,8 +46,8 @@ many rounds, the search abandons designs that the third round would prove. With 
 are worse than those from another start."""
 LONG_SHOTS = 2
 """Number of starts that the search polishes if none is feasible, because a feasible design may lie between the points
-of the grid. The first start may not lead to this design. More starts take more time, and the search of every box, which
-follows, finds the same designs."""
+of the grid. The first start may not lead to this design. More starts take more time without finding more designs than
+the search of every box, which follows."""
 NEARLY = 0.1
 """Greatest violation of a start, as a share, for `within_reach` to polish it. The spacing of the refined grid is half
 of this share. With half this share, vctune misses some repairs; with twice this share, it polishes more starts without

@@ -56,7 +56,7 @@ def examined_record(judgement: Judgement, examined: Examined) -> ExaminedRecord:
     Parameters
     ----------
     judgement : a design, SI units
-    examined : result on such hands
+    examined : result for such hands
     """
     return ExaminedRecord(**_changing(judgement, *examined))
 

@@ -73,7 +73,7 @@ def check_files(
     Raises
     ------
     InputError
-        If there are gains files and not exactly one problem file.
+        If there are gains files, but not exactly one problem file.
     """
     inputs = [_read(path) for path in paths]
     gains = [given for given in inputs if given.is_gains]
