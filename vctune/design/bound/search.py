@@ -49,8 +49,8 @@ LOWEST_ANGLE = 1e-3
 """Least angle above 0 for any passive hand, relative to pi. At smaller angles R differs from its limit at 0 by at most
 1e-5."""
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
-"""Positions in the range of each parameter of a hand, from 0 to 1, and number of angles per decade, for the first places
-in hands."""
+"""Positions in the range of each parameter of a hand, from 0 to 1, and number of angles per decade, for the first
+places in hands."""
 LITTLE = 1e-3
 """Substitute for a gain of 0, relative to its upper bound, when the search tries the design in the middle of a box."""
 CHUNK = 1024

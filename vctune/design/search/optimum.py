@@ -49,8 +49,8 @@ LONG_SHOTS = 2
 of the grid. The first start may not lead to this design. More starts take more time without finding more designs than
 the search of every box, which follows."""
 NEARLY = 0.1
-"""Greatest violation of a start, as a share, for `within_reach` to polish it. The spacing of the refined grid is half
-of this share. With half this share, vctune misses some repairs; with twice this share, it polishes more starts without
+"""Greatest violation of a start, as a share, for `within_reach` to polish it. This share is twice the spacing of the
+refined grid. With half this share, vctune misses some repairs; with twice this share, it polishes more starts without
 success."""
 PROOF_BOXES = 300_000
 """Number of boxes of undecided proofs after which the search ends and the design stays undecided. Without this limit

@@ -35,8 +35,8 @@ FREQUENCIES = 64
 frequencies in the gaps. With half as many frequencies, the starts are worse, but all designs of the reference problems
 and of the basins of the tests stay the same to 0.1 %."""
 FEW, FEW_ANGLES, FEW_SPRINGS = (0.0, 0.1, 1.0), 12, 4
-"""Sampling of the hands in the scan: positions in the range of each parameter of a hand, number of angles per decade, and
-number of soft springs per two decades at angle 0.
+"""Sampling of the hands in the scan: positions in the range of each parameter of a hand, number of angles per decade,
+and number of soft springs per two decades at angle 0.
 
 With only the ends of the ranges, the exchange needs more rounds and finds the same designs. With half or twice as many
 angles, the exchange finds the same designs as well. Between two of the springs, R is at most 8 % greater than at the
