@@ -166,7 +166,8 @@ def _in_worlds(posed: Posed, **changes: Any) -> Posed:
 
 
 def problems_beside(problem: Problem) -> list[Problem]:
-    """Return copies of a problem with a delay just below and at a whole number of samples, if its delay is near one.
+    """Return copies of a problem with a delay just below and at a whole number of samples, if its delay is near such a
+    number.
 
     The list is empty for an uncertain delay, because vctune instead extends the range of an uncertain delay to the
     whole number.

@@ -53,8 +53,8 @@ class Rendered:
     ----------
     gains, coupling : the design
     demands : constraints for the device itself
-    loops : boxes of hands in which the environment decides, for the problem and for its copies with a delay next to a
-        whole sample
+    loops : boxes of hands in which stability depends on the environment, for the problem and for its copies with a
+        delay next to a whole sample
     devices : devices on which the search looks for witnesses
     curves : curves along which environments have poles, in double precision
     """

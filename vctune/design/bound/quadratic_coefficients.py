@@ -217,8 +217,8 @@ def loop_at(device: Device, omega: Floats) -> LoopConstants:
 
     Parameters
     ----------
-    device : device with plain numbers, which stand for the decimals that they print as, or with arrays of the shape of
-        omega
+    device : device with plain numbers, each of which represents the decimal that Python prints, or with arrays of the
+        shape of omega
     omega : frequencies, rad/s, > 0
 
     Returns

@@ -44,7 +44,8 @@ LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
 FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
 """F, the firmware's low-passes, through which the coupling of an impedance display acts."""
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
-"""The loop of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
+"""The loop of an impedance display, in one hand or in any passive hand: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2
+K_v^2)."""
 FORCE_IN_WORLDS: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER} | {
     f"{part}_{side}": 1 for part in ForceInHand._fields for side in ("even", "odd")
 }

@@ -307,7 +307,8 @@ def _least_damping(problem: Problem, samples: Samples, gains: Gains, bands: list
 
 
 def _within_bounds(problem: Problem, scale: Floats, at: Axes) -> tuple[Floats, Floats]:
-    """Return a scale, raised to the lower bound, and the log of its ratio to the upper bound, 0 within the bounds."""
+    """Return a scale, raised to at least its lower bound, and the log of its ratio to the upper bound (0 within the
+    bounds)."""
     least, most = scale_limits(problem, at.time_constant[..., None, None, :, None])
     b_c = np.maximum(scale, least)
     slack = 1 + 1e-9

@@ -34,10 +34,10 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
 WORTH_POLISHING = 1.05
-"""Greatest ratio of the estimated error of a start to the error of the best optimum, for the search to polish the
-start. This ratio corresponds to the accuracy of the refined grid at a local minimum. With a smaller ratio, the search
-may skip the start that leads to the best design. With a greater ratio, it polishes more starts that do not lead to the
-best design.
+"""The search polishes a start if its estimated error, divided by the error of the best optimum, is at most this ratio.
+This ratio corresponds to the accuracy of the refined grid at a local minimum. With a smaller ratio, the search may skip
+the start that leads to the best design. With a greater ratio, it polishes more starts that do not lead to the best
+design.
 """
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
 """Number of times that the search tightens the constraints and polishes a refuted optimum again, and number of digits

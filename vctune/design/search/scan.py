@@ -36,13 +36,13 @@ between two of them. The factor allows for errors of the estimate, which uses fe
 the search may miss a separate basin behind a low rise of the error. With a smaller factor, the search optimises twice
 in one basin."""
 WORTH_ANOTHER = 0.9995
-"""Greatest ratio of the estimated error of a new start near an optimum to that of the optimum, for the search to
-optimise from the new start. The search distinguishes basins whose errors differ by 0.1 %; the frequencies of the scan
-resolve half of this."""
+"""The search optimises from a new start near an optimum if its estimated error, divided by that of the optimum, is at
+most this ratio. The search distinguishes basins whose errors differ by 0.1 %; the frequencies of the scan resolve half
+of this."""
 PROMISING = 3.0
-"""Greatest ratio of the error of a local minimum of the coarse grid to the least error, for the scan to refine the
-minimum. A large ratio is needed because a narrow basin may lie between the points of the grid. The scan refines all
-minima together, so more minima take little more time."""
+"""The scan refines a local minimum of the coarse grid if its error, divided by the least error, is at most this ratio.
+A large ratio is needed because a narrow basin may lie between the points of the grid. The scan refines all minima
+together, so more minima take little more time."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,9 +46,9 @@ STEPS, SHRINK = 40, 0.5
 rounds move the point, the other half shrink the steps by a factor of about 1e-6. The ratio is flat at its minimum,
 so half as many rounds still give it to 1e-6."""
 MANY, TOGETHER = 5, 2
-"""Greatest number of variables, including the frequency, that may all change in one step; and greatest number of
-variables that change in one step if there are more. For nine variables, the limit leaves 162 of 19,682 possible steps.
-With half or twice these numbers, the search finds equally good designs."""
+"""Up to the first number of variables, including the frequency, all variables may change in one step. With more
+variables, at most the second number of them change in one step. For nine variables, the limit leaves 162 of 19,682
+possible steps. With half or twice these numbers, the search finds equally good designs."""
 
 SWEEPS = 3
 """Greatest number of passes in which the search moves each uncertain parameter to the end with the greater |S|. One

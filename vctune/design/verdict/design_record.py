@@ -345,7 +345,8 @@ def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRec
 
 
 def _at_whole_sample(problem: Problem, judgement: Judgement) -> dict[str, WholeSampleRecord]:
-    """Return the record of the design with a delay of a whole number of samples; empty if the delay is not near one."""
+    """Return the record of the design with a delay of a whole number of samples; empty if the delay is not near such a
+    value."""
     beside = judgement.certificate.beside
     if not beside:
         return {}
