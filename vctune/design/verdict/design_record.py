@@ -232,7 +232,7 @@ def _cured(cures: Sequence[Repair] | None) -> str:
 
 @np.errstate(all="ignore")
 def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
-    """Return the records that need additional proofs: as many of them as the time limit permits."""
+    """Return the records that need additional proofs. The time limit may leave some out."""
     proved = judgement.certificate.proved_band_hz
     return {
         "proved_band_hz": list(proved) if proved else None,

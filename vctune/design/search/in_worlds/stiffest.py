@@ -110,7 +110,7 @@ def stiffest(
     ----------
     posed : prepared problem of an impedance display with a box of environments, dimensionless
     start : start from the scan
-    incumbent : error above which the search gives up; more hands only raise the error
+    incumbent : error above which the search ends, because more hands can only raise the error
     tightening : relative tightening of the constraints
     witnesses : points in hands at which a proof refuted a design
     """
