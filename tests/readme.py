@@ -104,7 +104,7 @@ def columns() -> str:
     rows = [
         "| column | meaning |",
         "|---|---|",
-        "| `status` | as of a design; invalid where the numbers make no problem, failed where the worker failed |",
+        "| `status` | as of a design; invalid if the values do not form a valid problem, failed if the worker failed |",
         "| `idle` | whether a certified design hardly uses its velocity loop: \\|1 - G_he\\| is above 0.5 |",
     ]
     for name, shown in SHOWN_COLUMNS.items():

@@ -11,11 +11,11 @@ from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
 Format = Literal["c", "fmu", "json", "ros2"]
 """Formats of an exported design."""
 GAPS = (1e-4, 10.0)
-"""Least and greatest permitted gap. Below the least gap, rounding errors matter. Above the greatest, a bound is
+"""Least and greatest permitted gap. Below the least gap, rounding errors matter. Above the greatest gap, a bound is
 useless."""
 RESOLUTIONS = (1 / 2048, 1 / 8)
 """Least and greatest permitted side of a region's smallest cell, as a share of the plane's side."""
 VARIABLES = (*KEYS, *SPRING_KEYS[3:])
 """Keys of the design variables."""
 AXES_OF_REGIONS = (*VARIABLES, *WORLD)
-"""Keys that can be axes of a region: design variables, or numbers of the environments that given gains render."""
+"""Keys that can be axes of a region: design variables, or parameters of the environments that given gains render."""

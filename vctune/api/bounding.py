@@ -64,8 +64,8 @@ class Bounded:
     file : the problem
     record : record of the design, including the bound; `to_json()` is the object of design.json
     judgement : judgement of the best known design; None if no design is known
-    optimality : `bound`, `gap` and `proved`; None if the problem was known to be infeasible, or if the time was too
-        short
+    optimality : `bound`, `gap` and `proved`; None if the problem was already known to be infeasible, or if the time was
+        too short
     """
 
     file: ProblemFile
@@ -113,15 +113,16 @@ def bound(
     design : the result of `solve`, or the path of a design.json; None to solve the problem first
     gap : the search ends when the design's error is at most (1 + gap) times the bound
     jobs : number of threads
-    time_limit : seconds after which the function returns the bound reached so far. The time to solve the problem counts
+    time_limit : seconds, including the time to solve the problem, after which the function returns the bound reached so
+        far
     stopped : function that returns whether to end the search now
     progress : function that receives the state of the search
 
     Returns
     -------
     Bounded
-        The bound is valid at any time, even if the search is stopped. `optimality` is None if the time limit came
-            before the proof of the design or before the search.
+        The bound is valid at any time, even if the search is stopped. `optimality` is None if the time limit ended the
+        work before the search.
 
     Raises
     ------
@@ -184,7 +185,7 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
     Raises
     ------
     InputError
-        If a design that must exist does not, belongs to another problem, or is not proved.
+        If a required design does not exist, belongs to another problem, or is not proved.
     """
     resume = read_resume(path.parent / SAVED, file.sha256)
     if resume is None and not given:
@@ -205,7 +206,7 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
     Parameters
     ----------
     bounded : result of a search
-    path : path of the design.json. If the file has another name, the function does not write gains.toml
+    path : path of the design.json. If the file name is not design.json, the function does not write gains.toml
 
     Raises
     ------
@@ -224,7 +225,7 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
 
 
 def _starting_design(file: ProblemFile, design: Solved | Known | str | Path | None, progress: Progress) -> Known:
-    """Return the design from which a search starts: the given design, or the design that vctune solves for now."""
+    """Return the design from which a search starts: the given design, or the solution of the problem."""
     if isinstance(design, Known):
         return design
     start = known_design(file, Path(design), given=True) if isinstance(design, str | Path) else None

@@ -52,13 +52,13 @@ def check(
     Returns
     -------
     Checked
-        `result` is the verdict, `message` one line of text, `warnings` the probable mistakes. `finding.judgement` has
-        the proved claims, and `finding.repairs` the repairs of a violated design.
+        `result` is the verdict, `message` is one line of text, and `warnings` are the probable mistakes.
+        `finding.judgement` contains the proved claims, `finding.repairs` the repairs of a violated design.
 
     Raises
     ------
     InputError
-        If the problem or the design is invalid, they are for different kinds of device, or there is no design.
+        If the problem or the design is invalid, if they are for different kinds of device, or if there is no design.
     """
     with limited(time_limit):
         file = problem_of(problem)
@@ -77,7 +77,7 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
     Returns
     -------
     Checked
-        `result`, `message` and `warnings`; `finding.again` has the verdicts on cells and gain sets.
+        `result`, `message` and `warnings`; `finding.again` contains the verdicts on cells and gain sets.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def check_parameter_files(
 
 
 def check_object(checked: Checked) -> dict[str, Any]:
-    """Return a check as an object: the object of design.json, the verdict on a region, or the reason why there is
+    """Return a check as an object: the object of design.json, the verdict on a region, or the reason for having
     neither."""
     if checked.finding is not None:
         return checked.finding.record()
@@ -158,12 +158,12 @@ def check_object(checked: Checked) -> dict[str, Any]:
 
 
 def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
-    """Write what a region has lost, as a list and as a picture.
+    """Write the cells and gain sets that a region has lost, as a list and as a picture.
 
     Parameters
     ----------
-    checked : check; the function writes its finding to lost.json
-    again : cells and gain sets; the function draws them in lost.svg
+    checked : result of the check, whose finding the function writes to lost.json
+    again : cells and gain sets, which the function draws in lost.svg
     folder : folder for the files; the function creates it if it does not exist
 
     Raises

@@ -23,7 +23,7 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.model.problem import Problem, Transparency
 
 SAME = 1e-9
-"""Greatest relative difference of two numbers that count as equal. One number may be computed, and the other read from
+"""Greatest relative difference of two numbers that count as equal. One of them may be computed and the other read from
 a file."""
 
 
@@ -34,8 +34,8 @@ def compare(
     writes no files.
 
     The function measures both errors over the band and with the Z_0 of `a`. If `b` is a problem, the function solves it
-    for this band and Z_0. If `b` states another band or Z_0, or is a design for another one, the result contains both
-    errors on both scales.
+    for this band and Z_0. If `b` states another band or Z_0, or is a design for another band or Z_0, the result
+    contains both errors on both scales.
 
     Parameters
     ----------
@@ -45,7 +45,8 @@ def compare(
     Returns
     -------
     ComparisonRecord
-        `problem` has the keys that differ, every default written out; `design` has the numbers and verdicts of both.
+        `problem` contains the keys that differ, with defaults written out; `design` contains the values and verdicts of
+        both designs.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def compare(
 def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[DesignRecord, Problem]:
     """Return a design with its problem.
 
-    If the problem states no band and no Z_0, the function uses those of the base.
+    If the problem states no band and no Z_0, the function uses the band and the Z_0 of the base.
     """
     record = known_record(source)
     if record is not None:

@@ -45,7 +45,7 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
     Raises
     ------
     InputError
-        If the folder cannot be written, or holds the design of another problem or file. The function then changes no
+        If the folder cannot be written, or contains the design of another problem or file. The function then changes no
         file.
     """
     file, folder = problem_of(problem), Path(folder)
@@ -91,7 +91,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
     Raises
     ------
     InputError
-        If there is no such design, its object is invalid, or the folder cannot be written.
+        If there is no such design, if its object is invalid, or if the folder cannot be written.
     """
     from vctune.report.design_report import write_report as write
 
@@ -132,13 +132,13 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[
     """Write design.json and gains.toml, and remove the report of an earlier design.
 
     If the design has changed, the function renames the other files of the earlier design, such as its firmware. If
-    there is no design now, it renames gains.toml.
+    there is no design any more, it renames gains.toml.
 
     Parameters
     ----------
     folder : an existing folder
     file : the problem
-    record : record of its design, or of the reason why there is none
+    record : record of its design, or of the reason why it has none
 
     Returns
     -------

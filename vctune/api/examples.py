@@ -20,7 +20,7 @@ def example_names() -> tuple[str, ...]:
 
 
 def example_text(name: str) -> str:
-    """Return the text of a problem file. For editors, it names the JSON Schema of this installation.
+    """Return the text of a problem file. The text names the JSON Schema of this installation, for editors.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ class Simulation:
     experiments : results of the experiments; each has the runs of the design and of the regular PID (`traces`,
         `metrics`, `mode`)
     controller : name of the compiled controller that ran instead of the design's own; None without one
-    made_for : digest of the problem for which this controller was made; None without one
+    made_for : digest of the problem for which the compiled controller was made; None without one
     """
 
     file: ProblemFile
@@ -58,7 +58,7 @@ class Simulation:
 
     @property
     def agrees(self) -> bool:
-        """Whether the commands of a compiled controller equal the design's, except for rounding.
+        """Whether the commands of a compiled controller equal those of the design, except for rounding.
 
         True without a controller.
         """
@@ -99,10 +99,10 @@ def simulate(
     gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None for the design of `solve`
     coupling : coupling of the design, N s/m and kg
     experiment : experiment to simulate, by name or as an object; None for all experiments of the problem
-    controller : a compiled controller, its path, or its folder. It runs instead of the design's own, and each
-        experiment then has a `difference`
-    tolerance : greatest permitted difference between its commands and the design's, in their unit; None for the effect
-        of rounding
+    controller : a compiled controller, its path, or its folder. It runs instead of the design's own controller, and
+        each experiment then has a `difference`
+    tolerance : greatest permitted difference between the commands of this controller and of the design, in their unit;
+        None for the effect of rounding
     progress : function that receives the current stage
 
     Returns
@@ -112,8 +112,9 @@ def simulate(
     Raises
     ------
     InputError
-        If the problem or the design is invalid, they are for different kinds of device, there is no such experiment or
-            controller, the controller does not render an experiment's environment, or solving finds no design.
+        If the problem or the design is invalid; if they are for different kinds of device; if there is no such
+        experiment or controller; if the controller does not render an experiment's environment; or if solving finds no
+        design.
     """
     compiled = CompiledController(Path(controller)) if isinstance(controller, str | Path) else controller
     file = problem_of(problem)
@@ -141,7 +142,7 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
     Raises
     ------
     InputError
-        If the problem has no experiment, or none of this name.
+        If the problem has no experiment, or no experiment with this name.
     """
     experiments = file.problem.experiments
     if not experiments:
@@ -162,12 +163,12 @@ def require_built_in(file: ProblemFile, chosen: tuple[Experiment, ...]) -> None:
     Parameters
     ----------
     file : the problem
-    chosen : its experiments, or others
+    chosen : experiments of the problem, or others
 
     Raises
     ------
     InputError
-        If an environment is late or stepped by explicit Euler.
+        If an environment runs late or by explicit Euler.
     """
     stated, mistakes = file.problem.experiments, []
     for experiment in chosen:
@@ -191,7 +192,7 @@ def require_built_in(file: ProblemFile, chosen: tuple[Experiment, ...]) -> None:
 
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
-    """Solve a problem as for a report but without repairs, and return the result.
+    """Solve a problem as for a report, but without repairs, and return the result.
 
     Parameters
     ----------
@@ -208,7 +209,7 @@ def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     """Write simulation.json, traces.npz and their figure.
 
-    If the folder holds the simulated design, write its report again.
+    If the folder contains the simulated design, write its report again.
 
     Parameters
     ----------

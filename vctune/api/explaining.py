@@ -36,12 +36,12 @@ VARIABLE_ENDINGS = (
     r" [A-Za-z](_\w+)?$",
     r"_(hz|db|deg|s|per_s)$",
 )
-"""Pattern of an ending that a table's label or a JSON key adds to a word: a frequency, the number of a part, a symbol,
+"""Pattern of the endings that labels of tables and JSON keys add to a word: a frequency, the index of a part, a symbol,
 a unit."""
 LINEAR_WORDS = (("inertia", "mass"), ("torque", "force"))
 """Words for a rotary device, each with the corresponding word for a linear device."""
 CLAIMS_GUIDE = "vctune/proof/README.md"
-"""Guide that the entry of a claim names; the text itself comes from the registry of the claims."""
+"""Guide that the entry of a claim names; the text of the entry comes from the registry of the claims."""
 CELLS = re.compile(r"(?<!\\)\|")
 """Pattern of the border between two cells: "|", but not "\\|", as in "\\|S\\|"."""
 
@@ -83,7 +83,7 @@ def explain(name: str) -> ExplanationRecord:
     InputError
         If no entry has this name; the message suggests the nearest names.
     """
-    # in this order: the name and its stems as they are, and then without regard to capitals
+    # first compare the name and its stems exactly, and then without regard to capitals
     label = _plain(name)
     entries_found = next(filter(None, map(_entries_named, _names_of_label(label))), [])
     entries_found = entries_found or next(
@@ -116,8 +116,8 @@ def _names_of_label(label: str) -> Iterator[str]:
 
 
 def _entries_named(name: str, folded: Callable[[str], str] = str) -> list[Entry]:
-    """Return the entries with a name, and the keys whose last part is the name. `folded` is applied to an entry's names
-    before the comparison."""
+    """Return the entries with a name, and the keys whose last part is the name. The function applies `folded` to an
+    entry's names before the comparison."""
     return [
         entry
         for entry in entries()
@@ -134,7 +134,8 @@ def entries() -> tuple[Entry, ...]:
 
 
 def _claim(claim: Claim) -> Entry:
-    """Return a claim as an entry: its sentences for all kinds of display, its explanation, and where it is proved."""
+    """Return a claim as an entry: its sentences for all kinds of display, its explanation, and the place of its
+    proof."""
     sentences = "; ".join(f"“{sentence}”" for sentence in dict.fromkeys(map(claim.said_of, DISPLAYS.values())))
     statement = f"The certificate's claim {sentences}."
     proof = f"Proved by `vctune.{claim.margin}`. Its witness is {claim.witness}."

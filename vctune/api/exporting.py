@@ -67,12 +67,13 @@ def export(
     ----------
     source : path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design
     gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None for the gains of the
-        design.json, or those that the problem fixes
+        design.json, or for the gains that the problem fixes
     coupling : coupling of the design, N s/m and kg
     to : "c" for C source with vectors to replay, "fmu", "json", or "ros2" for the parameters of an
         admittance_controller
     precision : precision of the firmware's constants
-    unproved : whether to also export a design that is not proved. The head of every file then says that it is not
+    unproved : whether to also export a design that is not proved; the head of every file then states that it is not
+        proved
     progress : function that receives the current stage
 
     Returns
@@ -84,8 +85,8 @@ def export(
     NotCertifiedError
         If the design is not certified and `unproved` is not set. This is also an `InputError`.
     InputError
-        If there is no design, it is for another kind of device than the problem's, or `to` is "fmu" and there is no C
-            compiler.
+        If there is no design, if the design is for another kind of device, or if `to` is "fmu" and there is no C
+        compiler.
     """
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
@@ -135,8 +136,8 @@ def export_parameters(
     Returns
     -------
     Exported
-        `firmware` belongs to the first design that is not certified. If all are certified, it belongs to the first
-        design.
+        `firmware` belongs to the first design that is not certified. If all designs are certified, it belongs to the
+        first one.
 
     Raises
     ------
@@ -178,7 +179,7 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     Parameters
     ----------
     exported : the files
-    folder : folder of the design; the function creates the folder of the files in it
+    folder : folder of the design, in which the function creates the folder of the files
 
     Returns
     -------
@@ -188,7 +189,7 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     Raises
     ------
     InputError
-        If the folder cannot be written, or holds the design of another problem.
+        If the folder cannot be written, or contains the design of another problem.
     """
     claim_folder(exported.file, Path(folder))
     place = Path(folder) / FOLDER
@@ -227,7 +228,7 @@ def stated_design(
     Raises
     ------
     InputError
-        If there is no problem, or no design for it, or more than one.
+        If there is no problem, or if there is no design for it or more than one.
     """
     record = known_record(source)
     if record is None:
@@ -262,7 +263,7 @@ def stated_design(
 def _stated_corner(
     source: ProblemSource | DesignRecord, gains: DesignSource | None, coupling: AnyCoupling | None, file: ProblemFile
 ) -> float | None:
-    """Return the corner frequency, rad/s, that proved the walls of a design; None if no file states it."""
+    """Return the corner frequency, rad/s, with which the walls of a design were proved; None if no file states it."""
     record = known_record(source)
     if record is None:
         return None if gains is None else design_for(file, gains, coupling).corner

@@ -17,8 +17,8 @@ from vctune.document.text.output_files import write_together
 
 DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
 OWNER_FILE = "problem-file.txt"
-"""File with the path of the problem file that owns the folder. The path is relative to the folder, so that both may
-move together."""
+"""File with the path of the problem file that owns the folder. The path is relative to the folder, so both can move
+together."""
 OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
 """Files that other commands write for a design, in its folder."""
 OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front")
@@ -38,7 +38,7 @@ def design_folder(file: ProblemFile, out: Path) -> Path:
     Raises
     ------
     InputError
-        If the folder cannot be written, or holds the design of another problem, another file, or the problem file
+        If the folder cannot be written, or contains the design of another problem, another file, or the problem file
         itself.
     """
     folder = out / folder_name(file.problem.name)
@@ -47,7 +47,7 @@ def design_folder(file: ProblemFile, out: Path) -> Path:
 
 
 def claim_folder(file: ProblemFile, folder: Path) -> None:
-    """Create a folder if needed, and check that a design of this problem overwrites no other work in it.
+    """Create a folder if needed, and check that a design of this problem would overwrite no other work in it.
 
     A problem file becomes the owner of the folder. If another file owns the folder, the function refuses the problem,
     unless the design in the folder belongs to the same problem.
@@ -60,7 +60,7 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
     Raises
     ------
     InputError
-        If the folder cannot be created or written, or holds other work.
+        If the folder cannot be created or written, or contains other work.
     """
     make_folder(folder)
     source, owner = Path(file.source), _owner(folder)
@@ -105,7 +105,7 @@ def outdated(folder: Path, record: DesignRecord) -> list[Path]:
 
 
 def _design_in(folder: Path) -> dict[str, Any] | None:
-    """Return the name and the digest of the problem whose design a folder holds; None if it holds no design."""
+    """Return the name and the digest of the problem whose design a folder contains; None if it contains no design."""
     try:
         problem = json.loads((folder / DESIGN_FILE).read_text())["problem"]
         return {"name": problem["name"], "sha256": problem["sha256"]}

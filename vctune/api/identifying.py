@@ -80,7 +80,8 @@ def identify(
     Raises
     ------
     InputError
-        If a file cannot be read or has no information, with line, column and remedy; or if SciPy is not installed.
+        If a file cannot be read or has no information; the message states line, column and remedy. Also if SciPy is not
+        installed.
     """
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
     if not paths:

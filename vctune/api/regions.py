@@ -43,8 +43,8 @@ DRAWING = 1.5
 """Seconds reserved for the picture of the cells, at most half of the remaining time. With half as many seconds, a slow
 machine leaves regions without a picture. With twice as many, the search leaves more cells undecided."""
 LOADING = 0.5
-"""Seconds that loading the drawing packages may take. Nothing can interrupt this. If less time is left, vctune draws no
-picture. With half as many seconds, the command would end late."""
+"""Seconds that loading the drawing packages may take. Nothing can interrupt the loading, so vctune draws no picture if
+less time is left. With half as many seconds, the command would exceed its time limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class AdmissibleGains:
     ----------
     file : the problem
     region : the cells; `interrupted` states whether the search was stopped
-    solved : the problem's best design, if it has one; None if the search did not need it
+    solved : the best design of the problem, if there is one; None if the search did not need it
     design : the gains and the coupling that render the environments of the cells; None for a plane of design variables
     marked : gains and coupling that the picture of a plane of design variables marks, proved or not
     """
@@ -119,8 +119,8 @@ def region(
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
     x, y : dotted keys of two free variables; None for K_v and K_p, or for b_c and k_c of an impedance display. If other
-        variables are free, a cell is feasible if some of their values within their bounds suffice. If x and y are
-        parameters of an environment, the region has the environments that may be rendered in every hand of the problem
+        variables are free, a cell is feasible if some values within their bounds suffice. If x and y are parameters of
+        an environment, the region contains the environments that can be rendered in every hand of the problem
     gains, coupling : the design that renders the environments, or its file; None for the problem's own design. The
         picture of a plane of design variables marks this design
     resolution : side of the smallest cell as a share of the plane's side, 1/2048 to 1/8
@@ -136,7 +136,8 @@ def region(
     Raises
     ------
     InputError
-        If the problem is invalid, x and y do not span a plane, or there is no design that could render environments.
+        If the problem is invalid, if x and y do not span a plane, or if there is no design that could render
+        environments.
     """
     file = problem_of(problem)
     x, y = axes_of(file.problem, x, y)

@@ -35,20 +35,18 @@ def solve(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gap : share by which a better design's error could be lower; the function proves that it is not lower by more. None
-        for no such proof
-    prices : whether to compute the prices: how much the error would fall if a parameter of the device were better by 1
-        %
-    changing : whether to look, in a certified design, whether the damping of the hand may change at every sample
+    gap : the function proves that the error of no design is lower by more than this share; None for no such proof
+    prices : whether to compute the prices: the decrease of the error if a parameter of the device were better by 1 %
+    changing : whether to examine if a certified design is stable while the damping of the hand changes at every sample
     time_limit : seconds after which the function returns the result so far; `cut` then names the missing parts
     progress : function that receives the current stage
 
     Returns
     -------
     Solved
-        `status`, and `judgement`, the best design and its proved claims. Without a design `judgement` is None; `reason`
-            says why, and `repairs` has the changes of one value that give a design, the least error first. `prices`,
-            if requested, has the greatest gain first.
+        `status`, and `judgement` with the best design and its proved claims. Without a design, `judgement` is None,
+        `reason` states why, and `repairs` lists changes of one value that give a design, the least error first.
+        `prices`, if requested, begins with the greatest decrease of the error.
 
     Raises
     ------

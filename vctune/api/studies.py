@@ -43,7 +43,7 @@ class Swept:
     ----------
     study : the solved study
     table : one row for each point: its axes, status, error, design and least ratio
-    dropped : number of torn lines from an interrupted earlier run; the sweep solved their points again
+    dropped : number of incomplete lines from an interrupted earlier run, whose points the sweep solved again
     """
 
     study: Study
@@ -114,22 +114,22 @@ def sweep(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem; without `axes` the path of a study file
-    axes : values of the problem by dotted key, each with its values: a list or an array, `{"linear": [a, b], "n": n}`
-        or `{"log": [a, b], "n": n}`, in the units of the problem file
+    axes : values by dotted key of the problem: a list or an array, `{"linear": [a, b], "n": n}` or `{"log": [a, b],
+        "n": n}`, in the units of the problem file
     sample : `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
-        hypercube; or `{"kind": "list"}`, the axes' lists side by side
+        hypercube; or `{"kind": "list"}`, the axes' lists element by element
     folder : folder for rows, table and picture, in which an interrupted sweep continues; None to write nothing
     jobs : number of workers; None for the number of cores
-    executor : "serial" for this process alone; "processes" for worker processes, which a script may start only under
-        `if __name__ == "__main__":`; or "dask" or "dask:ADDRESS"
+    executor : "serial" to work only in this process; "processes" for worker processes, which a script may start only
+        under `if __name__ == "__main__":`; or "dask" or "dask:ADDRESS"
     restart : whether to begin again instead of resuming
-    time_limit : seconds for each point; the row of a point that needs more is undecided
-    on_done : function that is called after each point with what is known so far
+    time_limit : seconds for each point; the row of a point that takes longer is undecided
+    on_done : function that is called after each point with the results so far
 
     Returns
     -------
     Swept
-        `pandas.DataFrame` accepts `table.columns()`; `table.rows()` has a dict for each point.
+        `pandas.DataFrame` accepts `table.columns()`; `table.rows()` contains a dict for each point.
 
     Raises
     ------
@@ -202,7 +202,7 @@ def _study(problem: ProblemSource | Study, axes: Mapping[str, Any] | None, sampl
 
 @contextmanager
 def _kept(folder: str | Path | None) -> Iterator[Path]:
-    """Yield the given folder, and create it if needed. Without a given folder, yield a temporary one."""
+    """Yield the given folder, and create it if needed; if no folder is given, yield a temporary one."""
     if folder is None:
         with tempfile.TemporaryDirectory() as name:
             yield Path(name)

@@ -72,8 +72,7 @@ def once_per_problem(
     ----------
     axes : problem file with several axes
     function : function of an axis; called once for each distinct problem
-    other_inputs : function that returns the other inputs of an axis. Axes share a call only if these inputs are
-        also equal
+    other_inputs : function that returns the other inputs of an axis, which must also be equal for axes to share a call
 
     Returns
     -------
@@ -151,7 +150,7 @@ def claim_axes(axes: AxesFile, out: Path) -> None:
     Raises
     ------
     InputError
-        If a folder cannot be written, or holds the design of another problem.
+        If a folder cannot be written, or contains the design of another problem.
     """
     for axis in axes.axes:
         claim_folder(axis.file, axis_folder(axes, axis, out))
@@ -160,7 +159,7 @@ def claim_axes(axes: AxesFile, out: Path) -> None:
 def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported: bool) -> dict[Path, Path]:
     """Write the design of each axis into the axis's folder.
 
-    Write a page with one line for each axis into the problem's folder.
+    Also write a page with one line for each axis into the problem's folder.
 
     Parameters
     ----------
@@ -279,12 +278,13 @@ def check_parameters(
 
 
 def _gains_of(gains: Mapping[str, GainsFile] | None, axis: AxisProblem) -> GainsFile | None:
-    """Return the given gains of an axis; None for those that the problem file fixes."""
+    """Return the given gains of an axis; None for the gains that the problem file fixes."""
     return None if gains is None else gains[axis.name]
 
 
 def _checked(axis: AxisProblem, gains: GainsFile | None) -> Checked:
-    """Return the check of an axis. An error in the input of one axis is its check, so that the other axes are checked.
+    """Return the check of an axis. If the input of the axis has an error, the check reports it, so the other axes are
+    still checked.
 
     `_of_axis` supplies the source and the name.
     """
@@ -358,7 +358,7 @@ def export_axes(
     def stage_of(axis: AxisProblem) -> Progress:
         return lambda stage: progress(f"{axis.name}: {stage}")
 
-    # each axis has files of its own, so that equal axes are exported as often as they occur
+    # each axis has its own files, so equal axes are exported as often as they occur
     exports = [
         export(
             axis.file,

@@ -1,1 +1,1 @@
-"""Measure the cost and the quality of vctune's answers, against other solvers and on extreme devices."""
+"""Measure the cost and the quality of vctune's answers, compared with other solvers and on extreme devices."""

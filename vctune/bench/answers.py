@@ -28,7 +28,7 @@ PROBLEMS = "friction-wheel-hands", "desktop", "cobot-wrist", "friction-wheel-rea
 QUICK, REPEATS = 2, 5
 """Number of problems of the quick measurement, and number of runs; the benchmark reports their median."""
 SIDES = {"quick": 3, "full": 10}
-"""Values of mass and of damping in the sweep."""
+"""Number of values of mass, and of damping, in the sweep."""
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 STUDY = """problem = "device.toml"
 [axes]
@@ -48,7 +48,7 @@ class Row:
     work : the scan; the search from the starts of the scan; both with the proof; the command with its report; or a
         point of a sweep
     problem : name of the problem, or the criterion of the sweep
-    seconds : processor time; of a point of a sweep the wall time, with the start of the command
+    seconds : processor time; for a point of a sweep the wall time, including the start of the command
     error : error of the design; nan for commands
     """
 
@@ -59,11 +59,11 @@ class Row:
 
 
 def measure(quick: bool, seed: int, tick: Tick) -> Measured:
-    """Solve examples by the library and by the command, and sweep over mass and damping.
+    """Solve examples with the library and with the command, and sweep over mass and damping.
 
     Parameters
     ----------
-    quick : whether to measure only a few problems, each once
+    quick : whether to measure only a few problems, with one run each
     seed : ignored, because nothing is random
     tick : function that receives the name of the work
 
@@ -126,7 +126,7 @@ def _estimate(
 
 
 def swept(criterion: str, side: int, folder: Path) -> Row:
-    """Return the wall time of the sweep command for each point of the sweep, including its start.
+    """Return the wall time of the sweep command, including its start, divided by the number of points.
 
     Parameters
     ----------

@@ -63,8 +63,7 @@ def _cell(value: Any) -> str:
 
 
 def page(name: str, measured: Measured, command: str, machine: str) -> str:
-    """Return a benchmark's page in Markdown: the picture, how to read the picture, the findings, and how to repeat the
-    run.
+    """Return a benchmark's page in Markdown: the picture, how to read it, the findings, and how to repeat the run.
 
     Parameters
     ----------

@@ -53,8 +53,8 @@ class Dense:
     def values(self, z: Floats) -> tuple[Floats, Floats]:
         """Return the logarithm of the error, and the constraints minus their levels.
 
-        A design satisfies a constraint if its number is >= 0. Where Re G_hh <= 0, the logarithm in a constraint does
-        not exist, and the function returns `MISSED`.
+        A design satisfies a constraint if the difference is >= 0. If Re G_hh <= 0, a constraint has no logarithm, and
+        its value is `MISSED`.
         """
         f, g = functions(self.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
@@ -76,7 +76,7 @@ class Dense:
         return self.numbers.least[self.posed]
 
     def design(self, z: Floats) -> tuple[Gains, AnyCoupling]:
-        """Return the gains and the coupling of a solution, as a file would state them."""
+        """Return the gains and the coupling of a solution, rounded as in a file."""
         values = list(self.fixed)
         for coordinate, at in zip(self.free, z, strict=True):
             values[coordinate.index] = coordinate.to_x(float(np.clip(at, coordinate.low, coordinate.high)))
@@ -112,7 +112,7 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
     Parameters
     ----------
     prepared : the problem
-    start : start of the solver; it decides whether the law has an integrator
+    start : start of the solver, which determines whether the law has an integrator
     count : number of frequencies of each kind
     reserve : relative tightening of the constraints
 

@@ -21,7 +21,7 @@ class Exact:
 
     Attributes
     ----------
-    offered, required, ratio : Re Z_c, R, and Re Z_c/R (inf if R <= 0); R has no meaning where Re h11 <= 0
+    offered, required, ratio : Re Z_c, R, and Re Z_c/R (inf if R <= 0); R has no meaning if Re h11 <= 0
     resistance : Re h11
     rollett : Rollett's stability factor of the two-port with Z_c; inf if q = 0
     admittance, tracking, coupling : |G_hh|, |1 - G_he| and |Z_c|, without the operator
@@ -45,7 +45,7 @@ def exact(case: Case, omega: Any) -> Exact:
 
     Parameters
     ----------
-    case : one case of plain numbers; each float stands for the decimal that Python prints for it
+    case : one case of plain numbers; each float represents the decimal that Python prints
     omega : frequency, rad/s, > 0
 
     Returns
@@ -154,7 +154,7 @@ def _value(poly: list[Any], z: Any) -> Any:
 def _all_inside(poly: list[Any]) -> bool:
     """Return whether every root lies inside the unit circle, by Jury's table.
 
-    Each row of the table is one shorter than the row above.
+    Each row of the table is one entry shorter than the row above.
     """
     while poly and poly[-1] == 0:
         poly = poly[:-1]

@@ -1,8 +1,8 @@
 """Implement the theory independently, in plain complex numbers, without any code of the model.
 
 This module uses dense grids instead of a proof, and matrix exponentials and eigenvalues instead of a return difference.
-The tests also judge many designs at a time with it. For one `Case`, a function of k frequencies (rad/s, not 0) returns
-k numbers in SI units; for n cases it returns n rows of k numbers.
+The tests also judge many designs at once with this module. For one `Case`, a function of k frequencies (rad/s, not 0)
+returns k numbers in SI units; for n cases it returns n rows of k numbers.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ Floats = NDArray[np.float64]
 POINTS = 20_001
 """Number of frequencies in each band. The number is odd, as Simpson's rule requires."""
 ENDLESS = 1e-6
-"""Factor that stands for 0 as the lower end of a band, relative to the other frequencies. Its reciprocal stands for
+"""Factor, relative to the other frequencies, that replaces 0 as the lower end of a band. Its reciprocal replaces
 inf."""
 WHOLE = 1e-12
-"""Share of a sample by which a delay may deviate from a whole number of samples and still count as whole."""
+"""Greatest deviation of a delay from a whole number of samples, as a share of a sample, for the delay to count as
+whole."""
 SERIES = 1e-2
 """Argument up to which the code uses Taylor series for (1 - e^-x)/x and its integral, because the closed forms
 cancel."""
@@ -157,10 +158,9 @@ def coupling_impedance(case: Case, s: Any) -> Any:
 def required(case: Case, omega: Any) -> Any:
     """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least feasible Re Z_c (paper eq. 19).
 
-    The two-port has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C), q = -h12 h21 = C (Z_d +
-    C)/(W + C)^2 with W = Z_d + b_h. Where Re q > 0, the code computes |q| - Re q as (Im q)^2/(|q| + Re q), and Im q
-    from 1 - q, so that no digits cancel. A mass in the hand has no effect, because the condition already covers any
-    reactance.
+    The two-port includes the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C), q = -h12 h21 = C (Z_d + C)/(W +
+    C)^2 with W = Z_d + b_h. Where Re q > 0, the code computes |q| - Re q as (Im q)^2/(|q| + Re q), and Im q from 1 - q,
+    so that no digits cancel. A mass in the hand has no effect, because the condition already covers any reactance.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def by_kind(case: Case, evaluate: Callable[[Case], Floats]) -> Any:
 def loop_matrices(case: Case) -> Floats:
     """Return the matrices that advance v, x and the delayed forces by one sample.
 
-    The cases are arrays with the same number of whole samples of delay. Either all cases have K_p > 0, or none has.
+    The cases are arrays with the same number of whole samples of delay. Either all cases have K_p > 0, or no case has.
     Without K_p, the state does not contain x.
     """
     order, whole = 2 if case.K_p[0] > 0 else 1, int(_samples(case)[0][0])
@@ -378,7 +378,7 @@ def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> floa
     ----------
     problem : problem with its constraints
     case : one case with the problem's device
-    extra : more frequencies, rad/s; the function ignores those outside the band of a constraint
+    extra : more frequencies, rad/s; the function ignores frequencies outside the band of a constraint
 
     Returns
     -------

@@ -11,7 +11,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 
 AGREEMENT = 1e-6
-"""Relative difference between the errors from prover and evaluator above which the two contradict each other."""
+"""Relative difference between the errors of prover and evaluator above which they contradict each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
     Returns
     -------
     Worth
-        The verdict of vctune's prover, and the numbers of the independent evaluator.
+        The verdict of vctune's prover, and the error and violation by the independent evaluator.
     """
     judged = judge(problem, gains, coupling)
     witnesses = [outcome.witness for outcome in judged.certificate.outcomes.values() if outcome.witness]

@@ -32,7 +32,7 @@ def slsqp(dense: Dense) -> Stopped:
 
 
 def slsqp_differences(dense: Dense) -> Stopped:
-    """Solve a problem on its grid by SciPy's SLSQP with its own finite differences, its most common use."""
+    """Solve a problem on its grid by SciPy's SLSQP with its own finite differences, as most users do."""
     return _slsqp(dense, exact=False)
 
 

@@ -51,8 +51,8 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
     "at-bound": _wheel(LIMITS, 250.0, mass=1.0, delay=5e-4),
     "fixed-loop": _wheel({"velocity": 150.0, "position": 6000.0}, 100.0),
 }
-"""The problems by name, in the form of files. The first one has two basins, and constraints that are active between the
-frequencies of a grid."""
+"""The problems by name, in the form of files. The first problem has two basins, and constraints that are active between
+the frequencies of a grid."""
 
 
 def posed(name: str, document: dict[str, Any]) -> Problem:

@@ -27,7 +27,7 @@ from vctune.model.problem import Problem
 from vctune.report.figures.benchmark_figures import Panel, Series
 
 GRID = 2000
-"""Number of frequencies for Llewellyn's conditions in the grid of most other solvers, and also for |S|."""
+"""Number of frequencies in the grids of most other solvers: for Llewellyn's conditions, and again for |S|."""
 COARSE_GRIDS = (8, 32, 128, 512)
 """Numbers of frequencies of the coarser grids for IPOPT."""
 CONSTRAINT_RESERVE = 1e-5
@@ -41,11 +41,12 @@ OURS, MULTISTART, IPOPT = "vctune", "SciPy SLSQP", "IPOPT, "
 AIMED_PACE = 1 / 3
 """Largest share of the multi-start's time that vctune may take for a certified design."""
 LEAST_GAP = 1e-7
-"""Gap at the dotted line of the picture. A smaller gap counts as equal, because the solvers stop there."""
+"""Gap at the dotted line of the picture. Errors with a smaller gap count as equal, because the solvers stop at this
+accuracy."""
 AS_GOOD_GAP = 1e-3
-"""Greatest gap with which an answer counts as good as the best."""
+"""Greatest gap with which an answer counts as equal to the best."""
 UNSTABLE_PENALTY = 1e3
-"""Number that sorts unstable answers behind all stable ones."""
+"""Penalty that ranks unstable answers behind all stable answers."""
 Solver = Callable[[Dense], Stopped]
 
 
@@ -73,7 +74,7 @@ class Row:
 
     Attributes
     ----------
-    grid : number of frequencies of each kind; 0 for vctune, which chooses its own
+    grid : number of frequencies of each kind; 0 for vctune, which chooses its own frequencies
     seconds : median processor time, without compiling the solver's functions. Only vctune's time includes the scan for
         the starts and the proof
     pace : vctune's time divided by the solver's time, the median over pairs of consecutive runs
@@ -114,7 +115,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     Parameters
     ----------
     quick : whether to run on the first problem only
-    seed : not used, because nothing here is random
+    seed : ignored, because nothing is random
     tick : function that receives the name of the next stage
 
     Returns
@@ -167,9 +168,9 @@ def _vctune_row(name: str, problem: Problem) -> Row:
 
 
 def _peer_row(name: str, prepared: Prepared, scan_result: ScanResult, peer: Peer) -> Row:
-    """Return the row of another solver: its best answer, and its time relative to vctune's.
+    """Return the row of another solver: its best answer, and its time relative to vctune's time.
 
-    The function first calls the compiled functions once, so that no time includes their compilation.
+    The function first calls the compiled functions once, so no measured time includes their compilation.
     """
     problem, dense_problems = (
         prepared.problem,
@@ -194,13 +195,13 @@ def _peer_row(name: str, prepared: Prepared, scan_result: ScanResult, peer: Peer
 
 
 def _starts(scan_result: ScanResult) -> list[Start]:
-    """Return the starts that vctune's own search would hand to its optimiser."""
+    """Return the starts from which vctune's own search would optimise."""
     return [start for start in scan_result.starts if start.admissible] or scan_result.starts[:2]
 
 
 @dataclass(frozen=True, slots=True)
 class _Answer:
-    """The answer of a solver from one start; `violation` is the greatest one on the grid of frequencies."""
+    """The answer of a solver from one start; `violation` is the greatest violation on the grid of frequencies."""
 
     design: tuple[Gains, AnyCoupling]
     error: float
@@ -212,7 +213,7 @@ class _Answer:
     def rank(self) -> tuple[bool, float]:
         """Return the sort key of an answer.
 
-        Answers that meet the constraints on their grid with a stable loop come first, by error; then all others, by
+        First come answers with a stable loop that meet the constraints on their grid, by error; then all others, by
         violation.
         """
         good = self.violation <= MAX_VIOLATION and self.stable

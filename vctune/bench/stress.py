@@ -36,11 +36,12 @@ FAILED = "failed"
 SCAN_GAINS, SCAN_DAMPING, SCAN_FREQUENCIES = 28, 48, 120
 """Number of values of each gain, of values of b_c, and of frequencies of the scan that looks for a design."""
 INSIDE_CIRCLE = 1 - 1e-9
-"""Spectral radius below which the scan calls a loop stable. Rounding changes a radius by less."""
+"""Spectral radius below which the scan regards a loop as stable. Rounding errors are smaller than the distance from
+1."""
 LEAST_DRAWN_ERROR = 1e-17
-"""Least relative error in the picture, whose axis is logarithmic: an error of 0 is drawn there."""
+"""Least relative error in the picture, which also represents an error of 0 on the logarithmic axis."""
 LEAST_SHARE = 1e-9
-"""Least scanned value above 0 of a number that may be 0, as a share of its upper bound."""
+"""Least scanned value above 0 of a variable that may be 0, as a share of its upper bound."""
 SLOWEST = 8
 """Number of the slowest devices that the findings name."""
 
@@ -55,11 +56,11 @@ class Row:
     status : "certified", "infeasible", "undecided", or "failed" after an exception, an invalid number or no answer in
         time
     seconds : processor time of the solve
-    wrong : how the verdict contradicts the independent evaluation; "" if it does not
+    wrong : contradiction between the verdict and the independent evaluation; "" if there is none
     float_error : largest relative error of the float formulas against 50 digits, over Re Z_c/R, |G_hh|, |1 - G_he| and
         |Z_c|; nan without a design
-    reason : remark on a device that has no answer or a wrong one; else ""
-    device : parameters of such a device; else ""
+    reason : remark on a device without an answer or with a wrong one; else ""
+    device : parameters of the same devices; else ""
     """
 
     number: int
@@ -117,14 +118,14 @@ def examined(seed: int, number: int) -> Row:
     Returns
     -------
     Row
-        The device's status and time, and how an independent evaluation contradicts the verdict.
+        The device's status and time, and the contradiction with an independent evaluation.
     """
     document, problem = device(seed, number)
     device_text, began = json.dumps(document), process_time()
     try:
         with patience(PATIENCE):
             solved = solve(problem)
-    except Exception as error:  # a failure becomes a row: the benchmark looks for failures
+    except Exception as error:  # a failure becomes a row, because the benchmark looks for failures
         return Row(number, FAILED, process_time() - began, "", nan, f"{type(error).__name__}: {error}", device_text)
     seconds, judgement = process_time() - began, solved.judgement
     reason = solved.infeasibility.reason if solved.infeasibility else ""

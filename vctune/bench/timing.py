@@ -47,7 +47,8 @@ def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
 
 @contextmanager
 def patience(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in the block after a given processor time. The limit works only in a process's main thread.
+    """Raise TimeoutError in the block after a given processor time. The limit works only in the main thread of a
+    process.
 
     Parameters
     ----------

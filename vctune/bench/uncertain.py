@@ -26,7 +26,7 @@ PATIENCE = 60.0
 """Processor time, s, after which the benchmark records a device as late."""
 LATE = "late"
 MAX_HALF_WIDTH = 0.9
-"""Greatest relative half-width of a number."""
+"""Greatest relative half-width of a parameter."""
 NUMBERS = "mass", "damping", "delay"
 COMBINATIONS = tuple(some for count in (1, 2, 3) for some in combinations(NUMBERS, count))
 

@@ -14,7 +14,7 @@ from vctune.proof.storage.changing import examine_changing
 from vctune.running import OutOfTimeError
 
 EXAMINED = "the proof of changing hands"
-"""Name of the stage for the message that a time limit interrupted it."""
+"""Name of a stage that a time limit may cut short."""
 
 
 @np.errstate(all="ignore")

@@ -63,10 +63,11 @@ class Posed:
     Attributes
     ----------
     problem : problem in SI or in the optimiser's units
-    cases : one problem for each exactly known device: the nominal device, or the vertices of an uncertain box; also the
-        copies of these with a delay just below or at a whole number of samples, if the constraints must hold there
-    hand_cases : problems of the devices that the search evaluates in hands: those of `cases`, and for an uncertain
-        delay more devices with delays next to whole samples; empty if the problem has no claim in hands
+    cases : one problem for each exactly known device: the nominal device, or the vertices of an uncertain box; also
+        copies of these problems with a delay just below or at a whole number of samples, if the constraints must hold
+        there
+    hand_cases : problems of the devices that the search evaluates in hands: `cases`, and for an uncertain delay also
+        devices with delays next to whole samples; empty if the problem has no claim in hands
     objective : problems of the devices whose greatest error is the objective
     box : box of all devices for which the prover must prove a design; None if the problem has one exactly known device
     demands : the constraints on a design
@@ -107,7 +108,7 @@ class Prepared:
     def on_device(self, device: Device) -> Device:
         """Return a device of the given problem in the optimiser's units.
 
-        A device without an unmodelled response takes that of the problem's own device.
+        If the device has no unmodelled response, the result has that of the problem's own device.
         """
         disc = self.problem.device.unmodelled if device.unmodelled is None else device.unmodelled
         return _dimensionless(with_device(self.problem, replace(device, unmodelled=disc)), self.units).device
@@ -144,8 +145,7 @@ def with_corner(posed: Posed, corner: float) -> Posed:
 
 
 def by_resistance(posed: Posed) -> Posed:
-    """Return a copy of a posed problem in which the margin of the real part alone must be positive for its
-    environments.
+    """Return a copy of a posed problem whose environments require only a positive margin of the real part.
 
     Parameters
     ----------
@@ -166,10 +166,11 @@ def _in_worlds(posed: Posed, **changes: Any) -> Posed:
 
 
 def problems_beside(problem: Problem) -> list[Problem]:
-    """Return copies of a problem with a delay just below and at a whole number of samples, if its delay is near one.
+    """Return copies of a problem with a delay just below and at a whole number of samples, if its delay is near such a
+    number.
 
-    The list is empty for an uncertain delay, because vctune extends the range of such a delay to the whole number
-    instead.
+    The list is empty for an uncertain delay, because vctune instead extends the range of an uncertain delay to the
+    whole number.
     """
     delays = () if problem.uncertainty is None else dict(problem.uncertainty.half_widths)
     if problem.hands_met is None or any(problem.device.number(key) for key in DELAYS if key in delays):
@@ -207,7 +208,7 @@ def acting_terms(problem: Problem) -> tuple[TermName, ...]:
 
     On an admittance display every term can differ. A rigid impedance display follows the commanded force equally well
     with any K_v. If K_v is fixed, as on every servo, the term of free motion is also the same for every design. With
-    the norm "rms", such constant terms would hide the effect of the coupling, so the function leaves them out.
+    the norm "rms", constant terms would hide the effect of the coupling, so the function omits them.
     """
     objective, device, fixed = problem.transparency, problem.device, set[str]()
     if not device.kind.banded and objective.norm == "rms" and objective.weights.coupling > 0:

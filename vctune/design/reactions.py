@@ -31,11 +31,11 @@ Numbers = NDArray[np.intp]
 Marks = NDArray[np.bool_]
 
 SHARES = (0.0, 0.001, 0.01, 0.04, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Positions in the range of each number of a hand at which the search evaluates hands: 0 is the least value, 1 the
+"""Positions in the range of each parameter of a hand at which the search evaluates hands: 0 is the least value, 1 the
 greatest."""
 INWARDS = 1e-9
-"""Relative distance of the least evaluated share of the coupling from the end 1/g of its range. The distance protects
-against rounding errors."""
+"""Relative distance of the least evaluated share of the coupling from the end 1/g of its range. With this distance, the
+share stays within the range in spite of rounding errors."""
 LOWEST, NEAR = 1e-4, 1e-3
 """Least angle theta, and distance of the greatest angle from pi, rad."""
 COARSE, FINE = 160, 400
@@ -236,8 +236,8 @@ class LimitPoints:
         return np.any(enough & (self.reactance >= least) & (self.reactance <= most), axis=1)
 
     def between(self, low: Floats, high: Floats) -> list[tuple[int, int, int] | None]:
-        """Return for each box a curve and two of its angles between which every member has a pole; None if there are
-        none.
+        """Return for each box a curve and two of its angles between which every environment of the box has a pole; None
+        if there are none.
 
         Parameters
         ----------

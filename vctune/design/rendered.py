@@ -1,4 +1,4 @@
-"""Find which environments a design can render in every hand, beyond those that the problem requires."""
+"""Find the environments that a design can render in every hand, beyond the environments that the problem requires."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ class Rendered:
     ----------
     gains, coupling : the design
     demands : constraints for the device itself
-    loops : boxes of hands in which the environment decides, for the problem and for its copies with a delay next to a
-        whole sample
+    loops : boxes of hands in which stability depends on the environment, for the problem and for its copies with a
+        delay next to a whole sample
     devices : devices on which the search looks for witnesses
     curves : curves along which environments have poles, in double precision
     """
@@ -89,7 +89,8 @@ class Rendered:
         return proved
 
     def refuted(self, missed: WorldCells, found: Sequence[Between]) -> Flags:
-        """Return a flag for each box: whether its curve and its two angles provably refute every member.
+        """Return a flag for each box: whether its curve and its two angles provably refute every environment of the
+        box.
 
         Parameters
         ----------
@@ -119,7 +120,7 @@ class Rendered:
         Returns
         -------
         hopeful : flags of the boxes in which no point of a curve lies, shape (n,)
-        lost : indices of the boxes for which a curve seems to refute every member
+        lost : indices of the boxes in which a curve seems to refute every environment
         between : the curve and the two angles, for each box of `lost`
         """
         hopeful, found = np.ones(len(cells), bool), dict[int, Between]()
@@ -225,7 +226,7 @@ def _ends_beyond(
     points : points at which environments have poles, in double precision
     low, high : the box
     number : `STIFFNESS` or `MASS`
-    known : value that is already proved; the function returns only better values. None if none is proved
+    known : value that is already proved; the function returns only better values. None if no value is proved
     """
     stiff, found = number == STIFFNESS, []
     if not stiff and high[MASS] == 0:

@@ -64,8 +64,8 @@ class Round:
 
 @dataclass(frozen=True, slots=True)
 class Polished:
-    """A local optimum in dimensionless units that meets the constraints at every frequency in double precision,
-    unproved.
+    """A local optimum in dimensionless units, which meets the constraints at every frequency in double precision,
+    without proof.
 
     Attributes
     ----------
@@ -89,11 +89,10 @@ class Polished:
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """A change of one value of the problem file that makes a design possible, while 90 % of the change does not.
+    """A change of one value of the problem file that makes a design possible, although 90 % of the change does not.
 
-    If the old number is 0, any other value may suffice, and the repair is then a small value. If the number is a gain
-    of a given design, the repair is not the least change: it is the value with the least error, or the value of the
-    solved design.
+    If the old value is 0, any other value may suffice, and the repair is then a small value. For a gain of a given
+    design, the repair is not the least change: it is the value with the least error, or the value of the solved design.
 
     Attributes
     ----------
@@ -101,7 +100,7 @@ class Repair:
     old, new : old and new value, in the unit of the file; 1 and 0 for true and false
     change : meaning of the change, in words
     needs : the new line of the file, in TOML
-    size : change relative to the greater of both values; orders repairs with the same error
+    size : change relative to the greater of the two values, by which repairs with the same error are ordered
     error : transparency error of the repaired design
     """
 
@@ -131,8 +130,8 @@ class Price:
 
     Attributes
     ----------
-    key : key of the number in the problem file
-    old, new : the value, and a value that is better by a hundredth, in SI units and hertz
+    key : key of the parameter in the problem file
+    old, new : the value, and a value that is better by 1 %, in SI units and hertz
     change : first-order change of the least error as a share of this error; at most 0
     """
 
@@ -144,7 +143,7 @@ class Price:
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """The error of a design under one criterion alone, from the optimiser and without proof.
+    """The error of a design under only one criterion, from the optimiser and without proof.
 
     Attributes
     ----------
@@ -174,12 +173,13 @@ class Solved:
     scanned : result of the scan; None without a scan
     seconds : seconds by stage
     optimality : proved bound on the error of any design; None if not requested
-    nominal_error : error of the best design for the nominal device alone, not proved; None if the device is not
+    nominal_error : error of the best design for only the nominal device, not proved; None if the device is not
         uncertain
     repairs : changes of the problem that would make a design possible; None if not requested
-    alternatives : least errors under each criterion alone; None if the problem has one criterion or if not requested
+    alternatives : least errors under each criterion separately; None if the problem has one criterion or if not
+        requested
     prices : prices of the device's parameters, the greatest gain first; None if not requested or without an optimum
-    changing : what is known of hands whose damping changes; None if not requested or not examined
+    changing : result for hands whose damping changes; None if not requested or not examined
     cut : stages that the time limit cut short, in words
     """
 
@@ -250,7 +250,7 @@ class Solved:
 
     @property
     def reason(self) -> str | None:
-        """The reason why there is no design, with the best repair; for a given design, the amount by which it fails."""
+        """The reason why there is no design, with the best repair; for a given design, the amount of its violation."""
         if self.infeasibility is None:
             return self.judgement.reserve_missed if self.judgement else None
         if self.repairs:

@@ -29,17 +29,18 @@ if TYPE_CHECKING:
 BOUND = "the search of every box"
 """Name of the search of every box among the stages that a time limit may cut short."""
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
-"""SEARCH_BOXES is the greatest number of boxes in the search of every box, which runs if the optimiser finds no design.
+"""SEARCH_BOXES is the greatest number of boxes in the search of all designs, which runs if the optimiser finds no
+design.
 
 If the search evaluates each box on several devices, it divides this number by the number of devices. The search then
-takes about as long as a user waits for an answer. With half as many boxes it proves fewer problems infeasible; with
-twice as many it proves only a few more. SEARCH_GAP is the gap at which the search accepts a design: 1 %.
+takes about as long as a user would wait for an answer. With half as many boxes it proves fewer problems infeasible;
+with twice as many it proves only a few more. SEARCH_GAP is the gap at which the search accepts a design: 1 %.
 """
 STABILITY_BOXES = 1_500_000
 """Greatest number of boxes in the proofs that loops are stable or unstable. Each of these boxes takes a tenth of the
 time of a box with a lower bound. The problems of problems/ need about as many stability boxes as boxes with a lower
 bound. A loop with a sample time of half an hour needs more than a hundred times as many. With half or twice this
-number, the search takes half or twice the time until it ends without a result."""
+number, a search without a result takes half or twice the time."""
 EARLY_BOXES = 20_000
 """Greatest number of boxes in a first search, which tries to prove that there is no design before the optimiser runs.
 This number is a small share of `SEARCH_BOXES`. The later search continues where the first one ended, so no work is
@@ -54,19 +55,18 @@ or a time limit ends the search earlier, the result has the bound reached so far
 def solve(
     problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None, exhaustive: bool = True
 ) -> Solved:
-    """Find the most transparent feasible design and prove it. If the problem fixes every variable of a design, judge
-    this one.
+    """Find the most transparent feasible design and prove it. If the problem fixes every variable, judge the given
+    design.
 
     If the optimiser finds no design, a search over all designs (`vctune.design.bound`) finds one, proves that there is
-    none, or ends without a result. If the device is uncertain, the function also solves the problem for the nominal
-    device alone. This nominal design is one more start, and its error shows the cost of robustness.
+    none, or ends without a result. If the device is uncertain, the function also solves the problem for only the
+    nominal device. This nominal design is one more start, and its error shows the cost of robustness.
 
     Parameters
     ----------
     problem : problem in SI units
     progress : function that receives the current stage
-    gap : share of the error; the function proves that no design has a lower error by more than this share. None for no
-        such proof
+    gap : the function proves that the error of no design is lower by more than this share; None for no such proof
     exhaustive : whether to search every box if the optimiser finds no design, or if `gap` is given
 
     Returns

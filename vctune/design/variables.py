@@ -37,7 +37,7 @@ def point(gains: Gains, coupling: AnyCoupling) -> Point:
 
 
 def design_of(values: Point) -> tuple[Gains, AnyCoupling]:
-    """Return gains and coupling from their parameters."""
+    """Return gains and coupling from their variables."""
     return Gains(*values[:2]), coupling_from(values[2:CORNER])
 
 

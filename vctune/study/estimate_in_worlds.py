@@ -1,4 +1,4 @@
-"""Estimate in which hands and at which angles a box of environments is hardest to render, for cells of gains."""
+"""Estimate the hands and angles in which a box of environments is hardest to render, for cells of gains."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ from vctune.proof.engine.boxes import Cells
 
 DAMPING = KEYS.index("coupling.damping")
 LOOPS_AT_ONCE = 2
-"""Number of designs whose arrays, a hundred hands at a hundred angles each, fit into the processor's cache. It only
-affects speed."""
+"""Number of designs whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache. The
+number affects only the speed."""
 DAMPINGS, FEW_SHARES, FEW_ANGLES = 24, (0.0, 0.1, 1.0), 12
-"""Number of dampings b_c of a coupling that the estimate tries for each cell, and the hands and the angles per decade
-with which it compares them. With half or twice as many dampings, the same cells stay undecided."""
+"""Number of values of b_c that the estimate tries for each cell; positions of hands in their ranges, and number of
+angles per decade, with which it compares these values. With half or twice as many values, the same cells stay
+undecided."""
 
 
 def worst_places(problem: Problem, points: Cells, *, few: bool = False) -> tuple[Floats, PlacesInHands]:
@@ -35,11 +36,11 @@ def worst_places(problem: Problem, points: Cells, *, few: bool = False) -> tuple
     ----------
     problem : problem of one device with a box of environments
     points : n cells of one design each
-    few : whether to look at few hands and angles only
+    few : whether to use only a few hands and angles
 
     Returns
     -------
-    need : shape (n,); a design meets the constraint where need times the safety factor is at most 1
+    need : shape (n,); a design meets the constraint if need times the safety factor is at most 1
     places : n angles, each with a hand
     """
     assert problem.hands_met is not None

@@ -1,7 +1,7 @@
 """Provide workers as a `concurrent.futures.Executor`: processes on this machine, or a Dask cluster.
 
-Workers that this module starts end when the process that started them ends, even if that process is killed. Workers
-ignore Ctrl-C, which the process that started them handles.
+The workers that this module starts end with their parent process, even if that process is killed. Workers ignore
+Ctrl-C, which the parent process handles.
 """
 
 from __future__ import annotations
@@ -64,13 +64,13 @@ def available_cores() -> int:
 
 @contextmanager
 def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
-    """Start or connect workers, and release them at the end of the block.
+    """Start workers or connect to them, and release them at the end of the block.
 
     Parameters
     ----------
-    choice : "serial" for this process alone, "processes", "dask" for a Dask cluster on this machine, or "dask:ADDRESS"
-        for a running cluster
-    jobs : number of workers to start; not used for this process alone and for a running cluster
+    choice : "serial" to work only in this process, "processes", "dask" for a Dask cluster on this machine, or
+        "dask:ADDRESS" for a running cluster
+    jobs : number of workers to start; not used for "serial" and for a running cluster
 
     Returns
     -------
@@ -108,7 +108,7 @@ class _Serial(Executor):
 
 @contextmanager
 def _process_pool(jobs: int) -> Iterator[WorkerPool]:
-    """Yield worker processes on this machine, and end them with the block."""
+    """Yield worker processes on this machine, and end them at the end of the block."""
     with _for_workers():
         context = _context()
     start = partial(ProcessPoolExecutor, jobs, mp_context=context, initializer=_begin_worker)
@@ -123,7 +123,7 @@ def _process_pool(jobs: int) -> Iterator[WorkerPool]:
     except BaseException:
         pool.executor.shutdown(wait=False, cancel_futures=True)
         raise
-    pool.executor.shutdown()  # waits: idle workers could outlive the pipe that wakes them
+    pool.executor.shutdown()  # wait, because idle workers could outlive the pipe that wakes them
 
 
 def _context() -> BaseContext:
@@ -155,7 +155,7 @@ def _for_workers() -> Iterator[None]:
     finally:
         os.environ.clear()
         os.environ.update(before)
-        if handler is not None:  # None as well if code other than Python installed the handler
+        if handler is not None:  # also None if code other than Python installed the handler
             signal.signal(signal.SIGINT, handler)
 
 
@@ -228,7 +228,7 @@ def _check_versions(choice: str, client: Any) -> None:
     """Check that every worker runs this version of vctune, because another version would give different rows."""
     try:
         versions = ", ".join(sorted(set(client.run(_version).values())))
-    except Exception as error:  # each reason why a worker cannot run vctune raises another exception
+    except Exception as error:  # each reason why a worker cannot run vctune raises a different exception
         versions = f"none that runs ({error})"
     if versions != __version__:
         raise _refusal(choice, f"its workers need vctune {__version__} and have {versions}; install it on each of them")

@@ -22,21 +22,21 @@ POSITIONS, DECADES = 24, 4
 EDGES = 41
 DIGITS = 5
 OWN = "error_with_own_weights"
-"""Name of the error if each row has its own weights. The errors of two such rows cannot be compared."""
+"""Name of the error if each row has its own weights. These errors cannot be compared between rows."""
 
 
 def terms_study(document: dict[str, Any], problem: Problem) -> Study:
     """Return the study whose designs trade off |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0.
 
     The first two terms belong to the loop with K_v and K_p, the third to the coupling. At each K_p, the weight of the
-    third term determines K_v. The study sweeps K_p directly, because weights alone miss the non-convex parts of a
-    front.
+    third term determines K_v. The study sweeps K_p directly, because a sweep of weights misses the non-convex parts of
+    a front.
 
     Parameters
     ----------
     document, problem : the parsed problem file, and its problem
     """
-    if problem.device.kind.inverse:  # K_v worsens free motion, and only a weight would move it
+    if problem.device.kind.inverse:  # a greater K_v worsens free motion, so the best K_v depends on the weights
         velocity = _list("gains.velocity", _values(problem.bounds.velocity))
         return Study("terms", document, (velocity,), problem)
     weight = problem.transparency.weights.coupling or 1.0

@@ -1,6 +1,6 @@
 """Prove that no coupling can render a box of environments with the gains of a cell.
 
-The proof names one hand and one angle for each box of couplings; there, the constraint fails throughout the box.
+For each box of couplings, the proof names one hand and one angle at which the constraint fails throughout the box.
 Estimates in double precision find these places.
 """
 
@@ -26,7 +26,8 @@ from vctune.study.estimate_in_worlds import worst_places
 COUPLING = slice(2, None)
 """Rows of the coupling among the variables of a design."""
 NEAR_MISS = 0.97
-"""Need in the worst hand of a grid, relative to the limit, above which the proof refines that hand and its angle."""
+"""Need (1/ratio) in the worst hand of a grid, relative to the limit, above which the proof refines the hand and its
+angle."""
 MAX_HALVINGS, MAX_BOXES = 24, 200
 """Greatest number of halvings of a box of couplings, and greatest number of boxes of a cell. A cell that needs more
 stays undecided."""
@@ -39,7 +40,7 @@ def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
     ----------
     problem : problem of one device with a box of environments
     cells : n cells of designs
-    free : which variables of a design may be chosen for each point of a cell; all of them belong to the coupling
+    free : which variables may have another value at each point of a cell; all of them belong to the coupling
 
     Returns
     -------
@@ -54,7 +55,7 @@ def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
 
 
 def _every_box_fails(problem: Problem, cells: Cells, free: Flags) -> Flags:
-    """Return the cells in which every box of couplings fails. The proof halves the ranges of free variables only."""
+    """Return the cells in which every box of couplings fails. The proof halves only the ranges of free variables."""
     n = len(cells)
     no_frequency = np.zeros((1, n))
     names, owner = (FREQUENCY, *cells.keys), np.arange(n)
@@ -74,7 +75,7 @@ def _every_box_fails(problem: Problem, cells: Cells, free: Flags) -> Flags:
 
 
 def _decided(problem: Problem, free: Flags, boxes: Boxes) -> Decided:
-    """Return which boxes of couplings fail throughout, and the cost by which the prover selects the variable to
+    """Return the boxes of couplings that fail throughout, and the cost by which the prover selects the variable to
     halve."""
     low, high = boxes.low[1:], boxes.high[1:]
     shape = boxes.low.shape

@@ -19,7 +19,7 @@ from vctune.proof.engine.boxes import Cells
 Squares = NDArray[np.intp]
 """Cells given by the indices of their edges, x_low, x_high, y_low, y_high, as an array of shape (4, number of cells).
 
-A cell with y_low = y_high (or x_low = x_high) is a piece of the line K_p = 0. There, the law has no integrator.
+A cell with y_low = y_high (or x_low = x_high) is a piece of the line K_p = 0, where the law has no integrator.
 """
 
 COARSEST = 8
@@ -49,14 +49,15 @@ class Plane:
         return WORLD if len(self.ranges) == len(WORLD) else keys_of(len(self.ranges))
 
     def at_full_width(self, key: str) -> bool:
-        """Return whether a variable is free but not an axis. Each cell may then have its own value of this variable."""
+        """Return whether a variable is free but not an axis, so that each cell may have its own value of this
+        variable."""
         index = self.keys.index(key) if key in self.keys else None
         return index is not None and index not in self.axes and not self.ranges[index].fixed
 
     def coarsest_squares(self) -> Squares:
         """Return the plane as `COARSEST` by `COARSEST` cells.
 
-        If it includes the line K_p = 0, return this line in as many pieces.
+        If the plane includes the line K_p = 0, the result also has this line in `COARSEST` pieces.
         """
         side, count = len(self.edges[0]) - 1, COARSEST
         marks = np.arange(0, side, side // count)
@@ -72,7 +73,7 @@ class Plane:
     def has_line(self, place: int) -> bool:
         """Return whether the axis x or y (0 or 1) is a K_p that starts at 0.
 
-        The plane then has a separate line without an integrator.
+        If so, the plane has a separate line without an integrator.
         """
         return self.keys[self.axes[place]] == "gains.position" and bool(self.edges[place][0] == 0)
 

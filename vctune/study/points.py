@@ -37,7 +37,7 @@ def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Value
 
     On every axis, each of n equal parts of the range contains exactly one point.
 
-    For a list, each element occurs equally often, give or take one.
+    The elements of a list occur equally often, except for a difference of one.
 
     Parameters
     ----------

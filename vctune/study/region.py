@@ -56,8 +56,8 @@ class Region:
     plane : the variables and their edges
     squares : the cells, shape (4, n)
     kinds : verdict on each cell, `Kind`
-    damping : for each feasible cell, a b_c that is feasible in all of it, N s/m, if the problem leaves b_c free; else
-        nan
+    damping : for each feasible cell, a b_c that is feasible in the whole cell, N s/m, if the problem leaves b_c free;
+        else nan
     interrupted : whether undecided cells remain that were not examined or could be divided further
     """
 
@@ -83,7 +83,7 @@ def region(
 
     If b_c, m_c or b_0 are free and not on an axis, a cell is feasible if some values within their bounds suffice. The
     constraints ease as m_c and b_0 grow, so their upper bounds decide. The search examines coarse cells before fine
-    ones, so that it has decided most of the plane whenever it is stopped.
+    ones, so an interrupted search has decided most of the plane.
 
     Parameters
     ----------
@@ -119,8 +119,8 @@ def divided(
     Parameters
     ----------
     plane, squares, progress, stopped : see `region`
-    judged : function that returns the verdict on some cells, and a b_c of each, or nan
-    across : function that returns which cells to halve in x, see `halved`
+    judged : function that returns the verdict on some cells, and a b_c or nan for each
+    across : function that returns the cells to halve in x, see `halved`
 
     Returns
     -------
@@ -188,8 +188,8 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
     Parameters
     ----------
-    problems : problems of the stated delay and of delays on both sides of a whole sample; a feasible cell meets all of
-        them
+    problems : problems with the stated delay and with delays on both sides of a whole sample; a feasible cell meets the
+        constraints of all problems
     plane, squares : the cells
 
     Returns
@@ -208,7 +208,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     kinds[hopeful] = Kind.FEASIBLE
     for problem, hardest, missed in zip(problems, estimated.places, estimated.missed, strict=True):
         undecided = np.flatnonzero(kinds == Kind.UNDECIDED)
-        # with a box of environments more mass and drag of the coupling may be worse
+        # with a box of environments, a coupling with more mass and drag may be worse
         tested = (cells if problem.worlds is None else whole).subset(undecided)
         kinds[undecided[_proved_infeasible(problem, plane, tested, hardest.subset(undecided), missed[undecided])]] = (
             Kind.INFEASIBLE
@@ -217,7 +217,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
 
 def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flags:
-    """Return which cells to halve in x: those in which the requirements change more with x than with y."""
+    """Return the cells to halve in x, in which the requirements change more with x than with y."""
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     change = changes(problems, cells, plane.axes, free=free)
     longer = squares[1] - squares[0] > squares[3] - squares[2]
@@ -225,7 +225,7 @@ def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flag
 
 
 def _proved_infeasible(problem: Problem, plane: Plane, cells: Cells, places: Places, missed: Flags) -> Flags:
-    """Return which cells of a plane are proved to contain no design that meets a problem's constraints."""
+    """Return the cells of a plane that are proved to contain no design that meets a problem's constraints."""
     demands = pose(problem).demands
     infeasible = refuted(demands, cells, places)
     if problem.worlds is not None:

@@ -1,4 +1,5 @@
-"""`vctune check --region`: prove the content of a baseline again for the problem as it is today."""
+"""`vctune check --region`: prove the cells and gain sets of an earlier region, the baseline, for the present
+problem."""
 
 from __future__ import annotations
 
@@ -60,14 +61,14 @@ class Recheck:
 
 
 def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lambda stage: None) -> Recheck:
-    """Prove the feasible cells and the gain sets of a baseline again, for the problem as it is today.
+    """Prove the feasible cells and the gain sets of a baseline again for the present problem.
 
-    The axes keep the baseline's edges. Fixed values, and the bounds of the other variables, are those of today's
+    The axes keep the baseline's edges. Fixed values, and the bounds of the other variables, come from the present
     problem.
 
     Parameters
     ----------
-    problem : today's problem, without `plane_errors` on the baseline's axes
+    problem : the present problem, without `plane_errors` on the baseline's axes
     baseline : content of the region file
     progress : function that receives the current stage
 
@@ -90,7 +91,7 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
 
 
 def _rendered_again(problem: Problem, baseline: RegionDocument, progress: Progress) -> Recheck:
-    """Prove the environments of a map again for its design. The design itself is not proved again."""
+    """Prove the environments of a map again for its design. The function does not prove the design itself again."""
     x, y = baseline.axes.x, baseline.axes.y
     ranges = world_plane(problem, x, y, 3).ranges
     plane = Plane((WORLD.index(x), WORLD.index(y)), (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges)
@@ -141,7 +142,7 @@ class RegionFinding:
 def recheck_region(
     file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None
 ) -> tuple[Checked, Recheck]:
-    """Prove the cells and gain sets of a region file again, for the problem as it is today.
+    """Prove the cells and gain sets of a region file again for the present problem.
 
     Parameters
     ----------
@@ -184,7 +185,7 @@ def _lost_area(again: Recheck) -> float:
 
 
 def _message(again: Recheck) -> str:
-    """Return a sentence on what is proved again and what is lost."""
+    """Return a sentence that states what is proved again and what is lost."""
     kept, lost, designs = again.region.area(Kind.FEASIBLE), _lost_area(again), len(again.certified)
     if not again.lost:
         return f"proved again: {100 * kept:.4g} % of the plane and the listed gain sets, {designs}"

@@ -1,4 +1,4 @@
-"""Estimate on a grid of frequencies where the constraints on cells of gains are hardest to meet."""
+"""Estimate the frequencies of a grid at which the constraints on cells of gains are hardest to meet."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from vctune.study.estimate_in_worlds import DAMPING, best_damping, need_at, wors
 
 POINTS_PER_DECADE = 24
 LOOPS_AT_ONCE = 16
-"""Number of loops whose arrays, a hundred hands at a hundred angles each, fit into the processor's cache. It only
-affects speed."""
+"""Number of loops whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache. The
+number affects only the speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Estimate:
 
 
 def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
-    """Return where the constraints are hardest to meet at the centres of cells, on a grid of frequencies.
+    """Return the places, on a grid of frequencies, where the constraints are hardest to meet at the centres of cells.
 
     Parameters
     ----------
@@ -87,8 +87,8 @@ def _estimate_in_worlds(problems: Sequence[Problem], cells: Cells, *, free: bool
 
 
 def _damping_in_worlds(problems: Sequence[Problem], cells: Cells) -> Floats:
-    """Return for each cell a b_c for every passive environment, which needs no search, or else the best b_c for the
-    box."""
+    """Return for each cell a b_c for every passive environment, which needs no search; if there is none, return the
+    best b_c for the box."""
     damping = estimate([replace(problem, worlds=None) for problem in problems], cells, free=True).damping
     unmet = np.isnan(damping)
     if unmet.any():
@@ -105,7 +105,7 @@ def _with_damping(points: Cells, damping: Floats) -> Cells:
 
 @np.errstate(all="ignore")
 def _changes_in_worlds(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
-    """Return `changes` with a box of environments, at the places that are worst at the centres."""
+    """Return `changes` with a box of environments, at the worst places of the cells' centres."""
     middle = cells.centres()
     if free:
         middle = _with_damping(middle, _damping_in_worlds(problems, cells))
@@ -126,7 +126,8 @@ def _changes_in_worlds(problems: Sequence[Problem], cells: Cells, axes: tuple[in
 
 
 def _missed_at(problem: Problem, numbers: Floats, places: PlacesInHands) -> Floats:
-    """Return the logarithm by which designs miss the hardest constraint, in hands each at its own place."""
+    """Return the logarithm of the factor by which each design misses the hardest constraint, in a hand at its own
+    place."""
     need = need_at(problem, Cells(numbers, numbers), places) * problem.stability.safety_factor
     peak, _ = _peak_of_sensitivity(problem, Gains(*numbers[:2, :, None]))
     return np.maximum(np.log(np.maximum(need, TINY)), np.log(peak / problem.stability.max_sensitivity))
@@ -134,7 +135,7 @@ def _missed_at(problem: Problem, numbers: Floats, places: PlacesInHands) -> Floa
 
 @np.errstate(all="ignore")
 def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
-    """Return the logarithm by which the hardest constraint changes across each cell along two axes.
+    """Return the logarithm of the factor by which the hardest constraint changes across each cell along two axes.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ class _Requirement:
     ----------
     omega : frequencies of the coupling, rad/s; for an impedance display theta, rad; shape (places,)
     required : the least Re Z_c there, N s/m, or the least Re(1/Z_c)/s^2, shape (n, places)
-    place : function that makes the place of each cell for `Places` from an index of `omega` for each
+    place : function that makes the place of each cell for `Places` from its index of `omega`
     """
 
     omega: Floats
@@ -246,7 +247,8 @@ def _stacked(places: Sequence[Any]) -> Any:
 
 
 def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
-    """Return what a coupling offers against a requirement: Re Z_c, or Re(1/Z_c)/s^2 for an impedance display."""
+    """Return the quantity of a coupling that must meet a requirement: Re Z_c, or Re(1/Z_c)/s^2 for an impedance
+    display."""
     if isinstance(coupling, SpringDamper):
         return np.asarray(offered(coupling, device, place, FLOATS))
     return np.asarray(coupling_impedance(coupling, place).re)
@@ -277,7 +279,7 @@ def _requirement_in_hands(loops: LoopsInHands, device: Device, factor: float, ga
     """Return the requirement at each angle in the worst hand at that angle."""
     distinct, position = np.unique(
         np.hstack(astuple(gains)), axis=0, return_inverse=True
-    )  # cells of a plane share gains
+    )  # many cells have the same gains
     required, worst = np.empty((2, len(distinct), loops.theta.size))
     for i in range(0, len(distinct), LOOPS_AT_ONCE):
         batch = Gains(*distinct[i : i + LOOPS_AT_ONCE].T[..., None, None])

@@ -1,4 +1,4 @@
-"""A region as the record of region.json."""
+"""Make the record of a region for region.json."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def region_record(
     ----------
     file : the problem and its text
     region : the result
-    designs : proved gain sets to keep with it
+    designs : proved gain sets that belong to the record
     rendered : whether the cells are environments, which the only listed design renders
     """
     plane, stability = region.plane, file.problem.stability

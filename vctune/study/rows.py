@@ -27,8 +27,8 @@ from vctune.model.problem import Problem
 from vctune.version import __version__
 
 FAILED = "failed"
-"""Status of a point whose worker died or failed. This status says nothing about the point, so the next run tries the
-point again."""
+"""Status of a point whose worker died or failed. The next run tries the point again, because the point may not be the
+cause."""
 
 Row = dict[str, Any]
 
@@ -107,7 +107,7 @@ def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = in
     ------
     InputError
         If the file belongs to another study, is not a file of rows, is in use, or cannot be written. The file then
-        stays as it is.
+        stays unchanged.
     """
     header = json.dumps(RowsHeader(study=study.sha256, axes=[axis.key for axis in study.axes]).to_json()) + "\n"
     if not path.exists() or not path.stat().st_size:

@@ -1,4 +1,4 @@
-"""Summarise a sweep: the best and the worst design, and the region without designs."""
+"""Summarise a sweep: the best and the worst design, and the corner of the axes without designs."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ class Table:
         }
 
     def headed(self) -> dict[str, Any]:
-        """Return every column by its name with its unit, as files name it."""
+        """Return every column by its name with its unit, as in files."""
         units = self.units
         return {heading(name, units.get(name, "")): column for name, column in self.columns().items()}
 
@@ -92,7 +92,7 @@ class Table:
         return polars.DataFrame(self._values(), schema=self._types(polars.Float64, polars.String, polars.Boolean))
 
     def _values(self) -> dict[str, list[Any]]:
-        """Return every column as a file contains it. A value that does not exist is None."""
+        """Return every column in the form for files. A value that does not exist is None."""
         return {name: [_plain(value) for value in column] for name, column in self.headed().items()}
 
     def _types(self, number: Any, text: Any, truth: Any) -> dict[str, Any]:
@@ -160,7 +160,7 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
 
 
 def _columns(study: Study) -> list[str]:
-    """Return the names of the numbers that a design of the study's display has."""
+    """Return the names of the numerical columns for designs of the study's display."""
     kind = stated_display(study.document["device"])
     absent = {COLUMN_OF_KEY[key] for key in set(COLUMN_OF_KEY) - set(kind.stated)}
     return [name for name in QUANTITY_OF_COLUMN if name not in absent]

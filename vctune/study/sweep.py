@@ -21,11 +21,11 @@ from vctune.study.row import row_without_design, solve_point
 from vctune.study.rows import FAILED, Rows, invalid_key, key_of
 
 INVALID = "invalid"
-"""Status of a point at which the numbers do not form a valid problem."""
+"""Status of a point whose values do not form a valid problem."""
 DIED = "its worker died, and so did the one that tried it again, alone"
 
 OnDone = Callable[[str], None]
-"""Type of a function that receives what is known so far: the points by status, and the best error."""
+"""Type of a function that receives the results so far: the points by status, and the best error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class _Sweep:
     statuses : number of finished points by status
     best : least error of a certified point
     pending : points at the workers
-    retries : points to try again, each alone, because their worker or another worker of the pool died
+    retries : points to try again one at a time, because their worker or another worker of the pool died
     """
 
     study: Study
@@ -71,7 +71,7 @@ def sweep(
     study : the study to solve
     rows : existing rows; the function appends the new rows to them
     pool : the workers
-    on_done : function that is called after each point with what is known so far
+    on_done : function that is called after each point with the results so far
     time_limit : time limit of a point, s
 
     Raises
@@ -114,7 +114,7 @@ def _submit(state: _Sweep, task: Task) -> None:
 
 
 def _collect(state: _Sweep, most: int) -> None:
-    """Collect finished points until at most the given number is pending. Try points again that lost their worker."""
+    """Collect finished points until at most the given number is pending. Try points whose worker died again."""
     while len(state.pending) > most or (state.retries and state.pending):
         for future in wait(state.pending, return_when=FIRST_COMPLETED).done:
             task = state.pending.pop(future)
@@ -128,7 +128,7 @@ def _collect(state: _Sweep, most: int) -> None:
 
 
 def _try_alone(state: _Sweep, task: Task) -> None:
-    """Try a point again alone. If its worker dies again, the point is certainly the cause."""
+    """Try a point again without other points. If its worker dies again, the point is certainly the cause."""
     state.pool.renew()
     content = _content(state.pool, state.pool.executor.submit(solve_point, task.problem, state.time_limit))
     _finish(state, task, content or row_without_design(FAILED, DIED))
@@ -151,7 +151,7 @@ def _finish(state: _Sweep, task: Task, content: dict[str, Any]) -> None:
 
 
 def _tell(state: _Sweep, content: dict[str, Any]) -> None:
-    """Report what is known with a further point."""
+    """Report the results with a further point."""
     state.statuses[content.get("status", "repeated")] += 1
     if content.get("status") == Status.CERTIFIED.value:
         state.best = min(state.best, content["error"])

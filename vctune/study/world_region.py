@@ -1,7 +1,7 @@
 """Find the environments that given gains can render, as cells of a plane of two parameters of an environment.
 
 A cell is a box of environments. It is feasible if the claim about a box of environments is proved for it. It is
-infeasible if each of its members has a pole on the unit circle in some hand
+infeasible if each of its environments puts a pole on the unit circle in some hand
 (`vctune.proof.claims.worlds.world_cells`).
 """
 
@@ -30,9 +30,9 @@ DECADES = (3.5, 1.5)
 """Number of decades that the plane reaches below and above the greatest mass, damping and stiffness of the hands. With
 the default hands of a linear device, the axes go from 0.2 g to 20 kg and from 0.9 N/m to 90 kN/m."""
 PERIOD = 0.01
-"""Time, s, that relates mass, damping and stiffness where no hand of the box determines the others."""
+"""Time, s, from which the plane computes the scale of a mass, damping or stiffness that is 0 for all hands."""
 GREATEST = 1e9
-"""Number that represents a mass or a stiffness without limit; one member of the box with it suffices."""
+"""Value that represents a mass or a stiffness without limit."""
 
 
 def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
@@ -41,7 +41,7 @@ def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     Parameters
     ----------
     problem : problem whose hands hold the device
-    x, y : dotted keys, at least one of which is that of an environment
+    x, y : dotted keys, at least one of which is a key of an environment
     """
     others = [key for key in (x, y) if key not in WORLD]
     message = f"is no number of an environment; those are {', '.join(WORLD)}"
@@ -62,11 +62,9 @@ def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
 
 
 def world_plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
-    """Return a plane of environments whose axes begin at 0 and are logarithmic; other parameters have their stated
-    range.
+    """Return a plane of environments with logarithmic axes that begin at 0; other parameters have their stated range.
 
-    A mass or a stiffness that is neither an axis nor stated is 0, so that the environments are springs alone or masses
-    alone.
+    A mass or a stiffness that is neither an axis nor stated is 0, so the environments are pure springs or pure masses.
 
     Parameters
     ----------
@@ -146,12 +144,12 @@ def world_region(
 
 
 def _longer(squares: Squares) -> Flags:
-    """Return which cells are at least as long in x as in y."""
+    """Return the cells that are at least as long in x as in y."""
     return np.asarray(squares[1] - squares[0] >= squares[3] - squares[2])
 
 
 def judged(prepared_design: Rendered, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
-    """Return the verdict on each cell of a plane of environments. The second result, a b_c for each cell, is all nan.
+    """Return the verdict on each cell of a plane of environments. The second result, b_c, is nan for each cell.
 
     Parameters
     ----------
@@ -170,10 +168,10 @@ def judged(prepared_design: Rendered, plane: Plane, squares: Squares) -> tuple[K
 
 
 def _common_ends(plane: Plane, low: Floats, high: Floats) -> WorldCells:
-    """Return for each cell the ends that all its members share.
+    """Return for each cell the ends of its ranges that all its environments must reach.
 
-    A member may choose any value of a parameter that is not an axis. The function therefore swaps the ends of the range
-    of such a parameter.
+    An environment may have any value of a parameter that is not an axis. The function therefore swaps the ends of the
+    range of this parameter.
 
     Parameters
     ----------

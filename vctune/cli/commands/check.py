@@ -139,7 +139,7 @@ def _of_axes(
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the files that an argument stands for: the file, or the .toml files in a folder."""
+    """Return the files that an argument names: the file itself, or the .toml files in a folder."""
     from vctune import InputError
 
     if not path.is_dir():

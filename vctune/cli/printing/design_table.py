@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from vctune.document.records.rows_json import Cells, CornerRecord, SweepRecord
 
 LEAST_WIDTH = 80
-"""Width of the terminal, in characters, below which each group heading of a design's table gets a line of its own."""
+"""Width of the terminal, in characters, below which each group heading of a design's table has a separate line."""
 WIDE = 120
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 
 @contextmanager
 def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[Console]:
-    """Print either all of the output of this block or none.
+    """Print either the whole output of this block or nothing.
 
     The folder of the files and the next steps follow at the end.
 
@@ -82,7 +82,7 @@ def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), 
     steps : next steps for the user
     verbose : whether to print the parts that the search omitted
     """
-    narrow = Console().is_terminal  # a terminal's lines wrap at words; a file's lines do not wrap
+    narrow = Console().is_terminal  # lines wrap at words on a terminal, but not in a file
     with page(0 if narrow else WIDE, folder, steps) as console:
 
         def say(text: str) -> None:
@@ -159,11 +159,11 @@ def _ordered(record: DesignRecord) -> dict[str, list[tuple[str, str, str]]]:
 
 
 def print_lines(lines: Sequence[str], folder: Path, steps: Sequence[str]) -> None:
-    """Print lines, the folder of the files and, on a terminal, which wraps them at words, the next steps.
+    """Print lines and the folder of the files; on a terminal, wrap the lines at words and print the next steps.
 
     Parameters
     ----------
-    lines : plain text; elsewhere than on a terminal the folder ends the last one
+    lines : plain text; if stdout is not a terminal, the folder ends the last line
     folder : folder of the files
     steps : next steps for the user
     """
@@ -207,7 +207,7 @@ def _design_line(row: Cells) -> str:
 
 
 def _yardstick_line(rows: SweepRecord) -> str:
-    """Return a line on the yardstick of a sweep's errors."""
+    """Return the line that states the yardstick of a sweep's errors."""
     on, unit = rows.yardstick, rows.units["reference_impedance"]
     shared = f"{text(on.band_hz)} Hz with Z_0 = {text(on.reference_impedance)} {unit}"
     if not on.varied:
@@ -216,7 +216,7 @@ def _yardstick_line(rows: SweepRecord) -> str:
 
 
 def _corner_line(corner: CornerRecord) -> str:
-    """Return the line on the box that holds every point without a design."""
+    """Return the line that states the box of all points without a design."""
     spans = ", ".join(
         f"{key} from {text(low, 6)} to {text(high, 6)}"
         for (key, low), high in zip(corner.low.items(), corner.high.values(), strict=True)

@@ -38,8 +38,8 @@ def text(checks: list[Checked]) -> str:
 
 
 def as_json(checks: list[Checked]) -> str:
-    """Return a list with one object for each check: the object of design.json, that of a region, or the reason why
-    there is neither."""
+    """Return a list with one object for each check: the object of design.json, the object of a region, or the reason
+    for having neither."""
     return json.dumps([check_object(checked) for checked in checks], indent=2, allow_nan=False)
 
 

@@ -86,7 +86,7 @@ def time_limit_option(of: str = "") -> Added:
 
     Parameters
     ----------
-    of : name of the work that the limit ends, if it is not the whole command
+    of : name of the work that the limit ends; empty for the whole command
     """
     text = f"Stop{of} after S seconds, keep the result so far, and exit with code 3."
     return click.option(

@@ -44,12 +44,14 @@ def warn(code: Code, text: str) -> None:
 
 
 def warn_of_doubts(*problems: Problem | ProblemFile, quiet: bool) -> None:
-    """Print probable mistakes in problems to stderr before the work begins, so that nobody waits for a wrong problem.
+    """Print probable mistakes in problems to stderr before the work begins, so that no user waits for the answer to a
+    wrong problem.
 
     Parameters
     ----------
-    *problems : valid problems or their files. The function prints a mistake that several share only once
-    quiet : whether to print nothing for people
+    *problems : valid problems or their files. The function prints a mistake only once, even if several problems share
+        it
+    quiet : whether to print nothing
     """
     from vctune.api.messages import doubts
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from vctune.model.numbers.units import Units
 
 LEAST = {"": 6, "A": 8, "B": 8}
-"""Least widths of columns under a heading on a narrow terminal."""
+"""Least width of the columns under each heading on a narrow terminal."""
 WIDEST = 1000
 """Width, in characters, of tables that must not be wrapped."""
 
@@ -61,7 +61,7 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
 
 
 def _wide(rows: list[tuple[str, ...]], headings: Sequence[str]) -> Table:
-    """Return the runs as one table with a line for each."""
+    """Return the runs as one table with a line for each run."""
     table = Table(box=None, pad_edge=False)
     for heading in headings:
         table.add_column(heading, no_wrap=True, header_style="dim")
@@ -85,7 +85,7 @@ def _stacked(rows: list[tuple[str, ...]], headings: Sequence[str]) -> Iterator[T
 
 
 def _after_simulation(folder: Path) -> list[str]:
-    """Return the next step: see the curves."""
+    """Return the next step: open the curves."""
     shown = next((name for name in (REPORT, "simulation.svg") if (folder / name).exists()), "")
     return [f"open {folder / shown}"] if shown else []
 

@@ -35,7 +35,8 @@ def on_every_save(path: Path, run: Callable[[], object]) -> NoReturn:
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:
-    """Return a value that changes when the file is saved. Return None while an editor has moved the file away."""
+    """Return a value that changes when the file is saved. Return None while the file is absent because an editor has
+    moved it."""
     try:
         found = path.stat()
     except OSError:

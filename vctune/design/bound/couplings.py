@@ -1,8 +1,8 @@
 """Bound the couplings of a box of designs: their least elements, and their least share in the error.
 
 A coupling has two elements: b_c and m_c, or 1/k_c and 1/b_c for an impedance display. If an element grows, the
-constraints are easier to meet, but the error grows. The constraints and the bounds of the variables determine a least
-value of both elements in each box (design/bound/README.md, section 1).
+constraints are easier to meet, but the error grows. The constraints and the bounds of the variables determine the least
+value of each element in a box (design/bound/README.md, section 1).
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Couplings(Protocol):
         """Return the least and the greatest ratio of the second element to the first in each box."""
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of the coupling's weighted term of the squared error, over all designs of each box.
+        """Return a lower bound of the weighted coupling term of the squared error, over all designs of each box.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class Couplings(Protocol):
         -------
         array of float
             The bound, dimensionless. For norm "rms" the bound is the mean over the band, shape (n, devices), or (n, 1)
-            if all devices have the same mean. For "peak" it has a value for each frequency, shape (n, frequencies).
+            if all devices have the same mean. For "peak" there is a bound for each frequency, shape (n, frequencies).
         """
 
 
@@ -126,7 +126,7 @@ class SeriesCouplings:
 
         Here s is x^2/(1 + x^2), or the mean of this expression over the band. s grows with tau_c, and s/tau_c^2
         decreases. With a fixed b_c, the last term is therefore least at the least tau_c. With a fixed m_c = b_c tau_c,
-        this term is least at the greatest tau_c. The function uses the larger of both values.
+        this term is least at the greatest tau_c. The function uses the larger of these two values.
 
         Parameters
         ----------
@@ -170,7 +170,7 @@ class SeriesOffer:
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
         """Return the least b_c = 1 + 1/x^2, at the greatest tau_c, and the least m_c = tau_c + 1/(omega^2 tau_c).
 
-        The least m_c occurs at the tau_c next to 1/omega.
+        The least m_c occurs at the tau_c of the box that is nearest to 1/omega.
         """
         shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
         nearest = np.clip(1 / self.omega, shortest, longest)

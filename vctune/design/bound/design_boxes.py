@@ -46,7 +46,7 @@ class Axis:
     scale: float
 
     def middle(self, low: Floats, high: Floats) -> Floats:
-        """Return the points at which the search halves intervals: the middles in the coordinate.
+        """Return the points at which the search halves intervals: their midpoints in the coordinate.
 
         Parameters
         ----------

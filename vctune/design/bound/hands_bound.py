@@ -61,7 +61,7 @@ class SampledConditions:
         """Return a lower bound of R, at least 0, shape (boxes, places), and the boxes that permit no coupling.
 
         A box permits no coupling if the denominator of R is negative for all its gains at some place. A passive hand
-        then makes the loop of K_v alone unstable.
+        then makes the loop with K_v and without a coupling unstable.
         """
         middle = 0.5 * (boxes.low + boxes.high)
         K_v, K_p = middle[K_V][:, None], middle[K_P][:, None]
@@ -159,7 +159,7 @@ def coefficients_in_hands(
         position = form(at.position) if isinstance(at, LoopInHand) else None
         return Affine(form(at.open), form(at.velocity), position)
 
-    # P conj F = e + j s o: without the factor s in each number (`parts`) its imaginary part is o, with s (`true`) s o
+    # P conj F = e + j s o; without the factor s in each number (`parts`), the imaginary part is o
     split, whole = loop(parts), loop(true)
 
     def seen(form: Callable[[EvenOdd], Pair]) -> Affine:

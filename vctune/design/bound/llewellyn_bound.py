@@ -57,8 +57,8 @@ class LlewellynConditions:
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
         """Return a lower bound of R, at least 0, shape (boxes, frequencies), and the boxes that permit no coupling.
 
-        R is (excess - relief)/(2 r) with the loop's resistance r. A box permits no coupling if r is positive for none
-        of its gains at some frequency.
+        R is (excess - relief)/(2 r) with the loop's resistance r. A box permits no coupling if, at some frequency, r is
+        positive for no gains of the box.
         """
         im = np.maximum(np.maximum(self.im_low.least(boxes), -self.im_high.greatest(boxes)), 0.0) * (1 - GUARD)
         resistance, P = self.resistance.greatest(boxes), self.P.greatest(boxes)
@@ -92,7 +92,7 @@ def _conditions(device: Device, omega: Floats) -> LlewellynConditions:
     at, crossed = loop_at(device, omega), device.velocity is not None
     C2, D2 = (quadratic(re_conj_product, part, part, crossed=crossed) for part in (at.C, at.D))
     im = quadratic(im_conj_product, at.C, at.D, crossed=crossed)
-    if device.ideal:  # C conj C is real, so its share is only a rounding error
+    if device.ideal:  # C conj C is real, so the square terms are only rounding errors
         im = im[0], im[1], None, None
     return LlewellynConditions(
         SeriesOffer(omega),

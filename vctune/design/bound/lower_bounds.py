@@ -74,7 +74,8 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     """Return the boxes in which no feasible design has K_p > 0, because b_0 lies below R at omega = 0.
 
     With k = K_v - tau K_p, the limit of R is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k))
-    (`vctune.model.loop.limits`). This formula holds for a device without a structure that is ideal or has no operator.
+    (`vctune.model.loop.limits`). This formula is valid for a device without a structure that is ideal or has no
+    operator.
 
     Parameters
     ----------
@@ -84,8 +85,8 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     Returns
     -------
     array of bool
-        Flags of the boxes, shape (n,). All flags are False if the problem does not require the limit, or if no formula
-        is known.
+        Flags of the boxes, shape (n,). All flags are False if the problem does not impose the condition at omega = 0,
+        or if no formula is known.
     """
     device = problem.device
     beyond = device.structure is not None or (device.operator is not None and not device.ideal)

@@ -43,8 +43,8 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.running import check_time
 
 PRECISION = 2.0**-44
-"""Relative precision of the integrals, 6e-14, about the size of `GUARD`. With half or twice this precision, the bound
-changes by about the same share, and the number of nodes of Gauss's rule changes by one."""
+"""Relative precision of the integrals, 6e-14, about the size of `GUARD`. With half or twice this precision, the
+relative change of the bound is about the precision, and Gauss's rule has one node more or less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,8 @@ def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
 
 
 def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Term]:
-    """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals.
+    """Return the terms of the mean over log frequency, with the inequality of Cauchy and Schwarz on each of several
+    equal intervals.
 
     For a term with weight 0, the function sets all coefficients to 1 and computes no integral.
     """

@@ -47,9 +47,9 @@ def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, cross
     Parameters
     ----------
     of : Re or Im of the first number times the conjugate of the second
-    a, b : two numbers at the same frequencies; if no product contributes to a coefficient, it is None
-    crossed : whether the product K_v K_p has a coefficient; it has none if the complex coefficients of K_v and K_p are
-        at right angles
+    a, b : two numbers at the same frequencies; a coefficient of the result is None if no product contributes to it
+    crossed : whether the product K_v K_p has a coefficient; it has no coefficient if the complex coefficients of K_v
+        and K_p are at right angles
 
     Returns
     -------
@@ -217,8 +217,8 @@ def loop_at(device: Device, omega: Floats) -> LoopConstants:
 
     Parameters
     ----------
-    device : device with plain numbers, which stand for the decimals that they print as, or with arrays of the shape of
-        omega
+    device : device with plain numbers, each of which represents the decimal that Python prints, or with arrays of the
+        shape of omega
     omega : frequencies, rad/s, > 0
 
     Returns

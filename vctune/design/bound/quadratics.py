@@ -1,4 +1,5 @@
-"""Bound quadratic functions of two numbers, usually the gains, and quotients of them, over many boxes at once."""
+"""Bound quadratic functions of two variables, usually the gains, and quotients of these functions, over many boxes at
+once."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ changes.
 
 @dataclass(frozen=True, slots=True)
 class Quadratic:
-    """constant + linear . K + square . K^2 + cross K_v K_p at several points, each coefficient rounded the same way.
+    """constant + linear . K + square . K^2 + cross K_v K_p at several points, with all coefficients rounded in one
+    direction.
 
     Attributes
     ----------

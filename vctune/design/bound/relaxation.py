@@ -122,7 +122,7 @@ def relaxation(
     Returns
     -------
     Relaxation
-        The relaxation. Each feasible design of the problem is feasible for the relaxation, and its error there is not
+        The relaxation. Each feasible design of the problem is feasible for the relaxation, where its error is not
         greater.
     """
     terms = objective_of(problem, objective, intervals)

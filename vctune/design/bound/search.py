@@ -39,7 +39,7 @@ from vctune.running import OutOfTimeError, out_of_time
 
 FREQUENCIES, INTERVALS = 40, 48
 """Number of frequencies of the first relaxation, and number of intervals of the transparency band. The time of a bound
-is proportional to both numbers. With smaller numbers the bounds are weaker, and the search needs more boxes."""
+is proportional to both. With smaller numbers, the bounds are weaker and the search needs more boxes."""
 MOST_FREQUENCIES = 160
 """Number of frequencies at which the search stops adding places. Up to this number, it adds the places at which the
 design in the middle of a box violates a constraint. A bound with this number of frequencies takes four times as long as
@@ -49,24 +49,24 @@ LOWEST_ANGLE = 1e-3
 """Least angle above 0 for any passive hand, relative to pi. At smaller angles R differs from its limit at 0 by at most
 1e-5."""
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
-"""Positions in the range of each number of a hand, from 0 to 1, and number of angles per decade, for the first places
-in hands."""
+"""Positions in the range of each parameter of a hand, from 0 to 1, and number of angles per decade, for the first
+places in hands."""
 LITTLE = 1e-3
 """Substitute for a gain of 0, relative to its upper bound, when the search tries the design in the middle of a box."""
 CHUNK = 1024
 """Number of boxes that the search halves in one round. With this number NumPy's calls have little overhead, and the
 arrays for all halves (4 axes, 2 halves, 160 frequencies) take tens of MB. With half this number, the search needs
-slightly fewer boxes and slightly more time for each; with twice this number, the reverse is true."""
+slightly fewer boxes and slightly more time for each box. With twice this number, the reverse is true."""
 TRY_EVERY = 8
 """Number of rounds after which the search tries the box with the least bound: it adds violated places and looks for a
-better design. With half as many rounds, it finds better designs earlier; with twice as many, it makes fewer attempts in
-vain."""
+better design. With half as many rounds, it finds better designs earlier; with twice as many, fewer attempts fail."""
 VIOLATED = 1e-4
 """Relative violation of a constraint above which the search adds its place. With a smaller violation, the new place
 would raise the bound only negligibly."""
 BETTER = 1e-3
-"""Share by which the error of a design must be below the incumbent's to count as better. This share is less than the
-usual gap of 1 %, and more than the difference between two results of the optimiser for one optimum."""
+"""Share by which the error of a design must be below that of the incumbent for the design to count as better. This
+share is less than the usual gap of 1 %, and more than the difference between two results of the optimiser for one
+optimum."""
 
 Improve = Callable[[Gains, float], Judgement | None]
 """Function that returns a certified design found from given gains with an error below a limit, or None."""
@@ -246,7 +246,8 @@ def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
 
 
 def _in_worst_hands(problem: Problem, best: Judgement | None) -> PlacesInHands:
-    """Return angles, each with the worst hand for the best known design or, without one, for gains in the middle."""
+    """Return angles, each with the worst hand for the best known design or, without one, for the middles of the gains'
+    ranges."""
     if problem.hands_met is None:
         return PlacesInHands.of(())
     at, bounds = loops_in_hands(problem.device, problem.hands_met, SHARES_IN_HANDS, ANGLES_IN_HANDS), problem.bounds

@@ -7,7 +7,8 @@ coupling's compliance (model/README.md, section 18). No environment puts a pole 
 
 is positive. Each of these margins is quadratic in p. Its coefficients are sums of products of a function of K_v and a
 function of tau = b_c/k_c. With the greatest values of the coefficients over a box, the least p at which the quadratic
-is positive is a lower bound for every design of the box. The coupling needs the smallest of these p for the share 1/g.
+is positive is a lower bound for every design of the box. One margin must be positive for the share y = 1/g, so 1/k_c is
+at least g times the smallest of these p.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ class Bounded:
     upper: Quadratic
 
     def over(self, boxes: DesignBoxes) -> Interval:
-        """Return the bounds over each box of the two numbers of the quadratic."""
+        """Return the bounds of the quadratic over each box of its two variables."""
         return Interval(self.lower.least(boxes), self.upper.greatest(boxes))
 
 

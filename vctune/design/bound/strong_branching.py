@@ -34,7 +34,7 @@ LENGTH = 1e-2
 example at the root; otherwise it is small compared with the increases. With the weight 0, a search whose bound does not
 rise might halve the same axis again and again."""
 DIGITS = 9
-"""Number of decimals to which the code rounds scores before it compares them. Without rounding, errors that differ
+"""Number of decimals to which the code rounds scores before it compares them. Otherwise, rounding errors that differ
 between machines could decide which axis the search chooses."""
 
 
@@ -45,7 +45,8 @@ class Halved:
     Attributes
     ----------
     nodes : two nodes for each box
-    along_gains : for each box, whether it was halved along K_v or K_p; its loops may then have become provably stable
+    along_gains : for each box, whether it was halved along K_v or K_p, so that its loops may have become provably
+        stable
     worked_out : number of lower bounds computed
     """
 

@@ -1,12 +1,13 @@
 """Bound the coupling that a box of environments requires, over boxes of gains (design/bound/README.md, section 1).
 
-The condition of model/README.md, section 18, holds at an angle in a hand only if one of four margins is positive. If
+A design meets the condition of model/README.md, section 18, at an angle in a hand only if one of four margins is
+positive. If
 
     (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 > c e/2
 
 for all gains of a box, `above` and `turned` are negative for every coupling. The coupling then needs a resistance Re
 Z_c > g (R - b_1) or a reactance s c Im Z_c > g (k_2 (T/2) c^2 - m_1 (2/T) s^2 + c e/(2 |F|^2)). Times |F|^2, both sides
-of all three inequalities are quadratic in the gains. If the first inequality does not hold for all gains of a box, the
+of all three inequalities are quadratic in the gains. If the first inequality is false for some gains of a box, the
 relaxation imposes no constraint at this place.
 """
 

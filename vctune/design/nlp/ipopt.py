@@ -49,14 +49,14 @@ from vctune.model.worlds import WorldsMet
 
 NEAR_SIDE = 1e-2
 """Distance within which a point counts as lying on a side of the trust box. If the error is nearly constant there,
-IPOPT's barrier keeps a point at some distance from the side. If a point counts as on a side, the exchange takes another
+IPOPT's barrier keeps the point away from the side. If a point counts as lying on a side, the exchange takes another
 round. With half this distance, the exchange misses some optima on a side; with twice this distance it takes another
 round."""
 TRACKING_REACH = 0.5
-"""Greatest change of the log frequency of a tracked peak of |S| in one NLP. This change is less than the distance of
-two peaks, which a delay separates by about a factor of two. With half this distance the exchange takes more rounds,
-because it repeats an NLP whose peak reaches the end of its range. With twice this distance the NLP may end at another
-stationary point of |S|."""
+"""Greatest change of the log frequency of a tracked peak of |S| in one NLP. This limit is less than the distance of two
+peaks, whose frequencies differ by about a factor of two with a delay. With half this distance the exchange takes more
+rounds, because it repeats each NLP whose peak reaches the end of its range. With twice this distance the NLP may end at
+another stationary point of |S|."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class NlpNumbers:
     Attributes
     ----------
     guess, low, high : start and bounds of the variables
-    parameters : parameters in the order of `nlp_parameters.tables`
+    parameters : parameters of the NLP, in the order of `nlp_parameters.tables`
     least, most : bounds of the constraints; least is -inf for an unused constraint
     """
 
@@ -149,7 +149,7 @@ def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
 def lagrangian(structure: NlpStructure, given: NlpNumbers, solution: Solution) -> float:
     """Return the Lagrangian of an NLP at a guess, with the multipliers and the other unknowns of a solution.
 
-    By the envelope theorem (Fiacco 1983), the derivative of the Lagrangian with respect to the numbers of the NLP
+    By the envelope theorem (Fiacco 1983), the derivative of the Lagrangian with respect to the parameters of the NLP
     equals the derivative of the least objective.
 
     Parameters

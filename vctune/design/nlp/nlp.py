@@ -1,7 +1,7 @@
 """State the design problem on a finite set of frequencies as a CasADi NLP (design/README.md, section 7).
 
-The NLP has parameters for the response of device, hold and delay at each frequency, so that one compiled NLP serves
-every problem of its structure.
+The response of device, hold and delay at each frequency is a parameter of the NLP, so one compiled NLP serves every
+problem of its structure.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
     weights = dict(zip(TERMS, ca.vertsplit(common["weights"]), strict=True))
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in structure.terms), start=ca.SX(0))
     offered = 2 * loop.resistance * response.re
-    if loop.operator_relief is not None:  # R may be negative; the relief on this side keeps both sides > 0
+    if loop.operator_relief is not None:  # R may be negative; with the relief on this side, both sides are > 0
         offered += common["safety_factor"] * loop.operator_relief
     L, perturbed_L = _loop_gain(structure, gains, pulse), _loop_gain(structure, gains, perturbed)
     sampled = plant_of(structure, {name: ca.vertsplit(column) for name, column in plant.items()})
@@ -201,7 +201,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
 
 
 def _loop_gain(structure: NlpStructure, gains: Gains, pulse: dict[str, ca.SX]) -> Pair:
-    """Return L = K_v G_v + K_p G_x of the sampled loop, so that S = 1/(1 + L)."""
+    """Return L = K_v G_v + K_p G_x of the sampled loop, where S = 1/(1 + L)."""
     L = Pair(pulse["re_G_v"], pulse["im_G_v"]).scaled(gains.velocity)
     return L + Pair(pulse["re_G_x"], pulse["im_G_x"]).scaled(gains.position) if structure.integrator else L
 
@@ -236,7 +236,7 @@ def _margin_in_hand(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupli
     if isinstance(coupling, SpringDamper):
         (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(in_hand["lost"]), ca.vertsplit(in_hand["size"]), gains.velocity
         required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
-        wanted = ca.fmax(in_hand["factor"] * required, required)  # the greater of both if R is negative
+        wanted = ca.fmax(in_hand["factor"] * required, required)  # the greater of the two if R is negative
         offered = offered_by_spring(coupling, 1.0, _low_pass(in_hand), in_hand["theta"], SYMBOLS).quotient
         return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
     offered = sampled_resistance(series_coupling(coupling), 1.0, in_hand["theta"], SYMBOLS)
@@ -245,12 +245,13 @@ def _margin_in_hand(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupli
 
 
 UNPOSED = 1e3
-"""Amount that the NLP subtracts from a margin that the problem does not have, so that it is never the greatest."""
+"""Amount that the NLP subtracts from a margin that the problem does not have, so that this margin is never the
+greatest."""
 BLUNT = 1e-2
 """Width of the smooth function that replaces the maximum of several margins. Smoothing allows IPOPT to move from a
-design that satisfies one margin to a design that satisfies another. If two margins are equal at an optimum, smoothing
-makes the coupling too large by 0.7 times this width, as a share. With a tenth of this width, exchanges do not converge;
-with three tenths, they take twice as many rounds."""
+design at which one margin is positive to a design at which another is. If two margins are equal at an optimum,
+smoothing makes the coupling too large by a share of 0.7 times this width. With a tenth of this width, exchanges do not
+converge; with three tenths, they take twice as many rounds."""
 
 
 def _demanded_in_hand(
@@ -285,8 +286,8 @@ def _margin_in_time(structure: NlpStructure, in_hand: dict[str, ca.SX], gains: G
 def _margin_in_worlds(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, share: float = 1.0) -> Number:
     """Return a smooth lower bound of the greatest of the margins, one of which must be positive.
 
-    Only for an impedance display does the result depend on the share of the coupling; for the other displays the
-    margins cover all shares.
+    For an impedance display, the result depends on the share of the coupling; for the other displays the margins cover
+    all shares.
     """
     low, high = _box_of(in_hand)
     theta, factor, raised = in_hand["theta"], in_hand["reserve"], in_hand["factor"]
@@ -310,7 +311,8 @@ ENDLESS = 1e12
 
 
 def _margin_with_walls(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX) -> Number:
-    """Return the margin of the condition on walls; at a point for linear environments, return the margin for these."""
+    """Return the margin of the condition on walls; at a point for linear environments, return the margin for linear
+    ones."""
     theta, (low, high), T = in_hand["theta"], _box_of(in_hand), 1.0
     at = offered_at(series_coupling(coupling), T, theta, SYMBOLS)
     high = replace(high, mass=high.mass + ENDLESS * (1 - in_hand["by_above"]))
@@ -396,9 +398,9 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
     Returns
     -------
     dict
-        x, f, g and p for `casadi.nlpsol`. x has the free coordinates, the log frequencies of tracked peaks and the
-        epigraph variable. f is log(error). g has the constraints in the order of `DEMANDS`, then those of tracked
-        peaks, then those of the mean errors. p has the parameters in the layout of `nlp_parameters.packed`.
+        x, f, g and p for `casadi.nlpsol`. x contains the free coordinates, the log frequencies of tracked peaks and the
+        epigraph variable. f is log(error). g contains the constraints in the order of `DEMANDS`, then the constraints
+        on tracked peaks and on mean errors. p contains the parameters in the layout of `nlp_parameters.packed`.
     """
     one = _at_one_frequency(structure)
     columns = {name: ca.MX.sym(name, table.rows, table.columns) for name, table in tables(structure).items()}

@@ -1,4 +1,4 @@
-"""Arrange the parameters of an NLP by name, in the same layout for CasADi's symbols and for the numbers.
+"""Arrange the parameters of an NLP by name, in the same layout for CasADi's symbols and for numbers.
 
 The parameters are several tables, stored one after another and column by column. The table `common` has one column.
 Each kind of constraint, and the quadrature, has a table with one column for each of its frequencies. A layout names the
@@ -44,12 +44,13 @@ LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
 FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
 """F, the firmware's low-passes, through which the coupling of an impedance display acts."""
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
-"""The loop of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
+"""The loop of an impedance display, in one hand or in any passive hand: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2
+K_v^2)."""
 FORCE_IN_WORLDS: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER} | {
     f"{part}_{side}": 1 for part in ForceInHand._fields for side in ("even", "odd")
 }
-"""The loop of an impedance display in one hand, for a problem with a box of environments. The constraint then needs the
-reactance, too."""
+"""The loop of an impedance display in one hand, for a problem with a box of environments. Its constraint also needs the
+reactance."""
 COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1, "swing": 1}
 """R and -s Im Z_seen of a servo in a hand, which do not depend on any gain."""
 IN_HAND: dict[DisplayName, Layout] = {
@@ -72,8 +73,8 @@ SIDES_IN_HAND: Layout = {f"side_{k}_{part}": 1 for k in range(SIDES) for part in
 """Rows that environments late or by Euler's rules add to the loop in a hand: the sides of their polygon, and the
 tightening."""
 WALLS_IN_HAND: Layout = {"walled": 1, "share": 1, "lead": 1}
-"""Rows that walls add: `walled` is 1 for the condition on walls and 0 for that on linear environments; the others are
-the fields of `AtWall`."""
+"""Rows that walls add: `walled` is 1 for the condition on walls and 0 for the condition on linear environments; the
+other rows are the fields of `AtWall`."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 """Rows of a tangent of the stability boundary: the fields of `Cut`."""
 
@@ -117,10 +118,9 @@ def plant_layout(structure: NlpStructure) -> Layout:
 
 
 def device_numbers(at: DeviceResponse) -> dict[str, Any]:
-    """Return a device's constants at frequencies, keyed by the names of `frequency_layout`, without those of absent
-    parts.
+    """Return a device's constants at frequencies, keyed by the names of `frequency_layout`, without absent parts.
 
-    A missing number of a part, such as the handle's own damping, becomes 0.
+    A missing parameter of a part, such as the handle's own damping, becomes 0.
     """
     numbers = {"omega": at.omega, "drive_re": at.drive.re, "drive_lag": at.drive.lag}
     numbers |= {"mass": at.mass, "damping": at.damping}
@@ -133,7 +133,8 @@ def device_numbers(at: DeviceResponse) -> dict[str, Any]:
 
 
 def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -> DeviceResponse:
-    """Return the response of a device at a frequency from symbols by name, the inverse of `device_numbers`.
+    """Return the response of a device at a frequency from symbols by name. The function is the inverse of
+    `device_numbers`.
 
     Parameters
     ----------
@@ -151,7 +152,7 @@ def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -
 
 
 def plant_numbers(plant: SampledPlant) -> dict[str, Any]:
-    """Return the numbers of a sampled plant, keyed by the names of `plant_layout`."""
+    """Return the constants of a sampled plant, keyed by the names of `plant_layout`."""
     (v_0, v_1), (x_0, x_1) = plant.velocity, plant.position
     taps = {"velocity_newer": v_0, "velocity_older": v_1, "position_newer": x_0, "position_older": x_1}
     low_pass = {} if plant.low_pass is None else {"low_pass": plant.low_pass}
@@ -159,12 +160,12 @@ def plant_numbers(plant: SampledPlant) -> dict[str, Any]:
 
 
 def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> SampledPlant:
-    """Return a sampled plant from symbols by name, the inverse of `plant_numbers`.
+    """Return a sampled plant from symbols by name. The function is the inverse of `plant_numbers`.
 
     Parameters
     ----------
     structure : structure of the NLP
-    rows : the numbers, keyed by the names of `plant_layout`
+    rows : the constants, keyed by the names of `plant_layout`
     """
     return SampledPlant(
         open=tuple(rows["open"]),

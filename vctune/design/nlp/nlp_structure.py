@@ -22,7 +22,7 @@ DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 """Names of the kinds of constraint, in the order of `NlpStructure.capacities`."""
 CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
 """Steps in which the number of slots for each kind of constraint grows, in the order of `DEMANDS`. A slot is one
-constraint of the NLP at one point. Infinite bounds switch off unused slots, so that a growing working set rarely needs
+constraint of the NLP at one point. Infinite bounds switch off unused slots, so a growing working set rarely needs
 another compiled solver. Compiling a solver takes tens of milliseconds; an unused slot takes some microseconds. With
 half these steps vctune compiles more often; with twice these steps the iterations are slower. The answers are the
 same."""
@@ -40,7 +40,7 @@ class NlpStructure:
     kind : kind of the device
     rigid : whether b_c is infinite
     worlds : whether the environments form a box
-    walls : whether the environments include walls, so that the corner of the multiplier is a number of the design
+    walls : whether the environments include walls, so that the corner of the multiplier is a variable of the design
     in_time : whether the environments run late or by Euler's rules
     shares : shares of the coupling for each of which the NLP imposes the constraint with environments
     free : (index among a design's variables, whether it may be 0) for each free variable
@@ -54,7 +54,7 @@ class NlpStructure:
     parts : fields of `DeviceResponse` that an ideal device lacks
     order : order of the sampled device; 1 for an ideal device
     differenced, low_passes : whether the velocity is a difference of positions; number of its low-passes
-    uncertain : whether the NLP has several devices; if so, each frequency has the numbers of its device
+    uncertain : whether the NLP has several devices; if so, each frequency has the parameters of its device
     objective_devices : number of devices whose greatest error is the objective, for "rms"
     """
 
@@ -117,7 +117,7 @@ def nlp_structure(
     ratio, sensitivity, stability, *others = (
         -(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True)
     )
-    if sensitivity > 0:  # if |S| is near its limit, the stability boundary is near, too
+    if sensitivity > 0:  # if |S| is near its limit, so is the stability boundary
         stability = max(stability, CAPACITY_STEPS[DEMANDS.index("stability")])
     return NlpStructure(
         kind=problem.device.kind,

@@ -50,7 +50,8 @@ def check_admittance(
     only: Sequence[str] = (),
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
-    """Check the selected axes of a parameter file. If several axes have the same values, the function proves only one.
+    """Check the selected axes of a parameter file. If several axes have the same values, the function proves only one
+    of them.
 
     Parameters
     ----------
@@ -69,9 +70,9 @@ def check_admittance(
     Raises
     ------
     InputError
-        If the problem is an impedance display, lacks gains, or has a force sensor with a filter besides that of the
-        file; if `only` names an axis that the file does not select or that has the other kind of motion; or if no axis
-        has the device's kind of motion.
+        If the problem is an impedance display, lacks gains, or has a force sensor with a filter in addition to the
+        filter of the file; if `only` names an axis that the file does not select or that has the other kind of motion;
+        or if no axis has the device's kind of motion.
     """
     tables, axes = _device(problem, given), _chosen(problem, path, given, only)
     fitting = " ".join(f"--axis {axis.axis}" for axis in axes if _moves_as(axis, problem))
@@ -184,7 +185,7 @@ def _checked(
     looped = problem.problem.device.kind.own_loop
     coupling = coupling_of_admittance(axis, T, servo=not looped)
     if coupling.mass <= 0 or coupling.drag < 0:
-        # for a servo the law is unstable by itself only if D T > 2 M; between M and 2 M the theory does not cover it
+        # for a servo, the law without a hand is unstable only if D T > 2 M; the theory does not cover D T from M to 2 M
         grows = looped or axis.damping * T > 2 * axis.mass
         verdict = CheckVerdict.FAILED if grows else CheckVerdict.UNDECIDED
         return _unproved(verdict, "ros-step", _explicit(axis, T, problem.problem.units), axis)
@@ -248,7 +249,8 @@ def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
 
 
 def _with_its_spring(file: ProblemFile, axis: Admittance, finding: DesignFinding) -> str:
-    """Return a message: whether the axis, with its own stiffness alone, is unstable in a corner of the box of hands."""
+    """Return a message that states whether the axis, with only its own stiffness, is unstable in a corner of the box of
+    hands."""
     hands = file.problem.hands_met
     assert hands is not None, "the criterion is that of hands"
     held = finding.judgement.in_hand

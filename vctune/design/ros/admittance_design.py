@@ -2,8 +2,8 @@
 
 The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`). The
 parameters M = m_c + D T and D = b_0 therefore render the mass and drag of a design. The controller has no damper in
-series with the mass. The file states D by a damping ratio, relative to M and S, and by joint_damping. All axes have the
-same joint_damping. On an axis without stiffness, joint_damping gives all the damping.
+series with the mass. The file states D by a damping ratio, which refers to M and S, and by joint_damping. All axes have
+the same joint_damping. On an axis without stiffness, joint_damping gives all the damping.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ DIGITS = 7
 """Number of significant digits to which the code rounds a damping up. With half as many digits, the damping would be up
 to a hundredth of a per cent greater. Twice as many digits would have no benefit."""
 RETURN = 1e4
-"""Time constant, s, of a weak spring that the file states only because the damping ratio refers to a stiffness. Half
-and twice this time change the damping by a millionth."""
+"""Time constant, s, of a weak spring that the file states only because the damping ratio refers to a stiffness. With
+half or twice this time, the damping changes by a millionth."""
 
 
 @dataclass(frozen=True, slots=True)

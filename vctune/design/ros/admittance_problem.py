@@ -7,8 +7,8 @@ the spring.
 
 For a servo this form is exact. S acts on the measured position, which has the lag of the servo. S is therefore the
 servo's own spring, and the code does not subtract S T/2 from the drag. The filter of the controller acts on samples,
-like the filter of the model of a servo. The controller commands a position, the sum of T v. The servo interpolates
-between these positions, so it moves as if the controller commanded the velocity v.
+like the filter in the model of a servo. The controller commands a position, the sum of T v. The servo interpolates
+between these positions, so it moves as if v were the command.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.model.gains import Coupling
 
 OF_FILE = ("admittance", "ft_sensor")
-"""Names of the tables of a parameter file. A joint document of both files has these tables and those of the problem."""
+"""Names of the tables of a parameter file. A joint document has these tables and the tables of the problem."""
 FILTER_OF_SAMPLES, FILTER_AS_CORNER = "force_sensor.filter_coefficient", "force_sensor.bandwidth_hz"
 """Keys under which the joint problem states the controller's filter: for a servo, and for any other device."""
 

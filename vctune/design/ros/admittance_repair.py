@@ -1,4 +1,4 @@
-"""Find repairs of a refuted axis of a ROS 2 parameter file: first of its own values, then of the problem's.
+"""Find repairs of a refuted axis of a ROS 2 parameter file: first changes of the axis, then changes of the problem.
 
 The file states no coupling. The search therefore changes the parameters of the file, as a user would, and not the
 coupling.
@@ -36,7 +36,7 @@ def repairs_of_axis(
     Returns
     -------
     list of Repair
-        Repairs of the parameter file first, then those of the problem; in each part the least error comes first.
+        Repairs of the parameter file first, then repairs of the problem; in each part the least error comes first.
     """
     tables = as_problem(document)
     if judgement.idle:

@@ -1,4 +1,5 @@
-"""The exchange method: solve an NLP with few frequencies, add those at which its answer violates a constraint, repeat.
+"""The exchange method: solve an NLP with few frequencies, add the frequencies at which its answer violates a
+constraint, repeat.
 
 See design/README.md, section 6. Each NLP is confined to a trust box in log coordinates around the last point with a
 stable loop. Without this box, the exchange could end at an unstable loop, because unstable loops beyond |S| = inf also
@@ -44,12 +45,12 @@ result."""
 STALLED = 8
 """Number of rounds within which the greatest violation must halve while an exchange with a box of environments has no
 feasible answer; otherwise the exchange ends without one. Such an exchange may add a few points in each round and hardly
-come nearer. Without environments, an exchange that comes nearer slowly may still find a design. With half or twice this
-number, vctune finds the same designs."""
+reduce the violation. Without environments, an exchange whose violation falls slowly can still find a design. With half
+or twice this number, vctune finds the same designs."""
 RADIUS = 2.0
-"""Half-width of the first trust box, and the greatest half-width, in log coordinates. This width permits a factor of 7
-on both sides of the start, which is near a local minimum. With twice this width IPOPT ends beyond |S| = inf more often;
-with half this width it needs another round."""
+"""Half-width of the first trust box, and the greatest half-width, in log coordinates. This width permits variables from
+1/7 to 7 times those of the start, which is near a local minimum. With twice this width IPOPT ends beyond |S| = inf more
+often; with half this width it needs another round."""
 GROWTH = 2.0
 """Factor by which the exchange widens the trust box after a useful answer. After any other answer, it halves the
 box."""
@@ -77,7 +78,7 @@ error changes with the gains. With a limit of 1e-5, the exchange takes 5 % more 
 error of the design changes by about the same share."""
 NEAR = 0.02
 """Half-width of the trust box in which the NLP of an impedance display with a box of environments is solved for its
-multipliers. The optimum is known before. The trust box only keeps IPOPT near the optimum."""
+multipliers. The optimum is already known, and the trust box only keeps IPOPT near it."""
 UPHILL = 1e-4
 """Share by which the error of an answer must exceed that of a known design for the exchange to reject the answer. This
 share exceeds the effect of the tightening and of IPOPT's tolerance. The share is well below 0.1 %, the accuracy to
@@ -98,10 +99,10 @@ def polish(
     """Improve a start to a local optimum of the semi-infinite problem; return None if the exchange finds no feasible
     design.
 
-    If environments run late or by Euler's rules, the function first requires the margin of the real part alone to be
-    positive, and starts a second exchange with all margins from the result. The polygons of such environments are thin,
-    and an exchange with all margins from the original start seldom becomes feasible. An impedance display with a box of
-    environments has a search of its own (`search/in_worlds/stiffest.py`).
+    If environments run late or by Euler's rules, the function first requires only a positive margin of the real part,
+    and starts a second exchange with all margins from the result. The polygons of such environments are thin, so an
+    exchange with all margins seldom becomes feasible from the original start. Impedance displays with a box of
+    environments have their own search (`search/in_worlds/stiffest.py`).
 
     Parameters
     ----------
@@ -141,7 +142,7 @@ def polish(
 
 
 def by_scale(problem: Problem) -> bool:
-    """Return whether the search takes the coupling from the scales that environments forbid: an impedance display's.
+    """Return whether the search computes the coupling from the scales that environments forbid.
 
     Parameters
     ----------
@@ -227,7 +228,7 @@ class _Search:
     missed : greatest violation of the last answer
     trail : greatest violation of each answer with stable loops
     start_examined : whether the exchange has evaluated the start as a known design
-    unstable : whether the last answer was unstable; after one such answer a cut may suffice, after two in a row the
+    unstable : whether the last answer was unstable; after one unstable answer a cut may suffice, after two in a row the
         exchange halves the trust box
     """
 
@@ -395,8 +396,8 @@ def _values(free: tuple[Coordinate, ...], z: Floats, fixed: Point) -> Point:
 
 
 def _track_peak(working_set: WorkingSet, peak: ConstraintPoint | None) -> None:
-    """Make the frequency of the peak of |S| a variable of the NLP, if the peak is near its limit; otherwise track
-    none."""
+    """Make the frequency of the peak of |S| a variable of the NLP, if the peak is near its limit; otherwise track no
+    peak."""
     working_set.tracked_peaks[:] = [] if peak is None else [peak]
 
 

@@ -5,7 +5,7 @@ For given K_v, K_p, b_0 and tau_c = m_c/b_c, the least feasible b_c is a maximum
     b_c >= (safety_factor R - b_0) (1 + 1/(omega tau_c)^2),
 
 and the error grows with b_c. A design is therefore a point (K_v, corner, tau_c, b_0). The corner K_p/(b + K_v) is the
-frequency below which the integral action outweighs K_v and the damping. All numbers of this module are dimensionless
+frequency below which the integral action outweighs K_v and the damping. All quantities of this module are dimensionless
 (Z_0 = T = 1). The constraints and the error are estimates, because the module evaluates them only at a fixed set of
 frequencies.
 """
@@ -38,7 +38,7 @@ from vctune.running import check_time
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
 """Least number of points on each axis.
 
-The grid only has to be so fine that each basin has a local minimum on it; the gain limits and the refinement then
+The grid need only be fine enough for each basin to have a local minimum on it; the gain limits and the refinement then
 locate the minimum exactly. With half as many K_v, corners or time constants, the error of no reference problem and of
 no basin of the tests rises by more than 0.1 %. With half as many drags, one problem has twice the error. With twice as
 many points on any axis, the scan finds no better design.
@@ -144,8 +144,8 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
     if longest > shortest:
         tau_c = np.geomspace(shortest, longest, _count("time_constant", shortest, longest))
     if device.kind.inverse and bounds.damping.min == 0 < longest:
-        tau_c = np.append(0.0, tau_c)  # a spring alone
-    # below 1e-5 of the loop's impedance K_v has hardly any effect, and below 1e-3 the drag hardly any error
+        tau_c = np.append(0.0, tau_c)  # a spring without a damper
+    # K_v has hardly any effect below 1e-5 of the loop's impedance; a drag below 1e-3 adds hardly any error
     K_v = _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)
     return Axes(K_v, corner, tau_c, _axis(bounds.drag, COUNTS["drag"], 1e-3))
 
@@ -307,7 +307,8 @@ def _least_damping(problem: Problem, samples: Samples, gains: Gains, bands: list
 
 
 def _within_bounds(problem: Problem, scale: Floats, at: Axes) -> tuple[Floats, Floats]:
-    """Return a scale, raised to the lower bound, and the log of its ratio to the upper bound, 0 within the bounds."""
+    """Return a scale, raised to at least its lower bound, and the log of its ratio to the upper bound (0 within the
+    bounds)."""
     least, most = scale_limits(problem, at.time_constant[..., None, None, :, None])
     b_c = np.maximum(scale, least)
     slack = 1 + 1e-9
@@ -336,7 +337,6 @@ def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at
 
 
 def _mean(values: Floats, averages: Floats) -> Floats:
-    """Return averages over the last axis. The function avoids BLAS, because its sums depend on the number of
-    threads."""
+    """Return averages over the last axis. The function avoids BLAS, whose sums depend on the number of threads."""
     mean: Floats = np.einsum("...k,k->...", values, averages)
     return mean

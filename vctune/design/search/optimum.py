@@ -34,10 +34,10 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
 WORTH_POLISHING = 1.05
-"""Greatest ratio of the estimated error of a start to the error of the best optimum, for the search to polish the
-start. This ratio corresponds to the accuracy of the refined grid at a local minimum. With a smaller ratio, the search
-may skip the start that leads to the best design. With a greater ratio, it polishes more starts that do not lead to the
-best design.
+"""The search polishes a start if its estimated error, divided by the error of the best optimum, is at most this ratio.
+This ratio corresponds to the accuracy of the refined grid at a local minimum. With a smaller ratio, the search may skip
+the start that leads to the best design. With a greater ratio, it polishes more starts that do not lead to the best
+design.
 """
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
 """Number of times that the search tightens the constraints and polishes a refuted optimum again, and number of digits
@@ -46,11 +46,11 @@ many rounds, the search abandons designs that the third round would prove. With 
 are worse than those from another start."""
 LONG_SHOTS = 2
 """Number of starts that the search polishes if none is feasible, because a feasible design may lie between the points
-of the grid. The first start alone may not lead to this design. More starts take more time, and the search of every box,
-which follows, finds the same designs."""
+of the grid. The first start may not lead to this design. More starts take more time without finding more designs than
+the search of every box, which follows."""
 NEARLY = 0.1
-"""Greatest violation of a start, as a share, for `within_reach` to polish it. The spacing of the refined grid is half
-of it. With half this share, vctune misses some repairs; with twice this share, it polishes more starts without
+"""Greatest violation of a start, as a share, for `within_reach` to polish it. This share is twice the spacing of the
+refined grid. With half this share, vctune misses some repairs; with twice this share, it polishes more starts without
 success."""
 PROOF_BOXES = 300_000
 """Number of boxes of undecided proofs after which the search ends and the design stays undecided. Without this limit
@@ -58,7 +58,7 @@ the search would try more tightenings and more starts, although no proof can dec
 Nyquist. With half as many boxes the search makes only one attempt; with twice as many it makes three."""
 NEW_HANDS = 12
 """Number of times that the search adds a hand that only the proof has found, and polishes the optimum again. Such hands
-exist because a resonance above Nyquist may occur in few hands of the box. With half and twice this number the search
+exist because a resonance above Nyquist may occur in few hands of the box. With half or twice this number the search
 finds the same designs. With 0, it finds no design for a device with a sampling rate of 20 Hz."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
 """Factor by which the search increases the tightening if a proof refutes a design, and least tightening if a proof is
@@ -136,7 +136,7 @@ def _best_known(optima: Sequence[Polished], unit: float) -> str:
 
 @np.errstate(all="ignore")
 def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best design of a problem in SI units; the design meets the constraints in double precision, unproved.
+    """Return the best design of a problem in SI units, which meets the constraints in double precision, without proof.
 
     Parameters
     ----------

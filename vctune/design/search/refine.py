@@ -44,7 +44,7 @@ def lowest(scores: Scores) -> Index:
 
 
 def local_minima(ranks: Floats) -> list[Index]:
-    """Return the indices of the finite numbers on a grid that are not greater than any neighbour, the lowest first."""
+    """Return the indices of the finite values on a grid that are not greater than any neighbour, the lowest first."""
     least = ranks
     for axis in range(ranks.ndim):  # take the least of each point's neighbourhood along one axis after the other
         before, after = (least.take(at, axis) for at in _beside(ranks.shape[axis]))

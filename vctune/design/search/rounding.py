@@ -25,7 +25,7 @@ def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
     Returns
     -------
     Point
-        The rounded numbers, within the bounds.
+        The rounded variables, within the bounds.
     """
     known = tuple(_rounded(value, bounds, digits) for value, bounds in zip(values, ranges(problem), strict=False))
     return (*known, *map(in_decimals, values[len(known) :]))
@@ -44,9 +44,9 @@ def near(value: float, bound: float, bounds: Range, digits: int = DIGITS) -> boo
 
     Parameters
     ----------
-    value : any number of the design
+    value : any variable of the design
     bound : one of the two ends of its range
-    bounds : range of the number
+    bounds : range of the variable
     digits : number of significant digits
     """
     return abs(value - bound) <= (10.0 ** (1 - digits) * abs(bound) if bound else 10.0 ** (-1 - digits) * bounds.max)

@@ -1,4 +1,5 @@
-"""The frequencies of a scan and the numbers that do not depend on the gains, computed once for all grids of a scan."""
+"""The frequencies of a scan and all quantities that do not depend on the gains, computed once for all grids of a
+scan."""
 
 from __future__ import annotations
 
@@ -31,11 +32,11 @@ from vctune.model.transparency import log_quadrature
 
 FREQUENCIES = 64
 """Least number of frequencies in the stability band, and in three decades below Nyquist. The exchange later adds
-frequencies in the gaps. With half as many frequencies, the starts are worse, but the design of no reference problem and
-of no basin of the tests changes by 0.1 %."""
+frequencies in the gaps. With half as many frequencies, the starts are worse, but all designs of the reference problems
+and of the basins of the tests stay the same to 0.1 %."""
 FEW, FEW_ANGLES, FEW_SPRINGS = (0.0, 0.1, 1.0), 12, 4
-"""Sampling of the hands in the scan: positions in the range of each number of a hand, number of angles per decade, and
-number of soft springs per two decades at angle 0.
+"""Sampling of the hands in the scan: positions in the range of each parameter of a hand, number of angles per decade,
+and number of soft springs per two decades at angle 0.
 
 With only the ends of the ranges, the exchange needs more rounds and finds the same designs. With half or twice as many
 angles, the exchange finds the same designs as well. Between two of the springs, R is at most 8 % greater than at the
@@ -90,7 +91,7 @@ class Samples:
 
     @property
     def everywhere(self) -> list[Samples]:
-        """The samples of all devices: these first, then those of the other devices."""
+        """The samples of all devices: first these samples, then the samples of the other devices."""
         return [self, *self.others]
 
 

@@ -24,8 +24,8 @@ STARTS = 8
 """Greatest number of local minima that the scan refines on a grid, that it refines on the gain limits, and that it
 returns. With half this number, the scan still finds all basins of the tests."""
 CLOSE = 0.02
-"""Relative difference up to which two starts count as one, if it holds for each number of the design. This difference
-is less than the spacing of the refined grid."""
+"""Two starts count as one if each of their variables differs by at most this share. It is less than the spacing of the
+refined grid."""
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
 """Factors by which the scan varies given gains when it looks for a better coupling. K_v is often at its limit, so most
 of its factors are below 1, with small steps near 1. The error changes little with the corner, so the factors of the
@@ -36,13 +36,13 @@ between two of them. The factor allows for errors of the estimate, which uses fe
 the search may miss a separate basin behind a low rise of the error. With a smaller factor, the search optimises twice
 in one basin."""
 WORTH_ANOTHER = 0.9995
-"""Greatest ratio of the estimated error of a new start near an optimum to that of the optimum, for the search to
-optimise from the new start. The search distinguishes basins whose errors differ by 0.1 %; the frequencies of the scan
-resolve half of this."""
+"""The search optimises from a new start near an optimum if its estimated error, divided by that of the optimum, is at
+most this ratio. The search distinguishes basins whose errors differ by 0.1 %; the frequencies of the scan resolve half
+of this."""
 PROMISING = 3.0
-"""Greatest ratio of the error of a local minimum of the coarse grid to the least error, for the scan to refine the
-minimum. A large ratio is needed because a narrow basin may lie between the points of the grid. The scan refines all
-minima together, so more minima take little more time."""
+"""The scan refines a local minimum of the coarse grid if its error, divided by the least error, is at most this ratio.
+A large ratio is needed because a narrow basin may lie between the points of the grid. The scan refines all minima
+together, so more minima take little more time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +112,8 @@ def _promising(
 def _faces(problem: Problem) -> list[bool]:
     """Return which laws to search: False stands for no integrator (K_p = 0), True for an integrator.
 
-    The bounds of K_p decide. In addition, no K_p > 0 is feasible on a band from 0 Hz if the device has damping or the
-    force sensor has a lag, and if the problem permits no drag and the operator has no damping.
+    The bounds of K_p decide. On a band from 0 Hz, K_p > 0 is also infeasible if the problem permits no drag, the
+    operator has no damping, and the device has damping or a lag of the force sensor.
     """
     position, device = problem.bounds.position, problem.device
     held = device.operator is not None and device.operator.damping > 0

@@ -22,9 +22,9 @@ from vctune.model.sampled.impedance_display import firmware_filter, offered_by_s
 from vctune.model.sampled.worlds.loop_in_worlds import offered_at
 
 SLACK = 1e-2
-"""Least time constant b_c/k_c of the scan, as a share of T. A smaller time constant hardly matters, because the sampled
-spring alone already acts like a spring with a damper of k_c T/2. With half or twice this share, the search finds the
-same designs."""
+"""Least time constant b_c/k_c of the scan, as a share of T. A smaller time constant hardly matters, because even
+without a damper, the sampled spring acts like a spring with a damper of k_c T/2. With half or twice this share, the
+search finds the same designs."""
 
 
 def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
@@ -112,8 +112,8 @@ def time_constants(problem: Problem, low: float, high: float) -> tuple[float, fl
     """Return the least and the greatest time constant of the scan; they are equal if the time constant is fixed.
 
     The range extends two decades beyond the band on both sides. With a time constant outside this range, a coupling
-    acts within the band like a mass alone or a damper alone, or for an impedance display like a spring alone or a
-    damper alone. If the least b_c is large, the range extends further.
+    acts within the band like a pure mass or a pure damper, or for an impedance display like a pure spring or a pure
+    damper. If the least b_c is large, the range extends further.
 
     Parameters
     ----------

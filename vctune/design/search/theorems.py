@@ -1,7 +1,7 @@
 """Find requirements that no design can meet, by theorems, and state the values that would have to change.
 
-The code evaluates each limit at the most favourable vertex of the bounds. The code excludes all designs only if even
-this vertex violates the requirement.
+The code evaluates each limit at the most favourable vertex of the bounds. It excludes all designs only if even this
+vertex violates the requirement.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from vctune.model.problem import Problem
 from vctune.proof.claims.llewellyn.polynomials import is_rational
 
 LEAST_POSITION = 5e-324
-"""The smallest positive double, for K_p. With any integrator, even a weak one, the limits at omega = 0 differ from
-those without."""
+"""The smallest positive double, for K_p. With any integrator, even a weak one, the limits at omega = 0 differ from the
+limits without an integrator."""
 
 
 def impossible(problem: Problem) -> Infeasibility | None:
@@ -34,7 +34,7 @@ def impossible(problem: Problem) -> Infeasibility | None:
 
 
 def _without_damping(problem: Problem) -> Infeasibility | None:
-    """Exclude an impedance display without damping in any passive hand: some hand gives any response to its force."""
+    """Exclude an impedance display without damping in any passive hand, which can answer its force with any motion."""
     if not problem.any_hand or problem.device.least_damping > 0:
         return None
     cause = (

@@ -75,7 +75,7 @@ def violations(
     Parameters
     ----------
     posed : prepared problem, dimensionless
-    cases : one problem for each evaluated device: those of `posed`, and those of devices that a proof refuted
+    cases : one problem for each evaluated device: the devices of `posed`, and those on which a proof refuted a design
     values : the variables of the design
     tightening : relative tightening of the constraints
     refuted : points in hands at which a proof refuted a design, which the search for the least ratio may miss
@@ -120,7 +120,8 @@ def violations(
 
 
 def of_own_loops(cases: list[Problem]) -> list[Problem]:
-    """Return the problems without those whose device differs from an earlier one only in its unmodelled response."""
+    """Return the problems, but omit a problem whose device differs from an earlier device only in its unmodelled
+    response."""
     return list({case.device.modelled: case for case in reversed(cases)}.values())[::-1]
 
 
@@ -198,7 +199,7 @@ def _point_at_walls(problem: Problem, values: Point, at: RatioInHand, met: World
 
 
 def _at_points(points: Sequence[ConstraintPoint], problem: Problem, values: Point, tightening: float) -> Violations:
-    """Find which of the given points in hands have too small a ratio."""
+    """Return the given points in hands at which the ratio is too small."""
     held, law = [point for point in points if point.hand is not None], design_of(values)
     linear, walls = problem.worlds_met, walls_met(problem, values)
     ratios = [
@@ -260,7 +261,7 @@ def _lowest_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Min
 def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
     """Return the point where |S| is greatest over all devices, if it is near its limit and below the Nyquist frequency.
 
-    The result is None if no gain is free, because the NLP then cannot change the peak, and rounding alone may put it
+    The result is None if no gain is free, because the NLP then cannot change the peak, which rounding errors may put
     above the limit.
 
     Parameters

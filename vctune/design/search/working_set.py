@@ -104,8 +104,8 @@ class WorkingSet:
     ) -> WorkingSet:
         """Return the set with other devices, in the same or in other hands.
 
-        For constraints on the sampled loop the angle omega T stays the same, so that a point at Nyquist stays at
-        Nyquist. For the other constraints the frequency stays the same.
+        For constraints on the sampled loop the angle omega T stays the same, so a point at Nyquist stays at Nyquist.
+        For the other constraints the frequency stays the same.
 
         Parameters
         ----------

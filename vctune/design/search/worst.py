@@ -30,8 +30,8 @@ response; and greatest number of devices on the grid.
 
 The ratio is a smooth function of mass and damping, so five values suffice. A delay or an unmodelled response rotates a
 phase by one turn; 13 values sample every half turn six times. With half as many values the search may miss a minimum,
-which the proof then finds. With twice as many values there are four to eight times as many devices. If this
-exceeds the greatest number of devices, the search uses three or two values of each number.
+which the proof then finds. With twice as many values there are four to eight times as many devices. If this exceeds the
+greatest number of devices, the search uses three or two values of each parameter.
 """
 MOST = 24
 """Greatest number of minima over frequency that the search refines, beginning with the lowest. With a long delay there
@@ -46,13 +46,13 @@ STEPS, SHRINK = 40, 0.5
 rounds move the point, the other half shrink the steps by a factor of about 1e-6. The ratio is flat at its minimum,
 so half as many rounds still give it to 1e-6."""
 MANY, TOGETHER = 5, 2
-"""Greatest number of variables, including the frequency, that may all change in one step; and greatest number of
-variables that change in one step if there are more. For nine variables, the limit leaves 162 of 19,682 possible steps.
-With half and twice these numbers, the search finds designs that are equally good."""
+"""Up to the first number of variables, including the frequency, all variables may change in one step. With more
+variables, at most the second number of them change in one step. For nine variables, the limit leaves 162 of 19,682
+possible steps. With half or twice these numbers, the search finds equally good designs."""
 
 SWEEPS = 3
 """Greatest number of passes in which the search moves each uncertain parameter to the end with the greater |S|. One
-pass mostly suffices, and the proof finds any greater |S|. With half and twice as many passes the search finds the same
+pass mostly suffices, and the proof finds any greater |S|. With half or twice as many passes the search finds the same
 devices."""
 
 
@@ -109,7 +109,7 @@ def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[P
     |S|.
 
     The function moves one parameter after the other until no move increases |S|. Few moves suffice, because |S| is
-    usually a monotonic function of each number.
+    usually a monotonic function of each parameter.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ def check_message(
     changed: Sequence[ParameterChange],
     together: Sequence[ParameterChange],
 ) -> str:
-    """Return the proved claims of a design, or the claims that fail and the changes that would pass.
+    """Return the proved claims of a design, or the claims that fail and the changes after which it passes.
 
     Parameters
     ----------
@@ -88,7 +88,8 @@ def _whole(together: Sequence[ParameterChange]) -> str:
 
 
 def _remedy(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> str:
-    """Return the best change of one gain that would pass, and the changes of the problem that would pass."""
+    """Return the best change of one gain after which the design passes, and the changes of the problem after which it
+    passes."""
     if not repairs:
         return "no change of one number passes"
     of_gain = [repair for repair in repairs if repair.key in SYMBOLS]

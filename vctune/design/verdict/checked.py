@@ -48,7 +48,8 @@ class Checked:
     source : path of the file that states the gains
     name : name of the problem
     verdict : verdict on the claims
-    message : one line of text: what is proved, or what fails and which change would pass, or what is wrong in the input
+    message : one line of text: the proved claims, or the failed claims and a change after which the design passes, or
+        the fault of the input
     line : line of the source to which the message refers
     finding : details of the check; None for bad input
     strict : whether a warning fails the check
@@ -100,8 +101,7 @@ class DesignFinding:
     ----------
     file : the problem
     judgement : judgement of the gains
-    repairs : repairs of a violated design: changes of its own values first, then of the problem, each by ascending
-        error
+    repairs : repairs of a violated design: changes of the design first, then of the problem, each by ascending error
     warnings : warnings for the user
     seconds : duration of the check, s
     """

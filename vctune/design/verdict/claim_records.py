@@ -1,4 +1,4 @@
-"""Record each claim: the place at which it fails, and a hand and environment with which the loop is then unstable."""
+"""Record each claim; for a failed one also its place, and a hand and environment with which the loop is unstable."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ def changing_record(problem: Problem, judgement: Judgement) -> dict[str, Changin
 
 
 def examined_record(judgement: Judgement, examined: Examined) -> ExaminedRecord:
-    """Return the record of hands whose damping changes, for a problem that does not ask for the claim.
+    """Return the record of hands whose damping changes, for a problem that does not require the claim.
 
     Parameters
     ----------
     judgement : a design, SI units
-    examined : what is known of such hands
+    examined : result for such hands
     """
     return ExaminedRecord(**_changing(judgement, *examined))
 
@@ -98,8 +98,8 @@ def _claim(problem: Problem, judgement: Judgement, claim: ClaimId, outcome: Outc
 def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
     """Return an environment with which the loop is unstable, in the hand of the witness or the worst hand.
 
-    The result is empty if the function finds none. In a hand in which the design only misses the safety factor, the
-    loop is stable with every environment.
+    The result is empty if the function finds none. If the design only misses the safety factor in a hand, the loop is
+    stable with every environment.
     """
     device, held, places = outcome.device or problem.device, judgement.in_hand, []
     if outcome.hand is not None and outcome.witness is not None:

@@ -1,4 +1,4 @@
-"""Compute the least error under each of two criteria alone, which shows the cost of requiring both."""
+"""Compute the least error under each of two criteria separately, which shows the cost of requiring both."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ COMPARISON = "the comparison of criteria"
 
 
 def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
-    """Return a solved problem with the least error under each criterion alone; unchanged if the problem has one
-    criterion.
+    """Return a solved problem with the least error under each criterion separately; unchanged if it has one criterion.
 
-    For each criterion, vctune solves the problem file with this criterion alone, and with the defaults that depend on
-    the criterion. The errors refer to the transparency band and the Z_0 of the original problem.
+    For each criterion, vctune solves the problem file with only this criterion, and with the defaults that depend on
+    it. The errors refer to the transparency band and the Z_0 of the original problem.
 
     Parameters
     ----------

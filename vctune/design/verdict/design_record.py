@@ -199,7 +199,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
             said = f"{key} is on its {side} bound; the bound, not the device, limits the design there"
             found.append(Note("warn-bound", said))
     band, demand = problem.stability.band, problem.stability.safety_factor
-    # only Llewellyn's claim has a band; with a claim in hands at every frequency its edge does not matter
+    # only Llewellyn's claim has a band, whose edge does not matter if a claim in hands covers every frequency
     edged = problem.hands_met is None and problem.device.kind.banded
     if edged and demand <= judgement.min_ratio < demand * 1.001:
         for side, edge in (("lower", band.min), ("upper", band.max)):
@@ -219,7 +219,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
 
 
 def _cured(cures: Sequence[Repair] | None) -> str:
-    """Return which changes would make an idle design use its loop, in words; the change with the least error comes
+    """Return the changes after which an idle design uses its loop, in words; the change with the least error comes
     first."""
     if cures is None:
         return ""
@@ -232,7 +232,7 @@ def _cured(cures: Sequence[Repair] | None) -> str:
 
 @np.errstate(all="ignore")
 def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
-    """Return the records that need additional proofs, as many as the time limit permits."""
+    """Return the records that need additional proofs. The time limit may leave some out."""
     proved = judgement.certificate.proved_band_hz
     return {
         "proved_band_hz": list(proved) if proved else None,
@@ -345,7 +345,8 @@ def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRec
 
 
 def _at_whole_sample(problem: Problem, judgement: Judgement) -> dict[str, WholeSampleRecord]:
-    """Return the record of the design with a delay of a whole number of samples; empty if the delay is not near one."""
+    """Return the record of the design with a delay of a whole number of samples; empty if the delay is not near such a
+    value."""
     beside = judgement.certificate.beside
     if not beside:
         return {}

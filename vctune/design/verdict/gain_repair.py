@@ -1,4 +1,4 @@
-"""Find changes of one value of a refuted design: undo an edit, or take the value with the least error.
+"""Find changes of one value of a refuted design: undo an edit, or use the value with the least error.
 
 This module does not solve or judge problems itself; the caller passes functions for that (`RepairTest`).
 """
@@ -20,8 +20,8 @@ from vctune.model.problem import Problem, Range
 from vctune.running import check_time
 
 MOST_DRAG = 10.0
-"""Greatest drag of a repair, in units of the reference impedance. Such a drag alone causes an error of about ten. Half
-or twice this limit only omits or adds designs with an error that no user would accept."""
+"""Greatest drag of a repair, in units of the reference impedance. This drag alone causes an error of about ten. With
+half or twice this limit, vctune only omits or adds designs whose error no user would accept."""
 
 
 def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
@@ -30,7 +30,7 @@ def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
     Parameters
     ----------
     change : change of the value
-    new : new value of the number
+    new : the new value
     design : the certified design after the change
     """
     error = design.transparency.error
@@ -38,25 +38,25 @@ def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
 
 
 def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -> list[ParameterChange]:
-    """Return one change for each number that differs from the solved design, with the solved value as its limit.
+    """Return one change for each variable that differs from the solved design, with the solved value as its limit.
 
     Parameters
     ----------
     problem : problem of the design
-    judgement : judgement of the present numbers
-    solved : the numbers of the solved design under their keys; may be empty
+    judgement : judgement of the present values
+    solved : the variables of the solved design under their keys; may be empty
     """
     given = design_numbers(judgement.kind, judgement.gains, judgement.coupling)
     return [change_of_gain(problem, key, given[key], new) for key, new in solved.items() if new != given[key]]
 
 
 def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> list[Repair]:
-    """Undo one edit at a time; return each that gives a certified design, the least error first.
+    """Undo one edit at a time; return each reversal that gives a certified design, the least error first.
 
     Parameters
     ----------
     pasted : the problem's document with the present variables of the design
-    changed : the edited numbers, with the values before the edits as limits
+    changed : the edited values, with the values before the edits as limits
     test : test of changed problems
     """
     found = []
@@ -84,7 +84,7 @@ def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTes
     ----------
     stated : the problem's document; the variables of the design that it fixes become free
     judgement : judgement of a design
-    test : test of a problem with free numbers
+    test : test of a problem with free variables
     """
     problem = _with_free(stated, judgement, *design_numbers(judgement.kind, judgement.gains, judgement.coupling))
     design = test.verify(problem) if problem is not None and not problem.bounds.fixed else None
@@ -92,7 +92,7 @@ def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTes
 
 
 def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> Iterator[Repair]:
-    """Yield for each number of a design the value with the least error, while the other numbers stay the same.
+    """Yield for each variable of a design the value with the least error, with the other variables unchanged.
 
     The function solves the problem with only this variable free, in the range of the file or in the default range. The
     function first tries the variables for which a quick estimate finds a design. If none of these gives a repair, it
@@ -102,7 +102,7 @@ def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) 
     ----------
     stated : the problem's document
     judgement : judgement of the design
-    test : test of problems with one free number
+    test : test of problems with one free variable
 
     Raises
     ------
@@ -130,7 +130,7 @@ def _solved(free: dict[str, Problem], judgement: Judgement, test: RepairTest) ->
 
 
 def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Problem | None:
-    """Return a problem in which one number of the design is free and the others are fixed.
+    """Return a problem in which one variable of the design is free and the others are fixed.
 
     If the variable is the drag and the file states no range for it, the range ends at `MOST_DRAG`.
     """

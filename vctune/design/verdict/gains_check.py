@@ -44,7 +44,7 @@ OTHER_VERSION = Note("other-version", "the gains were made for another version o
 
 @dataclass(frozen=True, slots=True)
 class _Input:
-    """The content of a file. vctune reads each file only once, because it may be a pipe."""
+    """The content of a file. vctune reads each file only once, because the file may be a pipe."""
 
     path: Path
     text: str
@@ -57,7 +57,7 @@ def check_files(
     progress: Progress = lambda stage: None,
     begun: Callable[[Problem], None] = lambda problem: None,
 ) -> list[Checked]:
-    """Check problem files against their own fixed numbers, or one problem against gains files.
+    """Check the designs that problem files fix, or the designs of gains files for one problem.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def check_files(
     Raises
     ------
     InputError
-        If there are gains files and not exactly one problem file.
+        If there are gains files, but not exactly one problem file.
     """
     inputs = [_read(path) for path in paths]
     gains = [given for given in inputs if given.is_gains]
@@ -90,12 +90,12 @@ def check_files(
 
 
 def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked:
-    """Check a problem against its own fixed numbers, or against a design.
+    """Check the design that a problem fixes, or another design for the problem.
 
     Parameters
     ----------
     file : the problem and its text
-    design : gains and coupling; None for the numbers that the problem fixes
+    design : gains and coupling; None for the values that the problem fixes
 
     Returns
     -------
@@ -105,7 +105,8 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
     Raises
     ------
     InputError
-        If the design is for another kind of device, or if there is none and the problem does not fix every number.
+        If the design is for another kind of device, or if there is no design and the problem does not fix every
+        variable.
     """
     name = Path(file.problem.name)
     if design is not None:
@@ -118,7 +119,7 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
 
 
 def _own_design(file: ProblemFile) -> GainsFile:
-    """Return the design that a problem states by fixing every number."""
+    """Return the design of a problem that fixes every variable."""
     return GainsFile(file.problem.device.kind, *file.problem.fixed_design, sha256=None, units=None, text=file.text)
 
 
@@ -209,8 +210,8 @@ def _repairs(
 ) -> tuple[list[Repair] | None, list[ParameterChange]]:
     """Return the repairs of a refuted design, or the changes after which an idle design uses its loop.
 
-    The first result is None for any other design. The second result has all edited gains if the design passes only
-    after all of them are restored; otherwise it is empty.
+    The first result is None for any other design. The second result contains all edited gains if the design passes only
+    after all of them are restored; otherwise the result is empty.
     """
     if judgement.status is not Status.VIOLATED and not judgement.idle:
         return None, []
@@ -234,7 +235,7 @@ def _cures(
 ) -> list[Repair] | None:
     """Return the changes after which an idle design uses its velocity loop.
 
-    The result is None if the problem, as it is, has a design that uses the loop, or if the time limit ends the search.
+    The result is None if the unchanged problem has a design that uses the loop, or if the time limit ends the search.
     """
     try:
         if back := undone(pasted, changed, OF_FIXED_IN_USE):

@@ -40,7 +40,7 @@ class Infeasibility:
     cause : violated constraint, with its place and amount
     advice : possible repair
     proved : True if a theorem, or a search that pruned every box of designs, proves that there is no design; False if
-        the search only found none
+        the search only failed to find a design
     """
 
     cause: str
@@ -59,7 +59,7 @@ def out_of_time_before_a_design() -> Infeasibility:
 
 
 def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> Infeasibility:
-    """Describe which constraint the nearest miss violates: the point of the scan with the least violation.
+    """Describe the constraint that the nearest miss violates, which is the point of the scan with the least violation.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
 
 
 def _tried(problem: Problem, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the numbers that identify a design: the gains of its loop, or the coupling if there is no loop."""
+    """Return the values that identify a design: the gains of its loop, or the coupling if there is no loop."""
     units, kind = problem.units, problem.device.kind
     if kind.own_loop:
         return f"velocity {gains.velocity:.4g} {units.damping}, position {gains.position:.4g} {units.stiffness}"
@@ -98,8 +98,8 @@ def _tried(problem: Problem, gains: Gains, coupling: AnyCoupling) -> str:
 
 
 def _on(case: Problem, problem: Problem) -> str:
-    """Return the numbers in which the device of a case differs from that of the problem, in words; "" if none
-    differ."""
+    """Return the parameters in which the device of a case differs from that of the problem, in words; "" if none
+    differs."""
     own = problem.device
     other = {key: number for key, number in case.device.numbers().items() if number != own.number(key)}
     return f"with {', '.join(f'{key} {number:.6g}' for key, number in other.items())}: " if other else ""
@@ -137,7 +137,7 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
 
 
 def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str]:
-    """Return by which factor the drag of a servo is too small, and a possible repair, in words."""
+    """Return the factor by which the drag of a servo is too small, and a possible repair, in words."""
     factor, late = problem.stability.safety_factor, latency(problem.device, FLOATS)
     longest = max(LATENCY_PARTS, key=lambda part: float(getattr(late, part)))
     missed = f", short of the safety factor {factor:.4g} by a factor of {factor / ratio:.4g}" if ratio > 0 else ""
@@ -149,7 +149,7 @@ def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str
 
 
 def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str) -> tuple[str, str]:
-    """Return by which factor the coupling is too weak, and a possible repair, in words."""
+    """Return the factor by which the coupling is too weak, and a possible repair, in words."""
     factor, narrower = problem.stability.safety_factor, "stability.band_hz"
     if not problem.passive:
         narrower = "the hands of [operator]"
@@ -189,8 +189,8 @@ def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple
 
 
 def _lacking_resistance(problem: Problem, gains: Gains) -> tuple[str, str] | None:
-    """Return where Re G_hh is negative on the band, and a possible repair, in words; None if it is positive
-    throughout."""
+    """Return the place on the band at which Re G_hh is negative, and a possible repair, in words; None if there is no
+    such place."""
     device = problem.device
     grid = demand_grid(device, *sampled_span(problem))
     resistance = local_minima(lambda omega: response(device, gains, omega).resistance, grid)

@@ -61,13 +61,13 @@ STATUS_OF = {
 
 
 IDLE = 0.5
-"""Mean or greatest |1 - G_he| above which vctune warns that a design hardly uses its velocity loop. Without a loop |1 -
-G_he| is 1; at 0.5, the handle does not follow half of the environment's motion. The number does not affect the design.
-With half this number, vctune warns of more designs; with twice this number, of none."""
+"""Mean or greatest |1 - G_he| above which vctune warns that a design hardly uses its velocity loop. Without a loop, |1
+- G_he| is 1; at 0.5, the handle does not follow half of the environment's motion. The value does not affect the design.
+With half this value, vctune warns about more designs; with twice this value, about none."""
 
 
 PROVING = 0.85
-"""Share of the remaining time that the proof of a design may take if there is a time limit. The rest is for
+"""Share of the remaining time that the proof of a design may take if there is a time limit. The rest of the time is for
 computations in double precision, which take a second for an uncertain device. With half this share some designs stay
 unproved; with the whole time vctune would exceed the time limit."""
 CUT = " (the time limit cut its proof)"
@@ -76,7 +76,7 @@ CUT = " (the time limit cut its proof)"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """A design, with its numbers and proved claims.
+    """A design, with its error, margins and proved claims.
 
     Attributes
     ----------
@@ -84,13 +84,14 @@ class Judgement:
     gains, coupling : the design
     transparency : error and its three terms on the nominal device
     error : the objective: the error on the nominal device, or the greatest error at the vertices of a box of devices
-    compared : the objective with only the terms that can differ between designs; bounds on the error refer to it
+    compared : the objective with only the terms that can differ between designs, to which bounds on the error refer
     min_ratio, worst : least Re Z_c / R of all claims, and its frequency, rad/s (0 or inf at an end of the axis)
     tightest : the device with the least ratio, among the nominal device and those of a box
-    in_hand : the least Re Z_c / R in the hands of the claim, with its hand; None without such hands
+    in_hand : the least Re Z_c / R in the hands of the claim, with its hand; None without this claim
     in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand; None without this claim
     in_walls : the least ratio of the condition on walls, with its hand; None without walls
-    peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist, and its frequency, rad/s
+    peak_sensitivity, worst_sensitivity : greatest |S| of the nominal device and the devices of a box up to Nyquist, and
+        its frequency, rad/s
     certificate : the proved claims
     cut : whether the time limit ended the proof, or the evaluation of the devices in hands
     """
@@ -179,7 +180,7 @@ class Judgement:
 
     @property
     def open_claims(self) -> list[str]:
-        """The claims that are not proved, in words: each with its verdict, the place, and the device on which it
+        """The claims that are not proved, in words: each with its verdict, its place, and the device on which it
         fails."""
         units, kind = UNITS[self.tightest.units], self.tightest.kind
         return [
@@ -250,15 +251,14 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
 def judge_all(
     problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]], corners: Sequence[float | None] | None = None
 ) -> list[Judgement]:
-    """Judge several designs against the constraints of a problem, with a joint proof; `judge` does the same for one
-    design.
+    """Judge several designs against the constraints of a problem, with a joint proof. For one design, use `judge`.
 
     Parameters
     ----------
     problem : problem with all defaults filled in, SI units
     designs : gains and couplings, plain floats, SI units
-    corners : corner frequency of the multiplier for walls of each design, rad/s; None for the one with the greatest
-        margin
+    corners : corner frequency of the multiplier for walls of each design, rad/s; None for the frequency with the
+        greatest margin
 
     Returns
     -------
@@ -296,7 +296,7 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
     in_hand = posed.demands.hands is not None or posed.demands.any_hand
     at: list[_InHands] = []
     devices = [case.device for case in posed.hand_cases] if in_hand else []
-    # the first device alone, so that a judgement without time still has the ratio of one device
+    # first one device, so that a judgement has at least one ratio when time runs out
     batches = [devices[:1], *(devices[k : k + TOGETHER] for k in range(1, len(devices), TOGETHER))]
     for batch in in_time(batches if devices else []):
         with unlimited():

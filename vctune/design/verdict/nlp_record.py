@@ -74,10 +74,10 @@ def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
 
 
 def _priced(polished: Polished) -> Floats:
-    """Return the multipliers; for the ratio, return those of 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
+    """Return the multipliers; for the ratio, the multipliers of 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
 
-    For a device with a least operator, two terms of this constraint contain the factor, and the NLP has them on
-    different sides. The function converts the multipliers of the NLP accordingly.
+    For a device with a least operator, two terms of this constraint contain the factor, on different sides in the NLP.
+    The function converts the multipliers of the NLP accordingly.
     """
     multipliers, ratio = np.abs(polished.solution.multipliers), polished.working_set.ratio
     if polished.structure.operator_damping and ratio:

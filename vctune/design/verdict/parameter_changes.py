@@ -17,33 +17,31 @@ from vctune.model.problem import Problem
 
 RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
 CHANGES_FROM_ZERO = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
-"""Relative changes that the search tries: relative to the smaller of the old and the new value, or to the natural size
-if the old value is 0.
-
-If a gain changes too far, the design fails again. Up to a factor of 4, the steps are so small that they miss no
-interval of passing values wider than 30 %.
+"""Changes that the search tries, relative to the smaller of the old and the new value, or to the natural size if the
+old value is 0. If a gain changes too far, the design fails again. Up to a factor of 4, the steps are small enough to
+find every interval of passing values that is wider than 30 %.
 """
 FURTHEST = 1e6
-"""Greatest factor by which the search changes a bound or a gain; no device would need more. Each factor of ten takes
-one more trial."""
+"""Greatest factor by which the search changes a bound or a gain; no device needs more. Each factor of ten takes one
+more trial."""
 SOFTEST = 1e-3
 """Least share to which the search reduces the greatest mass, damping or stiffness of the hands. A smaller share would
 not describe a hand."""
 FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
-"""Least relative change of a number, and least change from 0. Smaller changes would vanish in the rounding of the
-file's decimals or of a double."""
+"""Least relative change of a value, and least change from 0. Smaller changes would vanish in the rounding of the file's
+decimals or of a double."""
 DIGITS = 12
 """Greatest number of significant digits of a new value."""
 BETTER = {key: each for key, each in PART_NUMBERS.items() if each.better}
-"""Numbers of a device's parts for which better parts exist, such as the bandwidth of an actuator."""
+"""Parameters of a device's parts for which better parts exist, such as the bandwidth of an actuator."""
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
-"""Keys of parameters that increase Re Z_c as they grow. Decreasing such a parameter never repairs a design."""
+"""Keys of parameters that increase Re Z_c as they grow. A decrease of these parameters never repairs a design."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
-    """A number of a problem file that may change in one direction.
+    """A value of a problem file that may change in one direction.
 
     Changes are relative to the smaller of the old and the new value. If the old value is 0, they are relative to the
     natural size. If the old value is infinite, the reciprocal changes from 0, relative to the reciprocal of the natural
@@ -51,13 +49,13 @@ class ParameterChange:
 
     Attributes
     ----------
-    path : place of the number in the file
+    path : place of the value in the file
     meaning : meaning of the change, in words
     old : the value in the file, or the default
     limit : the furthest value to try, above or below `old`
-    scale : natural size of the number, used if `old` is 0 or infinite
+    scale : natural size of the value, used if `old` is 0 or infinite
     other : the other edge of the band, or the other end of the range; a changed file must state both
-    switch : whether the number is a switch, which the change turns from true (1) to false (0)
+    switch : whether the value is a switch, which the change turns from true (1) to false (0)
     """
 
     path: KeyPath
@@ -83,7 +81,7 @@ class ParameterChange:
 
     @property
     def least(self) -> float:
-        """The least relative change to try, which from an infinite old value is the change to the natural size."""
+        """The least relative change to try; from an infinite old value, the change to the natural size."""
         return FINEST_FROM_ZERO if self.old == 0 else FINEST if self.old < inf else 1.0
 
     def value(self, relative: float) -> float:
@@ -105,7 +103,7 @@ class ParameterChange:
         return abs(new - self.old) / min(new, self.old) if new > 0 else inf
 
     def size(self, new: float) -> float:
-        """Return the size r/(1 + r) of a change with the relative change r, to compare changes of all numbers.
+        """Return the size r/(1 + r) of a relative change r, to compare changes of different values.
 
         The size is the change relative to the greater of the old and the new value, at most 1.
         """
@@ -113,7 +111,7 @@ class ParameterChange:
         return relative / (1 + relative) if relative < inf else 1.0
 
     def partial(self, new: float, share: float) -> float:
-        """Return the value after a share of a change; if the old value is infinite, the share applies to the
+        """Return the value after a share of a change. If the old value is infinite, the share applies to the
         reciprocals.
 
         Parameters
@@ -167,7 +165,7 @@ class ParameterChange:
         return f"{dotted(self.path[:-1])} = {form}"
 
     def applied(self, document: dict[str, Any], new: float) -> dict[str, Any]:
-        """Return the document with the number changed.
+        """Return the document with the value changed.
 
         Parameters
         ----------
@@ -231,7 +229,8 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
     """Yield changes that leave fewer hands: more damping or, for a claim about a box of hands, less mass or stiffness.
 
-    If no hand of the box has a stiffness, possibly nothing returns the handle. The changes then include stiffer hands.
+    If no hand of the box has a stiffness, there may be nothing that returns the handle. The changes then include
+    stiffer hands.
     """
     device, low, high = problem.device, problem.hands.low, problem.hands.high
     meaning, loop = "more damping in every hand", _natural_impedance(problem)
@@ -331,12 +330,12 @@ def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterC
 
 
 def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> ParameterChange:
-    """Return the change of a design's number towards another value.
+    """Return the change of a variable of a design towards another value.
 
     Parameters
     ----------
     problem : problem of the design
-    key : key of the number
+    key : key of the variable
     old, limit : its present value, and the furthest value
     """
     table, name = key.split(".")
@@ -353,7 +352,7 @@ def _natural_impedance(problem: Problem) -> float:
 
 
 def _natural_sizes(problem: Problem) -> dict[str, float]:
-    """Return the natural size of each number of a design, under the number's key."""
+    """Return the natural size of each variable of a design, under the variable's key."""
     tau = problem.device.loop_lag
     loop = _natural_impedance(problem) + problem.device.damping
     Z_0 = problem.transparency.reference_impedance

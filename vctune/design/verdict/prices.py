@@ -29,17 +29,17 @@ STEP = 1e-5
 """Relative step, up and down, of the difference that approximates a derivative. The relative error of the approximation
 is about 1e-5; rounding errors are far smaller. With half or twice this step, the prices agree in four digits."""
 STEEPEST = 50.0
-"""Slope d log error/d log number above which a change of the error counts as a jump. The error jumps, for example, if
-the delay of a servo passes a whole number of samples. True slopes are at most 10, so half and twice this limit give the
-same result."""
+"""Slope d log error/d log parameter above which a change of the error counts as a jump. The error jumps, for example,
+if the delay of a servo passes a whole number of samples. True slopes are at most 10, so the results are the same with
+half or twice this limit."""
 BETTER = 0.01
-"""Share by which a number improves. Up to this share, the least error is nearly a linear function of the number, on
-each side of its value."""
+"""Share by which a parameter improves. Up to this share, the least error is nearly a linear function of the parameter,
+on each side of its value."""
 
 
 @np.errstate(all="ignore")
 def with_prices(solved: Solved) -> Solved:
-    """Return the result of a problem with the price of each number of its device, if its design is a local optimum.
+    """Return the result of a problem with the price of each parameter of its device, if its design is a local optimum.
 
     Parameters
     ----------
@@ -74,11 +74,11 @@ class _OfDevice:
         return f"device.{self.name}"
 
     def of(self, problem: Problem) -> float:
-        """Return the value of the number."""
+        """Return the value of the parameter."""
         return float(problem.device.number(self.name))
 
     def changed(self, device: Device, factor: float) -> Device:
-        """Return a device whose number is `factor` times as great."""
+        """Return a device with the parameter multiplied by `factor`."""
         return device.with_numbers({self.name: factor * device.number(self.name)})
 
     def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
@@ -92,7 +92,7 @@ class _OfHands:
 
     Attributes
     ----------
-    name : name of the hand's number
+    name : name of the hand's parameter
     end : "min", "max", or "" for both
     """
 
@@ -105,7 +105,7 @@ class _OfHands:
         return f"operator.{self.name}.{self.end}".rstrip(".")
 
     def of(self, problem: Problem) -> float:
-        """Return the value of the number."""
+        """Return the value of the parameter."""
         return float(getattr(problem.hands.low if self.end == "min" else problem.hands.high, self.name))
 
     def changed(self, device: Device, factor: float) -> Device:
@@ -113,14 +113,14 @@ class _OfHands:
         return device
 
     def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
-        """Return a hand of a box; if it lies at this end of the range, its number is `factor` times as great."""
+        """Return a hand of a box; if it lies at this end of the range, its parameter is multiplied by `factor`."""
         value = getattr(hand, self.name)
         edge = getattr(hands.low if self.end == "min" else hands.high, self.name)
         return replace(hand, **{self.name: factor * value}) if isclose(value, edge) else hand
 
 
 def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
-    """Return the numbers that get a price: those of the device and, for a servo, also those of the hands."""
+    """Return the parameters that get a price: parameters of the device and, for a servo, also of the hands."""
     found: list[_OfDevice | _OfHands] = [_OfDevice(name) for name, old in problem.device.numbers().items() if old > 0]
     if problem.device.kind.own_loop:
         return found
@@ -133,7 +133,7 @@ def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
 
 
 def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDevice | _OfHands) -> Price:
-    """Return the price of a number, for an increase or a decrease, whichever lowers the error."""
+    """Return the price of a parameter, for an increase or a decrease, whichever lowers the error."""
     old = number.of(prepared.problem)
     less, more = (_changed(prepared, polished, number, factor) for factor in (1 - STEP, 1 + STEP))
     optimised = compared(prepared.given).error(*design_of(prepared.units.to_si(polished.values))) ** 2
@@ -148,12 +148,12 @@ def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDe
 
 @dataclass(frozen=True, slots=True)
 class _Changed:
-    """The parts of the squared error after a change of one number.
+    """The parts of the squared error after a change of one parameter.
 
     Attributes
     ----------
     lagrangian : Lagrangian of the last NLP, whose objective is the logarithm of the error
-    others2 : sum of the squared terms of the error that are the same for every design, and that the NLP omits
+    others2 : sum of the squared terms of the error that are the same for every design, which the NLP omits
     """
 
     lagrangian: float
@@ -161,9 +161,9 @@ class _Changed:
 
 
 def _changed(prepared: Prepared, polished: Polished, number: _OfDevice | _OfHands, factor: float) -> _Changed:
-    """Return the parts of the squared error after a number of the devices or hands is multiplied by `factor`.
+    """Return the parts of the squared error after a parameter of the devices or hands is multiplied by `factor`.
 
-    The design and all other numbers of the problem stay the same in SI units.
+    The design and all other parameters of the problem stay the same in SI units.
     """
 
     def changed(device: Device) -> Device:

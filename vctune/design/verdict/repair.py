@@ -1,7 +1,7 @@
 """Find repairs: changes of one value that make a design possible, each sufficient alone, the least error first.
 
-A number of the problem changes as little as possible. A number of a given design takes the value with the least error,
-or the value of the solved design. The module imports the optimiser only when it needs it.
+A repair changes a value of the problem as little as possible. A repair of a given design uses the value with the least
+error, or the value of the solved design. The module imports the optimiser only when it needs it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from vctune.proof.engine.interval import Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, time_limit
 
 SHARE = 0.9
-"""Share of a repair that must not suffice to make a design possible."""
+"""Share of a repair that must not be enough to make a design possible."""
 ROUNDS = 10
 """Greatest number of corrections of the estimated least change. If a change does not suffice, a correction makes it
 slightly larger. If nine tenths of a change suffice, a correction makes it a tenth smaller. Two or three corrections are
@@ -44,13 +44,12 @@ usual. With half as many, vctune misses some repairs; with twice as many, it fin
 REPAIRS = "the repairs"
 """Name of a stage that a time limit may cut short."""
 LONGEST = 30.0
-"""Seconds after which vctune tries no more changes. The search takes this time only for devices whose problems take
-long to solve. With half this time, vctune misses some repairs on a slow machine and warns of it (`CUT_SHORT`); the
-listed repairs are the same."""
+"""Seconds after which vctune tries no more changes. The search needs so much time only for problems that take long to
+solve. With half this time, vctune misses some repairs on a slow machine and warns of it (`CUT_SHORT`); the listed
+repairs are the same."""
 COMPARING = 0.25
-"""Share of `LONGEST` after which vctune no longer solves the problem to find out which number was edited. Most problems
-take a second or two. Environments that run late take half a minute, and with the whole time no change at all would be
-tried."""
+"""Share of `LONGEST` after which vctune no longer solves the problem to find out which value was edited. Most problems
+take a second or two. Environments that run late take half a minute, which would leave no time to try changes."""
 CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
 FINER = 30.0
 """Factor by which the search reduces a change while the change suffices. Then it bisects the last interval."""
@@ -94,7 +93,7 @@ def _judged(problem: Problem) -> Judgement | None:
 def _solved(problem: Problem) -> Judgement | None:
     from vctune.design.solve import solve
 
-    # without the search of every box, which alone would take up to half a minute
+    # without the search of every box, which can take half a minute
     solved = solve(problem, exhaustive=False)
     if solved.cut:  # the time limit cut the solution short
         raise OutOfTimeError
@@ -126,9 +125,10 @@ def _seems_in_use(problem: Problem) -> bool:
 
 OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3, furthest_first=True)
 OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
-"""Tests for problems that fix every number of the design, and for problems that leave one free. vctune judges a problem
-of the first kind in a millisecond, so the search can determine the least change accurately. Solving a problem of the
-second kind takes a second. With half the width, each number takes one more trial; with twice the width, one less.
+"""Tests for problems that fix every variable of the design, and for problems that leave one variable free. vctune
+judges a problem of the first kind in a millisecond, so the search can determine the least change accurately. Solving a
+problem of the second kind takes a second. With half the width, each value takes one more trial; with twice the width,
+one trial less.
 """
 OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
 OF_FREE_IN_USE = RepairTest(
@@ -170,7 +170,7 @@ def repairs_of_design(
     changed: Sequence[ParameterChange],
     progress: Progress = lambda stage: None,
 ) -> list[Repair]:
-    """Return the changes of one value after which a refuted design passes: first its own numbers, then the problem's.
+    """Return the changes of one value after which a refuted design passes: first of the design, then of the problem.
 
     Parameters
     ----------
@@ -185,8 +185,9 @@ def repairs_of_design(
     -------
     list of Repair
         First the changes of the design's variables, then the least changes of the problem; in each part the least error
-        comes first. A number of the design returns to its value in the solved design. If no such change passes, the
-        number takes the value with the least error or, if the optimiser finds none, the least change that passes.
+        comes first. A variable of the design returns to its value in the solved design. If the design then still fails,
+        the variable takes the value with the least error or, if the optimiser finds none, the nearest value that
+        passes.
     """
     pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
     problem, _ = pose(pasted, "")
@@ -244,8 +245,8 @@ def find_repairs(
     """Return the least changes of one value that repair a problem, as many as the search finds in `LONGEST` seconds.
 
     The search makes each change as a user would: it changes the value in the document and reads the problem again,
-    with its defaults. Then the search solves the problem or, if every number of the design is fixed, judges the design.
-    The search tries small changes of all values before large changes of any value.
+    with its defaults. Then the search solves the problem or, if every variable is fixed, judges the design. The search
+    tries small changes of all values before large changes of any value.
 
     Parameters
     ----------
@@ -280,12 +281,12 @@ def find_repairs(
 
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """The search for the least change of one number.
+    """The search for the least change of one value.
 
     Attributes
     ----------
     document : parsed document
-    change : number to change
+    change : value to change
     test : functions that test changed problems
     posed : function that returns the problem that a document states, or None
     """

@@ -15,7 +15,7 @@ from vctune.model.problem import Problem
 
 
 def device_record(device: Device, problem: Problem) -> DeviceRecord:
-    """Return mass, damping and delay of a device, and its other numbers for which the problem states an uncertainty.
+    """Return mass, damping and delay of a device, and its other parameters for which the problem states an uncertainty.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: fl
     ----------
     problem : problem with an uncertain device
     judgement : judgement of the robust design
-    nominal_error : error of the best design for the nominal device alone; None if it was not computed
+    nominal_error : error of the best design for only the nominal device; None if not computed
     """
     posed, design = pose(problem), (judgement.gains, judgement.coupling)
     box, uncertainty = posed.box, problem.uncertainty

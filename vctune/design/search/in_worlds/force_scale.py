@@ -2,7 +2,7 @@
 
 With the scale x, the tool meets the admittance Y = s^2 (r + j i/s), where r = a x - R and i = v x - X. Some environment
 puts a pole on the unit circle if three quadratics in x have certain signs (model/README.md, section 18). The greatest
-such x is therefore a zero of one of them.
+of these x is therefore a zero of one of the quadratics.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def times(limit: float, number: Floats) -> Floats:
 
     Parameters
     ----------
-    limit : the limit, >= 0; inf for none
+    limit : the limit, >= 0; inf without a limit
     number : the number
     """
     return limit * number if limit < inf else np.full_like(number, inf)

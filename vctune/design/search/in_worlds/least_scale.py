@@ -1,7 +1,7 @@
 """Estimate the least scale of a coupling with which no environment of a box puts a pole on the unit circle.
 
-A scale is forbidden at an angle and in a hand if an environment then puts a pole at this angle. The forbidden scales
-form an interval, because the polygon of the environments is convex.
+A scale is forbidden for an angle and a hand if, with this scale, some environment puts a pole at the angle. The
+forbidden scales form an interval, because the polygon of the environments is convex.
 """
 
 from __future__ import annotations

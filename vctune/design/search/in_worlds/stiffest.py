@@ -1,11 +1,11 @@
 """Find the stiffest coupling of an impedance display with which no environment of a box puts a pole on the unit circle.
 
-In a hand, a design may fail only in a window of frequencies whose relative width is 1e-4. The reason is that the
-reactance of a stiff coupling changes sign next to the frequency at which its resistance is too small. An NLP at single
-frequencies escapes between such windows. The scales 1/k_c that an environment forbids have a closed form, and the
-greatest of them covers all windows. This search therefore takes the scale from the closed form, and exchanges only
-hands. It minimises the error over b_c/k_c and K_v in a few hands, adds the hands that forbid more at the answer, and
-repeats.
+In a given hand, a design may fail only in a window of frequencies with a relative width of 1e-4, because the reactance
+of a stiff coupling changes sign next to the frequency at which its resistance is too small. The answers of an NLP at
+single frequencies fall between these windows. The scales 1/k_c that an environment forbids have a closed form, and the
+greatest of them covers all windows. This search therefore takes the scale from the closed form, and exchanges hands
+instead of frequencies. It minimises the error over b_c/k_c and K_v in a few hands, adds the hands that forbid more at
+the answer, and repeats.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ ROUNDS = 12
 """Greatest number of rounds in which hands join the search. Two to five are usual."""
 RESERVE = 5e-4
 """Least tightening. It covers the hands that the search misses and leaves the proof a reserve. With a fifth of
-this value, one of twenty random displays stays undecided. With twice this value, the compliance is greater by 5e-4."""
+this value, one of twenty random displays stays undecided. With twice this value, the compliance rises by a share of
+5e-4."""
 ENOUGH = 2e-5
 """Share by which the scale that a hand forbids may exceed that of the known hands before the hand joins them. With half
 or twice this share, the errors are the same to 1e-8."""
@@ -109,7 +110,7 @@ def stiffest(
     ----------
     posed : prepared problem of an impedance display with a box of environments, dimensionless
     start : start from the scan
-    incumbent : error above which the search gives up; more hands only raise the error
+    incumbent : error above which the search ends, because more hands can only raise the error
     tightening : relative tightening of the constraints
     witnesses : points in hands at which a proof refuted a design
     """
@@ -149,7 +150,8 @@ def _design(posed: Posed, sets: Sequence[_InHands], law: _Law, reserve: float) -
 
 
 def _least_error(posed: Posed, sets: Sequence[_InHands], law: _Law, reserve: float, step: float) -> tuple[_Law, float]:
-    """Return the law of the least error near a law in the known hands, and that error; inf if nothing is feasible."""
+    """Return the law with the least error near a given law, in the known hands, and this error; inf if none is
+    feasible."""
     own = next((c for c in coordinates(posed.problem, integrator=False) if c.name == "velocity"), None)
     low, high = (log(tau) for tau in _time_constants(posed))
     at = np.array(
