@@ -148,6 +148,32 @@ def reference(tmp_path_factory):
     return path, rows_in(folder / "rows.jsonl"), csv_text(table)
 
 
+def test_weights_of_the_error_do_not_change_what_is_infeasible(tmp_path, monkeypatch):
+    """One search answers for all weights, and each row is what a search of its own would say."""
+    solved = []
+
+    def counted(problem, time_limit):
+        solved.append(problem)
+        return solve_point(problem, time_limit)
+
+    monkeypatch.setattr(sweeping, "solve_point", counted)
+    narrow = FREE + "[gains]\nvelocity = 50.0\nposition = 3000.0\n[coupling]\ndamping = {{ min = 1e-3, max = {} }}\n"
+    axes = '"transparency.weights.coupling" = [0.1, 1.0, 10.0]\n"device.damping" = [1.0, 2.0]\n'
+    for most, times in ((5.0, 2), (1e4, 6)):
+        folder = tmp_path / str(times)
+        path = write_study(folder, axes, narrow.format(most))
+        table = swept(path, folder, executor="serial")
+        assert len(solved) == times
+        solved.clear()
+        assert list(table.status) == (["infeasible"] * 6 if times == 2 else ["certified"] * 6)
+    for values in ((0.1, 1.0), (10.0, 2.0)):
+        problem, _ = read_study(tmp_path / "2/study.toml").at(values)
+        own = {name: number for name, number in solve_point(problem).items() if name != "seconds"}
+        rows = [json.loads(row) for row in rows_in(tmp_path / "2/rows.jsonl").values()]
+        (row,) = (row for row in rows if tuple(row["point"].values()) == values)
+        assert own == {name: row[name] for name in own}
+
+
 def test_two_jobs_make_the_same_bits_as_one(tmp_path, reference):
     path, rows, table = reference
     assert len(rows) == 12 and all('"certified"' in row for row in rows.values())

@@ -44,8 +44,10 @@ def terms_study(document: dict[str, Any], problem: Problem) -> Study:
         return Study("terms", document, (_list("transparency.weights.coupling", [weight]),), problem)
     weights = [float(f"{weight * 10**k:.6g}") for k in EXPONENTS]
     axes = (
-        _list("gains.position", _values(problem.bounds.position)),
         _list("transparency.weights.coupling", weights),
+        _list(
+            "gains.position", _values(problem.bounds.position)
+        ),  # varies first: most infeasible points then repeat one
     )
     return Study("terms", document, axes, problem)
 

@@ -12,7 +12,7 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from math import inf
 from pathlib import Path
@@ -24,6 +24,7 @@ from vctune.document.text.digest import digest, problem_digest
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import write_together
 from vctune.model.problem import Problem
+from vctune.model.transparency import Terms
 from vctune.version import __version__
 
 FAILED = "failed"
@@ -36,6 +37,12 @@ Row = dict[str, Any]
 def key_of(problem: Problem) -> str:
     """Return the digest of everything that determines a point's row: the meaning of the problem, and the version."""
     return digest([__version__, problem_digest(problem)])
+
+
+def constraints_key(problem: Problem) -> str:
+    """Return the same digest for problems that differ only in the weights of the error, and so have the same feasible
+    designs."""
+    return key_of(replace(problem, transparency=replace(problem.transparency, weights=Terms(1.0, 1.0, 1.0))))
 
 
 def invalid_key(document: dict[str, Any]) -> str:

@@ -18,7 +18,7 @@ from vctune.model.problem import Problem
 from vctune.study.executors import WorkerPool
 from vctune.study.points import Values, points
 from vctune.study.row import row_without_design, solve_point
-from vctune.study.rows import FAILED, Rows, invalid_key, key_of
+from vctune.study.rows import FAILED, Rows, constraints_key, invalid_key, key_of
 
 INVALID = "invalid"
 """Status of a point whose values do not form a valid problem."""
@@ -46,6 +46,7 @@ class _Sweep:
     time_limit : time limit of a point, s
     statuses : number of finished points by status
     best : least error of a certified point
+    infeasible : rows of infeasible points by `rows.constraints_key`
     pending : points at the workers
     retries : points to try again one at a time, because their worker or another worker of the pool died
     """
@@ -57,6 +58,7 @@ class _Sweep:
     time_limit: float
     statuses: Counter[str] = field(default_factory=Counter)
     best: float = inf
+    infeasible: dict[str, dict[str, Any]] = field(default_factory=dict)
     pending: dict[Future[dict[str, Any]], Task] = field(default_factory=dict)
     retries: list[Task] = field(default_factory=list)
 
@@ -102,11 +104,17 @@ def _row(study: Study, key: str, values: Values, content: dict[str, Any]) -> dic
 
 
 def _submit(state: _Sweep, task: Task) -> None:
-    """Hand a point to the workers, unless the point has a row or a worker is already solving it."""
+    """Hand a point to the workers, unless the point has a row or a worker is already solving it.
+
+    A point that differs from an infeasible one only in the weights of the error is infeasible, too.
+    """
     if task.key in state.rows or any(task.key == other.key for other in state.pending.values()):
         _tell(state, next(state.rows.read([task.key]), {}) if task.key in state.rows else {})
         return
     _collect(state, state.pool.max_pending - 1)
+    if (known := state.infeasible.get(constraints_key(task.problem))) is not None:
+        _finish(state, task, {**known, "seconds": 0.0})
+        return
     try:
         state.pending[state.pool.executor.submit(solve_point, task.problem, state.time_limit)] = task
     except state.pool.worker_died:
@@ -146,6 +154,8 @@ def _content(pool: WorkerPool, future: Future[dict[str, Any]]) -> dict[str, Any]
 
 
 def _finish(state: _Sweep, task: Task, content: dict[str, Any]) -> None:
+    if content["status"] == Status.INFEASIBLE.value:
+        state.infeasible[constraints_key(task.problem)] = content
     state.rows.append(_row(state.study, task.key, task.values, content))
     _tell(state, content)
 
