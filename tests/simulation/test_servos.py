@@ -309,9 +309,11 @@ def refuted(tables: dict) -> tuple[Scene, EnvironmentRecord]:
 
 
 def grows_as_named(scene: Scene, named: EnvironmentRecord) -> bool:
-    mode = fastest_mode(scene)
-    growth = log(mode.radius) / scene.device.sample_time
-    return growth > 0 and (growth, mode.hz) == pytest.approx((named.growth_per_s, named.hz), rel=1e-5)
+    mode, T = fastest_mode(scene), scene.device.sample_time
+    growth = log(mode.radius) / T
+    rounding = 1e-14 / T  # of an eigenvalue next to 1, which counts where the motion grows within days
+    named_so = growth == pytest.approx(named.growth_per_s, rel=1e-5, abs=rounding)
+    return growth > 0 and named_so and mode.hz == pytest.approx(named.hz, rel=1e-5)
 
 
 @pytest.mark.parametrize("name", PROVED)
