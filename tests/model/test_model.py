@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import pi
+from math import inf, pi
 
 import casadi as ca
 import mpmath as mp
@@ -149,6 +149,16 @@ def test_high_frequency_limit():
     assert limit.required == pytest.approx(2 * 0.5 * 40 / (2.0 * 1e-3))
     assert limit.coupling == 25003.0
     assert limit.coupling / limit.required == pytest.approx(float(ratio(LAG, gains, coupling, 1e9)), rel=1e-6)
+
+
+def test_a_rigid_coupling_has_only_its_drag_at_both_ends():
+    """Its mass is a pure reactance at every frequency, although Re Z_c of a damped coupling tends to b_c + b_0."""
+    for drag in (0.0, 3.0):
+        coupling = Coupling(inf, 5.0, drag)
+        for K_p in (0.0, 4000.0):
+            assert low_frequency_limit(LAG, Gains(40.0, K_p), coupling).coupling == drag
+        assert high_frequency_limit(LAG, Gains(40.0, 4000.0), coupling).coupling == drag
+        assert coupling_impedance(coupling, 1e9).re == drag
 
 
 def test_lag_resistance_is_positive_at_all_frequencies_iff_it_is_at_zero():

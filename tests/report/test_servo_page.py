@@ -96,7 +96,28 @@ def test_the_filter_of_the_samples_is_late_too_and_the_own_spring_asks_for_drag(
     assert {part.part: part.latency_s for part in contact.parts}["filter"] == pytest.approx(0.002 * 0.8 / 0.2)
     moved = contact.latency_s - 0.008
     assert contact.rest_drag == pytest.approx(1.05 * (1000.0 * contact.latency_s + 200.0 * moved), rel=1e-9)
-    assert contact.rule == "1.05 K L and that of the own spring"
+    assert contact.rule == "1.05 K L and the drag of the own spring"
+
+
+def test_an_own_spring_also_needs_less_drag_with_less_latency():
+    """The example shortens the servo, whose latency counts for the contacts and for the own spring."""
+    filtered = ARM.replace("[operator]", "force_sensor = { filter_coefficient = 0.2 }\n[operator]")
+    record, problem = given(filtered.replace("order = 2", "order = 2, stiffness = 200.0") + HEAVY.format(90.0))
+    less, lighter = record.contact.example()
+    shorter = problem.device.with_numbers({"servo.delay": 0.032 - less})
+    assert lighter == pytest.approx(1.05 * drag_at_rest([shorter], problem.hands), rel=1e-9)
+    (row,) = (row for row in record.contact.rows(LINEAR) if row.label == "with less latency")
+    assert row.unit == f"N s/m if {1e3 * less:g} ms are saved outside the force sensor"
+
+
+def test_a_coupling_that_bears_no_contact_is_compared_with_the_softest_hands():
+    """The least stiffness of the box may be above 0."""
+    stiff = ARM.replace("stiffness = { min = 0.0", "stiffness = { min = 900.0")
+    for text in (ARM + HEAVY.format(40.0), stiff + HEAVY.format(30.0)):
+        contact = given(text)[0].contact
+        assert contact.stiffest_contact is None
+        (row,) = (row for row in contact.rows(LINEAR) if row.label == "stiffest contact")
+        assert row.unit == "even the softest hands require more than this coupling offers"
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from dataclasses import astuple, replace
 from fractions import Fraction
-from math import floor, log, pi
+from math import floor, log, pi, sqrt
 
 import numpy as np
 import pytest
+import ros_controller
 import servo_in_time
 from conftest import mostly_slow
 from scipy.integrate import solve_ivp
@@ -29,6 +30,9 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.parts import ForceSensor, Servo
 from vctune.model.problem import Problem
 from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
+from vctune.simulation.firmware.controller import Measurement, State, control
+from vctune.simulation.firmware.in_the_loop import run_in_the_loop
+from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics.intended_motion import intended_motion
 from vctune.simulation.mechanics.scene_stability import STANDING, fastest_mode, loop_matrix
 from vctune.simulation.mechanics.step import SAMPLES_PER_CALL, build
@@ -73,6 +77,14 @@ CONTACT = {
     "coupling": {"damping": 1943.9452, "mass": 2.8515397, "drag": 302.56473},
     "stability": {"safety_factor": 1.05},
 }
+FILTERED = ARM | {
+    "device": {
+        "sample_time": 0.002,
+        "servo": {"delay": 0.032, "bandwidth_hz": 20.0, "order": 2, "stiffness": 50.0},
+        "force_sensor": {"filter_coefficient": 0.2},
+    }
+}
+"""A servo whose firmware filters the sensed samples and has a spring."""
 PROVED = {"arm": ARM, "walker": WALKER, "contact": CONTACT}
 """Designs of `vctune solve`, at the edge of their safety factor."""
 
@@ -168,6 +180,73 @@ def test_motion_grows_and_turns_in_time_by_the_largest_root(seed):
         assert np.abs(np.asarray(states)[:, k] - expected).max() < 1e-7 * abs(top) ** (k + 1)
 
 
+# the firmware's filter and its own spring
+
+
+def ruled_loop(seed: int, spring: bool, filtered: bool) -> tuple[np.ndarray, Scene]:
+    """Return a loop with the law of a ROS 2 controller, as the oracle and as the simulation have it."""
+    rng = np.random.default_rng(seed)
+    T = float(rng.choice([1e-3, 2e-3, 4e-3]))
+    delay, sensor_delay = late(rng, T), late(rng, T)
+    hz, sensor_hz = decades(rng, 0.7, 1.6), decades(rng, 1.3, 2.3) if rng.random() < 0.5 else None
+    order, sensor_order = int(rng.integers(1, 3)), int(rng.integers(1, 3))
+    arm = ros_controller.Arm(T, delay, hz, order, sensor_hz, sensor_order, sensor_delay)
+    damping, stiffness = decades(rng, 1, 2.5), decades(rng, 1, 3.5) if spring else 0.0
+    mass = damping * max(3 * T, decades(rng, -1.5, 0))
+    share = float(rng.uniform(0.02, 0.6)) if filtered else 1.0
+    # without a stiffness, the damping ratio has no effect, and only the damping of the joints damps
+    ratio, joint = (damping / 2 / sqrt(mass * stiffness), 0.0) if spring else (0.0, damping / mass)
+    rule = ros_controller.Rule(mass, ratio, stiffness, joint, share)
+    hand = (decades(rng, -2, 1, 0.3), decades(rng, -1, 2, 0.3), decades(rng, 1, 4))
+    world = ros_controller.World(str(rng.choice(["spring", "mass"])), decades(rng, -1, 3), decades(rng, -1, 2, 0.5))
+    rendered = Environment(0.0, world.damping, world.value, 0.0, False, "trapezoid")
+    if world.kind == "mass":
+        rendered = Environment(world.value, world.damping, 0.0, 0.0, False, "trapezoid")
+    device = Device(
+        1.0,
+        0.0,
+        T,
+        force_sensor=ForceSensor(sensor_hz, sensor_order, sensor_delay, share if filtered else None),
+        display="servo",
+        servo=Servo(delay, hz, order, "velocity", stiffness=stiffness if spring else None),
+    )
+    operator = replace(HAND, mass=hand[0], damping=hand[1], stiffness=hand[2])
+    left = mass - damping * T
+    coupling = Coupling(2 * left / T, left, damping)
+    return ros_controller.loop_matrix(arm, hand, rule, world), scene_of(device, coupling, rendered, operator)
+
+
+@pytest.mark.parametrize("seed", mostly_slow(range(60), range(8)))
+@pytest.mark.parametrize(("spring", "filtered"), [(False, True), (True, False), (True, True)])
+def test_the_filter_and_the_own_spring_of_the_firmware_are_simulated(seed, spring, filtered):
+    matrix, scene = ruled_loop(seed, spring, filtered)
+    assert fastest_mode(scene).radius == pytest.approx(abs(top_of(matrix)), rel=1e-8)
+
+
+class OwnController:
+    """The design's own law as an external firmware."""
+
+    precision = "double"
+
+    def start(self, scene: Scene) -> None:
+        begin = equilibrium(scene)
+        self.law = scene.law
+        self.state = State(begin.reference, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def step(self, measured: np.ndarray) -> np.ndarray:
+        self.state, command = control(self.law, self.state, Measurement(*measured), FLOATS)
+        return np.array([self.state.reference, self.state.desired, command.environment, command.given])
+
+
+def test_an_external_firmware_reads_the_filtered_force_and_the_own_spring():
+    problem = problem_of(FILTERED).problem
+    scene = scene_of(problem.device, problem.fixed_design[1])
+    alone, (external, difference) = run(scene), run_in_the_loop(scene, OwnController())
+    assert difference.passes
+    for name in ("position", "sensed", "motor"):
+        assert getattr(external, name) == pytest.approx(getattr(alone, name), rel=1e-9, abs=1e-12), name
+
+
 # between samples
 
 
@@ -228,7 +307,7 @@ def test_between_samples_it_follows_its_command_and_is_sensed(command, order):
 
 
 def test_it_starts_at_rest_where_hand_and_environment_agree():
-    for tables in (ARM, WALKER):
+    for tables in (ARM, WALKER, FILTERED):
         problem = problem_of(tables).problem
         still = Operator("sine", 0.02, 0.02 + 1e-9, 0.05, 50, 1.0, 5.0, 600.0)
         traces = run(scene_of(problem.device, problem.fixed_design[1], operator=still))

@@ -44,7 +44,7 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """The state of a scene at rest at the start.
+    """The state of a scene at the start.
 
     Attributes
     ----------
@@ -64,8 +64,13 @@ class Equilibrium:
 def equilibrium(scene: Scene) -> Equilibrium:
     """Return the equilibrium at the start of the motion: all springs, from the hand's to the environment's, in series.
 
-    Without a position gain, the controller holds no position, and the handle starts where hand and environment are in
-    equilibrium. A servo also starts there, at the environment's position.
+    A servo starts where hand and environment are in equilibrium, and its own spring is relaxed there. The scene starts
+    at rest, with three exceptions:
+
+    - Without a position gain, no force of the motor balances the hand. The handle starts where hand and environment
+      are in equilibrium.
+    - A hand without stiffness does not balance the environment. The handle starts at the begin of the motion.
+    - A regular PID with K_i > 0 starts with an empty integral, which then grows with the position error.
     """
     at_rest = _at_rest(scene)
     return replace(at_rest, motor=at_rest.reference) if scene.law.command == "position" else at_rest
@@ -105,7 +110,7 @@ def designed_scene(device: Device, gains: Gains, coupling: AnyCoupling, experime
     gains, coupling : the design
     experiment : the experiment of the run
     """
-    return _scene(device, experiment, gains, 0.0, coupling, 0.0, 0.0)
+    return _scene(device, experiment, gains, coupling)
 
 
 def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Scene:
@@ -117,11 +122,16 @@ def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Sce
     experiment : the experiment of the run
     pid : the regular PID
     """
-    return _scene(device, experiment, Gains(pid.kd, pid.kp), pid.ki, None, pid.mass, pid.damping)
+    scene = _scene(device, experiment, Gains(pid.kd, pid.kp), None)
+    law = replace(scene.law, integral=pid.ki, virtual_mass=pid.mass, virtual_damping=pid.damping)
+    return replace(scene, law=law)
 
 
 def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, environment: Environment) -> Law:
     """Return the firmware of a design, without a limit and with an ideal encoder.
+
+    The filter and the own spring of a servo's firmware are not part of this law. The simulation applies both to the
+    force that the law reads (`mechanics/step_symbols.py`).
 
     Parameters
     ----------
@@ -130,7 +140,9 @@ def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, env
     environment : the rendered environment
     """
     estimate = device.velocity or VelocityEstimate()
-    smooth = estimate.filter_hz is not None
+    weight = None
+    if estimate.filter_hz is not None:
+        weight, _ = smoothing(estimate.filter_hz, device.sample_time, FLOATS)
     return Law(
         sample_time=device.sample_time,
         velocity=gains.velocity,
@@ -142,29 +154,18 @@ def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, env
         environment=environment,
         position_resolution=0.0,
         difference=estimate.source == "difference",
-        smoothing=float(smoothing(estimate.filter_hz, device.sample_time, FLOATS)[0]) if smooth else None,
-        low_passes=estimate.filter_order if smooth else 0,
+        smoothing=None if weight is None else float(weight),
+        low_passes=0 if weight is None else estimate.filter_order,
         limit=None,
         command=device.commanded,
     )
 
 
-def _scene(
-    device: Device,
-    experiment: Experiment,
-    gains: Gains,
-    integral: float,
-    coupling: AnyCoupling | None,
-    mass: float,
-    damping: float,
-) -> Scene:
-    """Return a scene with the velocity law, the coupling and the virtual mass and damping of a controller."""
+def _scene(device: Device, experiment: Experiment, gains: Gains, coupling: AnyCoupling | None) -> Scene:
+    """Return a scene with a velocity law and a coupling."""
     sensors = experiment.sensors
     law = replace(
         designed_law(device, gains, coupling, experiment.environment),
-        integral=integral,
-        virtual_mass=mass,
-        virtual_damping=damping,
         position_resolution=sensors.position_resolution,
         limit=experiment.limit,
     )

@@ -28,6 +28,8 @@ PENDING_PER_WORKER = 3
 Solving a point takes at least tens of milliseconds; handing it out takes a millisecond. With half as many points, a
 worker on another machine may have to wait. Twice as many points do not make the sweep faster."""
 CONNECT_SECONDS = 5
+"""Time for which vctune tries to reach the scheduler of a running Dask cluster, s. A scheduler that runs answers at
+once. With half or twice this time, vctune refuses a wrong address sooner or later."""
 ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
     "PYTHONWARNINGS": "ignore:resource_tracker:UserWarning",
@@ -47,7 +49,8 @@ class WorkerPool:
     max_pending : greatest number of points that are handed out and not yet solved
     worker_died : exceptions that mean a dead worker
     unreachable : exceptions that mean an unreachable cluster
-    renew : function that renews the executor after a worker has died
+    renew : function to call after a worker has died. It replaces `executor` by new processes. A Dask cluster renews its
+        workers itself, and "serial" has none, so that the function does nothing there
     """
 
     executor: Executor

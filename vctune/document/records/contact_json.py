@@ -1,6 +1,6 @@
 """Define the record of the drag that a servo's latency requires.
 
-Each part of the latency requires stiffness times that part.
+Each part of the latency requires a drag: the safety factor times the stiffness times that part.
 """
 
 from __future__ import annotations
@@ -12,15 +12,21 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from vctune.document.records.certificate_json import HandRecord
-from vctune.document.records.part import Number, Part, Row, Shown, text
+from vctune.document.records.part import Number, Part, Row, Shown, how_shown, text
 from vctune.model.numbers.units import Units
 
 ROUND = (5.0, 2.0, 1.0)
 """Leading digits of the round latency that an example subtracts."""
 
+SENSOR = "device.force_sensor"
+"""Start of the keys of the parts that do not delay the firmware's own spring."""
+
 
 class LatencyPartRecord(Part):
-    """A part of the latency: its name, the key that states it, and the drag that this part alone requires at rest."""
+    """A part of the latency: its name, its key, its length, s, and the drag that it requires at rest, N s/m.
+
+    The drag includes the safety factor.
+    """
 
     part: str
     key: str
@@ -31,8 +37,8 @@ class LatencyPartRecord(Part):
 class ContactRecord(Part):
     """The drag that contacts require on a servo, and the stiffest contact that the coupling allows.
 
-    `stiffness` is the stiffness of the stiffest hand in the box. `safety_factor` comes from the problem. `own_spring`
-    is the drag that the firmware's own spring requires at rest.
+    `stiffness` is the stiffness of the stiffest hand in the box. `safety_factor` comes from the problem. Every drag
+    includes the safety factor. `own_spring` is the drag that the firmware's own spring requires at rest.
     """
 
     stiffness: float
@@ -50,45 +56,51 @@ class ContactRecord(Part):
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, each with its condition."""
         details = self._details(units)
-        for row in super().rows(units):
-            yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{details[row.label]}")
-            if row.label == "least drag at rest" and (example := self.example()) is not None:
+        for name, row in zip(how_shown(type(self)), super().rows(units), strict=True):
+            yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{details[name]}")
+            if name == "rest_drag" and (example := self.example()) is not None:
                 less, drag = example
-                yield Row("with less latency", text(drag), f"{units.damping} if {1e3 * less:g} ms are saved")
+                where = " outside the force sensor" if self.own_spring else ""
+                yield Row("with less latency", text(drag), f"{units.damping} if {1e3 * less:g} ms are saved{where}")
 
     def _details(self, units: Units) -> dict[str, str]:
-        """Return what each row says beside its number, by the label of the row."""
+        """Return the text beside the number of each row, by the name of its field."""
         parts = " + ".join(f"{part.part} {text(1e3 * part.latency_s, 4)}" for part in self.parts)
         contacts = f"contacts up to {text(self.stiffness, 7)} {units.stiffness}"
         worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"
         bears = f", {self.stiffest_contact_verdict} with this coupling"
         if self.stiffest_contact is None:
-            bears = "already the hands without stiffness require more than this coupling offers"
+            bears = "even the softest hands require more than this coupling offers"
         return {
-            "latency L": f" = {parts}",
-            "least drag at rest": f" for {contacts}: {self.rule}",
-            "least drag without b_c": f", {worst}",
-            "stiffest contact": bears,
+            "latency_s": f" = {parts}",
+            "rest_drag": f" for {contacts}: {self.rule}",
+            "drag_alone": f", {worst}",
+            "stiffest_contact": bears,
         }
 
     @property
     def rule(self) -> str:
         """The formula for the least drag at rest, in words."""
         of_springs = self.safety_factor * self.stiffness * self.latency_s + self.own_spring
-        rule = f"{text(self.safety_factor)} K L{' and that of the own spring' if self.own_spring else ''}"
+        rule = f"{text(self.safety_factor)} K L{' and the drag of the own spring' if self.own_spring else ''}"
         if isclose(self.rest_drag, of_springs, rel_tol=1e-6):
             return rule
         less = self.rest_drag < of_springs
         return f"{rule} {'less the damping of every hand' if less else 'and the part of unmodelled dynamics'}"
 
     def example(self) -> tuple[float, float] | None:
-        """Return a round share of the latency, at most a quarter, and the drag at rest after removing this share.
+        """Return a round share of the latency, s, and the drag at rest without this share, N s/m.
 
-        Return None if no contact has a stiffness.
+        The share is at most a quarter of the latency. With an own spring, it is at most a quarter of the latency
+        outside the force sensor, which counts for the contacts and for the own spring. Returns None if no drag is
+        required at rest.
         """
         if self.rest_drag == 0:
             return None
-        most = self.latency_s / 4
+        moved = self.latency_s
+        if self.own_spring:
+            moved = sum(part.latency_s for part in self.parts if not part.key.startswith(SENSOR))
+        most, per_second = moved / 4, self.safety_factor * self.stiffness + self.own_spring / moved
         unit = 10.0 ** floor(log10(most))
         less = next(digit for digit in ROUND if digit * unit <= most * (1 + 1e-9)) * unit
-        return less, max(self.rest_drag - self.safety_factor * self.stiffness * less, 0.0)
+        return less, max(self.rest_drag - per_second * less, 0.0)

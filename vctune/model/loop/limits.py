@@ -1,4 +1,7 @@
-"""Compute the exact limits of R and Re Z_c at the ends of the frequency axis (model/README.md, section 6)."""
+"""Compute the exact limits of R and Re Z_c at the ends of the frequency axis.
+
+See model/README.md, sections 6, 9 and 12.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ class EndLimit:
 
     Attributes
     ----------
-    coupling : the limit of Re Z_c
+    coupling : the limit of Re Z_c. If `required` is inf, only one of both limits may be divided by a power of omega
     required : the limit of R; inf if no coupling suffices
     """
 
@@ -46,7 +49,7 @@ class Lags:
 
 
 def lags(device: Device, ops: Arithmetic) -> Lags:
-    """Return the lags of a device's parts for omega -> 0 (model/README.md, section 6).
+    """Return the lags of a device's parts for omega -> 0 (model/README.md, section 12).
 
     A low-pass of order 1 lags by 1/w, a low-pass of order 2 by sqrt(2)/w, and a difference by T/2.
 
@@ -72,13 +75,14 @@ def lags(device: Device, ops: Arithmetic) -> Lags:
 
 
 def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: Arithmetic = FLOATS) -> EndLimit:
-    """Return the limits of Re Z_c and R for omega -> 0, with any hold (model/README.md, section 6).
+    """Return the limits of Re Z_c and R for omega -> 0, with any hold.
 
-    With K_p > 0, Re Z_c -> b_0 and R -> (b + tau_s K_p)^2/(4 (b + k)) with k = K_v - tau K_p + K_p^2 c/k_s^2. In this
-    limit, tau is the drive's lag, tau_s the force sensor's lag, and k_s and c belong to the spring between motor and
-    handle. With K_p = 0, R vanishes like omega^2, and without drag so does Re Z_c. The ratio then tends to (m_c^2/b_c)
-    4 (b + K_v)^2/(K_v M^2), M = m + b tau - K_v tau_F + (b + K_v) tau_s with the velocity estimate's lag tau_F. With
-    K_p > 0 and b = tau_s = 0, R vanishes like omega^4. In the hand of an operator with damping b_h,
+    See model/README.md, sections 6, 9 and 12. With K_p > 0, Re Z_c -> b_0 and R -> (b + tau_s K_p)^2/(4 (b + k)) with k
+    = K_v - tau K_p + K_p^2 c/k_s^2. In this limit, tau is the drive's lag, tau_s the force sensor's lag, and k_s and c
+    belong to the spring between motor and handle. With K_p = 0, R vanishes like omega^2, and without drag so does Re
+    Z_c. The ratio then tends to (m_c^2/b_c) 4 (b + K_v)^2/(K_v M^2), M = m + b tau - K_v tau_F + (b + K_v) tau_s with
+    the velocity estimate's lag tau_F. With K_p > 0 and b = tau_s = 0, R vanishes like omega^4. In the hand of an
+    operator with damping b_h,
 
         R -> ((b + tau_s K_p)^2 - 4 b_h Re(C conj N))/(4 (b + k + b_h n^2)),   n = 1 + K_p/k_s,
 
@@ -105,9 +109,9 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: A
     n = 1 + K_p * at.compliance
     operator = device.operator.damping if device.operator is not None else 0
     resistance = b + told + K_p * K_p * at.loss + operator * (n * n)
-    series = coupling.mass * coupling.mass / coupling.damping if _is_zero(b_0) else b_0
+    coupling_limit = coupling.mass * coupling.mass / coupling.damping if _is_zero(b_0) else b_0
     if resistance < 0 or _is_zero(resistance):
-        return EndLimit(series, inf)
+        return EndLimit(coupling_limit, inf)
     late = b + at.sensor * K_p if integral else b
     if not _is_zero(operator):
         # Re(C conj N) of C -> told - tau_s K_p - j K_p/omega and N -> n + j omega n'
@@ -115,19 +119,20 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: A
         met = (told - at.sensor * K_p) * n - K_p * slope if integral else K_v
         return EndLimit(b_0, ((late * late if integral else 0) - 4 * operator * met) / (4 * resistance))
     if integral:
-        return EndLimit(series, 0) if _is_zero(late) else EndLimit(b_0, late * late / (4 * resistance))
+        return EndLimit(coupling_limit, 0) if _is_zero(late) else EndLimit(b_0, late * late / (4 * resistance))
     inertia = mass + b * at.drive - K_v * at.estimate + at.sensor * (b + K_v)
-    return EndLimit(series, K_v * inertia * inertia / (4 * resistance * resistance) if _is_zero(b_0) else 0)
+    return EndLimit(coupling_limit, K_v * inertia * inertia / (4 * resistance * resistance) if _is_zero(b_0) else 0)
 
 
 def high_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> EndLimit:
-    """Return the limits for omega -> inf, for an ideal device with hold "lag" and no delay (README, section 6).
+    """Return the limits for omega -> inf, for an ideal device with hold "lag" and no delay.
 
-    R -> 2 m K_v/((b + b_h) T), Re Z_c -> b_c + b_0.
+    See model/README.md, sections 6 and 9. R -> 2 m K_v/((b + b_h) T), Re Z_c -> b_c + b_0. A coupling without mass and
+    a rigid coupling have Re Z_c = b_0 at every frequency.
 
     Parameters
     ----------
-    device : ideal device in SI units; b_h is its least operator's damping
+    device : ideal device in SI units; b_h is the damping of its least operator, 0 without one
     gains : gains; only K_v matters, N s/m
     coupling : b_c, m_c and b_0 of an admittance display
 
@@ -139,8 +144,8 @@ def high_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> En
     needed = 2 * device.mass * gains.velocity / device.sample_time
     damping = device.damping if device.operator is None else device.damping + device.operator.damping
     required = needed / damping if not _is_zero(damping) else inf
-    series = 0 if _is_zero(coupling.mass) else coupling.damping
-    return EndLimit(series + coupling.drag, required)
+    of_branch = 0 if coupling.rigid or _is_zero(coupling.mass) else coupling.damping
+    return EndLimit(of_branch + coupling.drag, required)
 
 
 def _is_zero(x: Number) -> bool:

@@ -42,7 +42,9 @@ Margins = Callable[[Number, Values], tuple[Number, ...]]
 Curve = Callable[[Number, Values], Pair]
 """A function that must not be 0."""
 Rows = Sequence[Number]
+"""The rows of boxes: the frequency and the uncertain numbers, one enclosure or jet over all boxes for each row."""
 OfRows = Callable[[Rows], Number]
+"""A margin as a function of the rows only; the other values are fixed."""
 
 
 def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, below: float = 0.0) -> Test:
@@ -80,6 +82,7 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
         if left.size:
             part = boxes.subset(left)
             other = _by_slopes(lambda rows: (sufficient or margin)(rows[0], part.named(rows, fixed)), part, part.rows())
+            # `room` stays the room of the first margin: no caller compares the rooms of this test
             decided.proved[left] = other.decided.proved
             decided.cost[:, left] = np.where(other.decided.fails, decided.cost[:, left], other.decided.cost)
         return decided
@@ -134,7 +137,9 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
 def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
     """Return the function that measures how far a curve turns around 0 over a box's frequencies.
 
-    The curve must miss 0 on the box, and the box must be a single point in every row but the frequency.
+    The image of the box must lie in an open half-plane beside 0, as `misses_zero` without `sufficient` proves. The
+    curve then turns by less than half a turn, and its two ends determine the angle. The box must be a single point in
+    every row except the frequency.
 
     Parameters
     ----------
@@ -160,7 +165,9 @@ def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
 
 
 def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
-    """Return a lower bound of a margin over each box, by its slopes.
+    """Return a lower bound of a margin over each box.
+
+    The result is the bound by slopes or the lower end of the enclosure, whichever is greater.
 
     Parameters
     ----------
@@ -171,7 +178,7 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
     Returns
     -------
     array of float
-        Shape (n,), in the margin's unit; nan if the slopes give no bound.
+        Shape (n,), in the margin's unit; nan if neither gives a bound.
     """
 
     def least(part: Boxes) -> Floats:
@@ -232,7 +239,9 @@ def alone(margins: Margins) -> Margin:
 
 
 def any_of(tests: Sequence[Test]) -> Test:
-    """Return the test that one of several sufficient margins is positive at each point.
+    """Return the test that one of several sufficient margins is positive throughout a box.
+
+    The test never refutes a box.
 
     Parameters
     ----------
@@ -242,8 +251,10 @@ def any_of(tests: Sequence[Test]) -> Test:
 
 
 def nearest(found: Sequence[Decided]) -> Decided:
-    """Return, for each box, the result of the test that is nearest to a proof. A box is proved if any of the tests
-    proves it."""
+    """Return, for each box, the result of the test that is nearest to a proof.
+
+    A box is proved if any of the tests proves it. No box fails, because a failing margin does not refute the others.
+    """
     room = np.array([each.room for each in found])
     which, at = np.argmax(room, axis=0), np.arange(room.shape[1])
 
@@ -291,14 +302,17 @@ def _by_kind(tests: Sequence[tuple[Flags, Test]], boxes: Boxes) -> Decided:
 
 
 def _from_zero(boxes: Boxes) -> bool:
+    """Return whether boxes begin at frequency 0. All boxes must be of one kind (`_kind_by_kind`)."""
     return bool(boxes.low[0, 0] == 0)
 
 
 def _wide(boxes: Boxes) -> bool:
+    """Return whether boxes are wide in frequency. All boxes must be of one kind (`_kind_by_kind`)."""
     return bool(boxes.high[0, 0] > WIDE * boxes.low[0, 0])
 
 
 def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
+    """Return a result after which the prover halves the boxes that are not proved in frequency; no box fails."""
     cost = np.zeros_like(boxes.low)
     cost[0] = 1.0
     none = np.zeros(len(boxes), bool)
@@ -315,7 +329,8 @@ def _by_sufficient(decided: Decided) -> Decided:
 
 @dataclass(frozen=True, slots=True)
 class _Bounded:
-    """A lower bound of a margin over each box, its verdict, and how much the margin varies with each row."""
+    """A lower bound of a margin over each of n boxes, shape (n,), its verdict, and how much the margin varies with each
+    row, shape (rows, n)."""
 
     least: Floats
     decided: Decided
@@ -323,7 +338,8 @@ class _Bounded:
 
 
 def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
-    """Bound a margin from below by its value at one point of each box and by its slopes.
+    """Bound a margin from below by its value at one point of each box and by its slopes, or by its enclosure over the
+    box, whichever bound is greater.
 
     The cost of a row is the amount by which the slope in this row lowers the bound. If the margin is negative at that
     point, the cost is the variation of the margin with the row. If the slopes are unknown, the widest row costs most.
@@ -346,6 +362,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     ]
     least = margin(at_point)
     loose = np.where(side == 0, reach, 0.0)
+    # 1 + count: the error of the value and the share of each row are summed
     bound = np.zeros(n) + np.fmax(
         lowest(least.mid, raised(least.rad + loose.sum(axis=0), 1 + count)), lowest(direct.mid, direct.rad)
     )
@@ -367,6 +384,10 @@ def halves_and_middles(rows: Rows, n: int) -> tuple[Floats, Floats]:
     ----------
     rows : enclosures, or infinite floats
     n : number of boxes
+
+    Returns
+    -------
+    half-widths, middles : shape (rows, n)
     """
     known = [row if isinstance(row, Enclosure) else Enclosure(row) for row in rows]
     half, middle = (
@@ -384,9 +405,9 @@ def room_left(value: Floats, uncertain: Floats, reach: Floats) -> Floats:
 
     Parameters
     ----------
-    value : least values of a margin
-    uncertain : errors of these values
-    reach : greatest fall of the margin within each box
+    value : least values of a margin, shape (n,)
+    uncertain : errors of these values, shape (n,)
+    reach : greatest variation of the margin within each box, shape (n,)
     """
     return np.nan_to_num(np.where(value > 0, value / uncertain, np.maximum(value / reach, LOST)), nan=0.0)
 

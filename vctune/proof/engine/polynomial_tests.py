@@ -66,22 +66,22 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
         The test of boxes with rows for frequency and values.
     """
 
-    def of(boxes: Boxes, varied: Sequence[bool]) -> Number:
+    def margin_over(boxes: Boxes, varied: Sequence[bool]) -> Number:
         rows = polynomials(boxes.rows(), varied)
         return margin(rows[0], boxes.named(rows, fixed))
 
     def test(boxes: Boxes) -> Decided:
         check_time()
         varied = boxes.varied()
-        least = least_over_boxes(of(boxes, varied))
+        least = least_over_boxes(margin_over(boxes, varied))
         proved, width = least.bound > 0, boxes.high - boxes.low
         at, cost = np.zeros_like(width), np.zeros_like(width)
         at[varied], cost[varied] = least.at, least.cost
         point = np.clip(0.5 * (boxes.low + boxes.high + width * at), boxes.low, boxes.high)
         fails = ~proved & (least.estimate < 0)
         if fails.any():
-            there = replace(boxes.subset(fails), low=point[:, fails], high=point[:, fails])
-            fails[fails] = of(there, there.varied()).enclosed().negative()
+            points = replace(boxes.subset(fails), low=point[:, fails], high=point[:, fails])
+            fails[fails] = margin_over(points, points.varied()).enclosed().negative()
         known, side = np.isfinite(least.bound), np.zeros_like(width)
         left = np.flatnonzero(~proved & ~fails)
         if left.size > FEW:
@@ -110,20 +110,20 @@ def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans:
     spans : full range of each row except the frequency, shape (rows - 1, 1)
     """
 
-    def of(boxes: Boxes) -> tuple[Number, ...]:
+    def margins_over(boxes: Boxes) -> tuple[Number, ...]:
         rows = polynomials(boxes.rows(), boxes.varied())
         return margins(rows[0], boxes.named(rows, fixed))
 
     def test(boxes: Boxes) -> Decided:
         check_time()
-        numbers = of(boxes)
+        numbers = margins_over(boxes)
         varied = boxes.varied()
         best = nearest([by_polynomials(number, boxes, varied, spans) for number in numbers])
-        best = _or_mixed(numbers, best, boxes, varied, spans)
+        best = _with_means(numbers, best, boxes, varied, spans)
         left = np.flatnonzero(~best.proved)
         if left.size:
-            there = replace(boxes.subset(left), low=best.point[:, left], high=best.point[:, left])
-            best.fails[left] = np.all([number.enclosed().negative() for number in of(there)], axis=0)
+            points = replace(boxes.subset(left), low=best.point[:, left], high=best.point[:, left])
+            best.fails[left] = np.all([number.enclosed().negative() for number in margins_over(points)], axis=0)
         left = np.flatnonzero(~best.proved & ~best.fails)
         if slopes is not None and left.size > FEW:
             part = boxes.subset(left)
@@ -175,7 +175,7 @@ def by_polynomials(number: Number, boxes: Boxes, varied: Sequence[bool], spans: 
     )
 
 
-def _or_mixed(
+def _with_means(
     numbers: tuple[Number, ...], best: Decided, boxes: Boxes, varied: Sequence[bool], spans: Floats
 ) -> Decided:
     """Decide the boxes that no single margin proves, by weighted means of two margins.
@@ -188,7 +188,7 @@ def _or_mixed(
     if len(numbers) == 1 or not left.size:
         return best
     part, parts = boxes.subset(left), [number.subset(left) for number in numbers]
-    means = [by_polynomials(_mean(a, b), part, varied, spans) for a, b in combinations(parts, 2)]
+    means = [by_polynomials(_best_mean(a, b), part, varied, spans) for a, b in combinations(parts, 2)]
     found = nearest([_subset(best, left), *means])
     for name in ("proved", "point", "cost", "known", "room"):
         getattr(best, name)[..., left] = getattr(found, name)
@@ -196,10 +196,11 @@ def _or_mixed(
 
 
 def _subset(found: Decided, at: Integers) -> Decided:
+    """Return the results of some of the boxes."""
     return Decided(*(getattr(found, name)[..., at] for name in Decided.__slots__))
 
 
-def _mean(a: Taylor, b: Taylor) -> Taylor:
+def _best_mean(a: Taylor, b: Taylor) -> Taylor:
     """Return the weighted mean of two numbers whose linear part has the greatest lower bound."""
     one, two = (x.poly[: 1 + x.rows] / np.abs(x.poly[: 1 + x.rows]).sum(axis=0) for x in (a, b))
     first, other = one[1:], two[1:]
@@ -253,6 +254,7 @@ def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
 
     If all margins are negative throughout a box, the function returns 0.
     """
+    # the least and the greatest of the sides of the margins that may be positive
     least, most = np.ones_like(boxes.low), -np.ones_like(boxes.low)
     for number in numbers:
         side = np.zeros_like(boxes.low)
@@ -261,6 +263,7 @@ def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
         for row, slope in zip(np.flatnonzero(boxes.varied()), slopes, strict=False):
             if slope is not None:
                 side[row] = 1.0 * slope.negative() - slope.positive()
-        hopeful = ~np.broadcast_to(value.negative(), len(boxes))
-        least, most = np.where(hopeful, np.minimum(least, side), least), np.where(hopeful, np.maximum(most, side), most)
+        may_be_positive = ~np.broadcast_to(value.negative(), len(boxes))
+        least = np.where(may_be_positive, np.minimum(least, side), least)
+        most = np.where(may_be_positive, np.maximum(most, side), most)
     return np.where(least == most, least, 0.0)

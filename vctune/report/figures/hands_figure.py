@@ -84,11 +84,11 @@ def offered_and_required(
     least : the least ratios in them with any passive environment; None or empty to compute them
     """
     device, hands = problem.device, hands or problem.hands
-    where = loops_in_hands(device, hands, per_decade=ANGLES_OF_CURVES)
-    positive = where.theta > 0
-    theta = where.theta[positive]
+    loops = loops_in_hands(device, hands, per_decade=ANGLES_OF_CURVES)
+    positive = loops.theta > 0
+    theta = loops.theta[positive]
     ratios = least or least_ratios_in_hands(device, hands, gains, coupling)
-    required = where.required(gains)[:, positive].max(axis=0)
+    required = loops.required(gains)[:, positive].max(axis=0)
     hz = theta / (2 * pi * device.sample_time)
     return OfferedAndRequired(hz, theta, offered(coupling, device, theta, FLOATS), required, ratios)
 
@@ -150,8 +150,8 @@ def draw_required_in_hands(
     for worst in curves.least:
         if worst.hand not in shown and len(shown) < WORST:
             shown.append(worst.hand)
-            where = loops_in_hands(device, Hands(worst.hand, worst.hand), per_decade=ANGLES_OF_CURVES)
-            required = where.required(gains)[0, where.theta > 0]
+            loops = loops_in_hands(device, Hands(worst.hand, worst.hand), per_decade=ANGLES_OF_CURVES)
+            required = loops.required(gains)[0, loops.theta > 0]
             colour, line = ((RED, "--"), (INK, ":"), (GREY, "-."))[len(shown) - 1]
             label = worst.hand.in_words(problem.units)
             axes.semilogy(
@@ -185,8 +185,8 @@ def draw_ratio_in_hands(
     curves, name = curves or offered_and_required(problem, gains, coupling), _name(problem.device)
     axes.plot(curves.hz, curves.offered / _positive(curves.required), color=BLUE, label=f"{name} / R")
     worst = curves.least[0]
-    whose, ratio = worst.hand.in_words(problem.units), worst.ratio if worst.ratio < inf else None
-    around_one(axes, problem.stability.safety_factor, ratio, hertz(worst.omega), whose)
+    hand, ratio = worst.hand.in_words(problem.units), worst.ratio if worst.ratio < inf else None
+    around_one(axes, problem.stability.safety_factor, ratio, hertz(worst.omega), hand)
     frequency_axis(axes, curves.hz[0], curves.hz[-1])
     return axes
 
@@ -267,10 +267,10 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Dr
     Drawing
     """
     device = problem.device
-    where = loops_in_any_hand(device, ANGLES_OF_CURVES)
-    positive = where.theta > 0
-    theta = where.theta[positive]
-    hz, required = theta / (2 * pi * device.sample_time), where.required(gains)[0, positive]
+    loops = loops_in_any_hand(device, ANGLES_OF_CURVES)
+    positive = loops.theta > 0
+    theta = loops.theta[positive]
+    hz, required = theta / (2 * pi * device.sample_time), loops.required(gains)[0, positive]
     given, scale = offered(coupling, device, theta, FLOATS), _shown_as(device, theta)
     drawing = Drawing(WIDTH, 4.6, left=0.8, top=0.35)
     upper, lower = drawing.divide(2, 1, (0, 0.42), (3, 2))

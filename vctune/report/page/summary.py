@@ -18,16 +18,17 @@ from vctune.proof.claims.registry import CLAIMS
 from vctune.report.typography import quantity
 
 LITTLE_USE = 0.75
-"""Share of the error without a loop above which a design is of little use. Such a design removes less than a quarter of
-that error and hardly justifies a force sensor. With half this share, designs that halve the error would count as of
-little use. With twice this share, even some designs that are worse than no loop would not count."""
+"""Share of the error without a loop at or above which a design is of little use. Such a design removes at most a
+quarter of that error and hardly justifies a force sensor. With half this share, designs that halve the error would
+count as of little use. With twice this share, even some designs that are worse than no loop would not count."""
 LINEAR_UP_TO = 10.0
 """Greatest error on a linear scale; a greater error needs a logarithmic scale. Half this limit would make the scale
 logarithmic for typical devices without a loop. With twice this limit, 0.1 and 0.4 would look alike."""
 MARGIN = 1.08
 """Ratio of a linear scale's end to its greatest error."""
 NOTHING = Coupling(1e-18, 1e-18, 0.0)
-"""A coupling that is practically absent. Its numbers are not 0, because formulas divide by them."""
+"""A coupling that is practically absent, without drag. Its damping and mass are not 0, because formulas divide by
+them."""
 
 Kind = Literal["good", "doubtful", "bad"]
 
@@ -56,7 +57,7 @@ class Scale:
     ----------
     marks : errors, this design first
     ticks : ticks of the scale
-    little_use : position above which a design is of little use; 1 if there is no such position
+    little_use : position at or above which a design is of little use; 1 if there is no such position
     logarithmic : whether the scale is logarithmic
     """
 
@@ -150,9 +151,10 @@ def _little_use(record: DesignRecord, problem: Problem) -> bool:
 
 
 def _useless_from(problem: Problem) -> float:
-    """Return the error above which a design is of little use.
+    """Return the error at or above which a design is of little use.
 
-    It is infinite for an impedance display and a servo, which have no velocity loop to compare with.
+    Only an admittance display is compared with the same device without a velocity loop. For an impedance display, with
+    or without K_v, and for a servo, the function returns infinity.
     """
     if not problem.device.kind.banded:
         return inf
@@ -160,10 +162,12 @@ def _useless_from(problem: Problem) -> float:
 
 
 def _without_loop(problem: Problem) -> float:
+    """Return the error of an admittance display without a velocity loop and without a coupling."""
     return transparency_error(problem, Gains(0.0, 0.0), NOTHING).error
 
 
 def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
+    """Return kind, verdict and sentence, as in `Summary`."""
     proof = record.certificate
     if proof is None:
         kind: Kind = "bad" if record.status == "infeasible" else "doubtful"
@@ -177,7 +181,8 @@ def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
 
 
 def _certified(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
-    useless = record.idle or _little_use(record, problem)
+    """Return kind, verdict and sentence of a certified design, as in `Summary`."""
+    useless = _little_use(record, problem)
     word = "certified, of little use" if useless else "certified"
     return "doubtful" if useless else "good", word, f"Proved {record.promise}{_for_devices(problem)}."
 
@@ -202,7 +207,7 @@ def _measure(record: DesignRecord, problem: Problem) -> str:
     if isinstance(record.coupling, SpringRecord):
         wall = f"A wall may be as stiff as {text(record.coupling.stiffness, 4)} {problem.units.stiffness}"
         moved = f"in free motion the handle is {text(transparency.admittance, 3)} of Z_0 = {_reference(problem)}"
-        return f"{wall}; {moved}, {_mean(problem)}."
+        return f"{wall}; {moved}, {_norm_and_band(problem)}."
     if (contact := record.contact) is not None and contact.stiffest_contact is not None:
         bears = f"The stiffest contact is {text(contact.stiffest_contact, 7)} {problem.units.stiffness}"
         late = (
@@ -216,17 +221,21 @@ def _measure(record: DesignRecord, problem: Problem) -> str:
             "and 1 means no loop at all."
         )
     off = f"The handle differs from the ideal by {text(transparency.error, 3)} of Z_0 = {_reference(problem)}"
-    return f"{off}, {_mean(problem)}; the device without a loop differs by {text(_without_loop(problem), 3)}."
+    return f"{off}, {_norm_and_band(problem)}; the device without a loop differs by {text(_without_loop(problem), 3)}."
 
 
 def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
-    """Return the first claim with a given verdict and where it fails; the certificate's verdict if no claim has it."""
+    """Return the first claim with a given verdict and where it fails; the certificate's verdict if no claim has it.
+
+    If the claim `passive` fails, the certificate may prove it with a factor of 1. Only this claim gets the remark.
+    """
     claim = next((claim for claim in proof.claims if claim.verdict == verdict), None)
     if claim is None:
         return f"the certificate is {proof.verdict}"
     where = f" at {text(claim.witness_hz, 4)} Hz" if claim.witness_hz is not None else ""
     hand = f" in the hand of {claim.witness_hand.in_words(units)}" if claim.witness_hand is not None else ""
-    safe = " (a ratio of 1 is proved, the safety factor is missed)" if proof.proved_ratio == 1 else ""
+    one_is_proved = claim.id == "passive" and proof.proved_ratio == 1
+    safe = " (a ratio of 1 is proved, the safety factor is missed)" if one_is_proved else ""
     return f"{CLAIMS[claim.id].label}, “{claim.claim}”, is {verdict}{where}{hand}{safe}"
 
 
@@ -234,7 +243,8 @@ def _reference(problem: Problem) -> str:
     return f"{problem.transparency.reference_impedance:.4g} {problem.units.damping}"
 
 
-def _mean(problem: Problem) -> str:
+def _norm_and_band(problem: Problem) -> str:
+    """Return the norm and the band of the error, in words."""
     low, high = problem.transparency.band.hz
     return f"{'in the mean' if problem.transparency.norm == 'rms' else 'at most'} from {low:.4g} to {high:.4g} Hz"
 

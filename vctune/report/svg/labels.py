@@ -58,20 +58,20 @@ def label_curves(panel: Panel, columns: int = 2) -> None:
     for mark in sorted(named, key=lambda each: drawn[id(each)].sum() if id(each) in drawn else np.inf):
         own = drawn.get(id(mark))
         rows, letters = mark.label.count("\n") + 1, max(map(len, mark.label.split("\n")))
-        size = int(LINE * SMALL * rows) + 1, int(LETTER * SMALL * letters) + 1
+        box = int(LINE * SMALL * rows) + 1, int(LETTER * SMALL * letters) + 1
         if own is not None:
-            place = _beside(taken, own, size, alone=mark.alone)
+            place = _beside(taken, own, box, alone=mark.alone)
         else:
-            place = _within(taken, panel.shares(mark) * scale, size)
+            place = _within(taken, panel.shares(mark) * scale, box)
         if place is None:
             unplaced.append(mark)
             continue
         y, x = place
-        taken[max(y - size[0] // 2, 0) : y + size[0] // 2 + 1, max(x - size[1] // 2, 0) : x + size[1] // 2 + 1] = True
+        taken[max(y - box[0] // 2, 0) : y + box[0] // 2 + 1, max(x - box[1] // 2, 0) : x + box[1] // 2 + 1] = True
         at = panel.box[0] + x, panel.box[1] + height - y
         panel.over.append(text(*at, mark.label, size=SMALL, ha="center", va="center"))
         if mark.alone and own is not None and (point := np.argwhere(own)).size:
-            _lead(panel, point.mean(axis=0), place, size)
+            _lead(panel, point.mean(axis=0), place, box)
     if unplaced:
         words, _, high = legend(unplaced, columns)
         panel.over.append(f'<g transform="translate({panel.box[0]:.1f} {panel.box[1] - high - 2:.1f})">{words}</g>')
@@ -134,14 +134,14 @@ def _of_area(corners: Floats, shape: tuple[int, int]) -> Mask:
     return inside
 
 
-def _room(taken: Mask, size: tuple[int, int]) -> Floats:
+def _room(taken: Mask, box: tuple[int, int]) -> Floats:
     """Return the distance from a box around each cell to the nearest taken cell, at most `ENOUGH`; -1 if the box covers
     a taken cell."""
     (rows, columns), room = taken.shape, np.full(taken.shape, -1.0)
-    around = [(each // 2 + ENOUGH + 1, each // 2 + ENOUGH) for each in size]
+    around = [(each // 2 + ENOUGH + 1, each // 2 + ENOUGH) for each in box]
     total = np.pad(taken, around).cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
     for distance in range(ENOUGH + 1):
-        high, wide = (2 * (each // 2 + distance) + 1 for each in size)
+        high, wide = (2 * (each // 2 + distance) + 1 for each in box)
         start = ENOUGH - distance
         first, second, third, last = (
             total[y : y + rows, x : x + columns] for y in (start, start + high) for x in (start, start + wide)
@@ -150,7 +150,7 @@ def _room(taken: Mask, size: tuple[int, int]) -> Floats:
     return room
 
 
-def _beside(taken: Mask, own: Mask, size: tuple[int, int], *, alone: bool) -> tuple[int, int] | None:
+def _beside(taken: Mask, own: Mask, box: tuple[int, int], *, alone: bool) -> tuple[int, int] | None:
     """Return the middle of the box with the most room beside a line, or around a single point (`alone`).
 
     The result is (row, column) of the raster; None if no box fits.
@@ -160,21 +160,21 @@ def _beside(taken: Mask, own: Mask, size: tuple[int, int], *, alone: bool) -> tu
     if alone:
         places = np.meshgrid(*map(np.arange, own.shape), indexing="ij")
         point = np.argwhere(own).mean(axis=0)
-        y, x = (np.maximum(abs(at - of) - side / 2, 0) for at, of, side in zip(places, point, size, strict=True))
-        room, apart = _room(taken, size), np.hypot(y, x)
+        y, x = (np.maximum(abs(at - of) - side / 2, 0) for at, of, side in zip(places, point, box, strict=True))
+        room, apart = _room(taken, box), np.hypot(y, x)
         return _best(np.where((room >= ROOM) & (apart >= NEAR), room - FAR * apart, -np.inf))
-    room, apart = _room(taken & ~own, size), _room(own, size)
+    room, apart = _room(taken & ~own, box), _room(own, box)
     return _best(np.where((room >= ROOM) & (apart >= ROOM) & (apart <= NEAR), room - apart, -np.inf))
 
 
-def _within(taken: Mask, corners: Floats, size: tuple[int, int]) -> tuple[int, int] | None:
+def _within(taken: Mask, corners: Floats, box: tuple[int, int]) -> tuple[int, int] | None:
     """Return the middle of the box with the most room between the leftmost and the rightmost corner of an area.
 
     The result is (row, column) of the raster; None if no box fits. `corners` has the shape (n, 2), x first.
     """
-    room = _room(taken, size)
+    room = _room(taken, box)
     x = np.arange(taken.shape[1])
-    inside = (x - size[1] / 2 >= corners[:, 0].min() - 1) & (x + size[1] / 2 <= corners[:, 0].max() + 1)
+    inside = (x - box[1] / 2 >= corners[:, 0].min() - 1) & (x + box[1] / 2 <= corners[:, 0].max() + 1)
     return _best(np.where((room >= ROOM) & inside, room, -np.inf))
 
 
@@ -184,9 +184,9 @@ def _best(score: Floats) -> tuple[int, int] | None:
     return (int(y), int(x)) if np.isfinite(score[y, x]) else None
 
 
-def _lead(panel: Panel, point: Floats, middle: tuple[int, int], size: tuple[int, int]) -> None:
+def _lead(panel: Panel, point: Floats, middle: tuple[int, int], box: tuple[int, int]) -> None:
     """Draw a thin line from a point to its label if they are far apart."""
-    half, (left, top, _, height) = np.array(size) / 2, panel.box
+    half, (left, top, _, height) = np.array(box) / 2, panel.box
     end = np.clip(point, middle - half, middle + half)
     if np.hypot(*(end - point)) > 2 * NEAR:
         (y_0, x_0), (y, x) = point, end

@@ -40,7 +40,8 @@ SAMPLES_PER_CALL = 1024
 many samples take the same time."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
 """Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. In a record, x and v belong to the handle, and f_s
-is the sensed f_h."""
+is the force that the firmware reads: the sensed f_h, for a servo after its filter and with the force of its own
+spring."""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
 """Additional recorded columns if motor and handle move differently."""
 ANSWER = ("reference", "desired", "environment_force", "motor")
@@ -49,11 +50,11 @@ ANSWER = ("reference", "desired", "environment_force", "motor")
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A compiled step, advance(state, inputs) -> (state, record), and its state at rest at the start of the motion.
+    """A compiled step, advance(state, inputs) -> (state, record), and its state at the start of the motion.
 
     The state contains x, v and the other moving parts, z if there is friction, and the force sensed within the last
-    sample if there is one. The state also contains the firmware's state, and the commands and sensed forces that are
-    still delayed.
+    sample if there is one. The state also contains the firmware's state, the commands and sensed forces that are still
+    delayed, and the force behind a servo's filter of the sensed samples if there is one.
     """
 
     advance: Any
@@ -71,7 +72,7 @@ class OpenStep:
 
     The function sense(state, inputs) -> (position, velocity, force) returns the firmware's input. The function
     advance(state, inputs) -> (state, record) takes the firmware's output, `ANSWER`, after its other inputs. The state
-    is that of a `Step` without the firmware's part, and `start` is the one at rest at the start of the motion.
+    is that of a `Step` without the firmware's part, and `start` is the state at the start of the motion.
     """
 
     sense: Any
@@ -113,7 +114,7 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None 
 
     Parameters
     ----------
-    scene : the scene of the run; the function uses only the encoder of its law
+    scene : the scene of the run; the function uses only the encoder, the kind of command and the start of its law
     stretch : function that integrates the friction; not used without friction
     then : as in `build`
 
@@ -128,7 +129,7 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None 
     step = _compiled(scene, stretch, wired, _Firmware(memory=[], kept=[], start=[], answer=answer), then)
     read = wired.measurement
     position = encoded(scene.law, read.position, SYMBOLS)
-    state = ca.vertcat(wired.body, *wired.commands, *wired.unread)
+    state = ca.vertcat(wired.body, *wired.commands, *wired.unread, *wired.filtered)
     sense = ca.Function("sense", [state, wired.inputs[:count]], [ca.vertcat(position, read.velocity, read.force)])
     return OpenStep(sense, step.advance, step.start)
 
@@ -152,14 +153,15 @@ def _compiled(scene: Scene, stretch: Stretch, wired: SampleSymbols, firmware: _F
     record = [motion.handle.x, motion.handle.v, motion.force, *firmware.answer, wired.measurement.force]
     record += [motion.motor.x, motion.motor.v] if scene.device.structure is not None else []
     commands, forces = [firmware.answer[-1], *wired.commands], [motion.sensed, *wired.unread]  # the newest first
-    state = ca.vertcat(body, *firmware.memory, *wired.commands, *wired.unread)
-    kept = ca.vertcat(*firmware.kept, *commands[:-1], *forces[:-1])  # the oldest of both have served
+    state = ca.vertcat(body, *firmware.memory, *wired.commands, *wired.unread, *wired.filtered)
+    # the oldest command and the oldest force have served
+    kept = ca.vertcat(*firmware.kept, *commands[:-1], *forces[:-1], *wired.filtered_after)
     *_, late, early = acting(scene, commands)  # u[k-N] and u[k-N-1] of `Timing`
     start = [
         *at_rest(scene, wired.mechanism, begin),
         *firmware.start,
         *(begin.motor for _ in wired.commands),
-        *(begin.hand for _ in wired.unread),
+        *(begin.hand for _ in [*wired.unread, *wired.filtered]),
     ]
     if scene.friction is None:
         body_after = _body_after_without_friction(scene_after, mechanism, body, inputs, early, late)
@@ -176,7 +178,11 @@ def columns(scene: Scene) -> tuple[str, ...]:
 
 
 def _sensed_at(scene: Scene, mechanism: Assembly, time: float) -> Any:
-    """Return the function (body, motor, push) -> sensed force, at a given time after the sample."""
+    """Return the function (body, motor, push) -> sensed force, at a given time after the sample.
+
+    The body has shape (size + 1,), the states of the mechanism and z. The motor's force is a scalar. The push has shape
+    (4,): the force at the sample and its three derivatives.
+    """
     body, motor, push = ca.SX.sym("body", mechanism.size + 1), ca.SX.sym("motor"), ca.SX.sym("push", 4)
     values = values_at(scene, ca.vertsplit(body), mechanism.size, motor, push_at(push, time))
     return ca.Function("felt", [body, motor, push], [applied(mechanism.sensed, values)])
@@ -216,11 +222,13 @@ def _with_friction(scene: Scene, mechanism: Assembly | None, friction: Friction,
     state, inputs = ca.MX.sym("state", outputs.size_in(0)), ca.MX.sym("inputs", outputs.size_in(1))
     kept, record, early, late = outputs(state, inputs)
     push = ca.mtimes(derivatives, _motion(scene, inputs))
+    # the moving parts (x and v of a single mass), and z of the friction
     body, sensed = state[: 3 if mechanism is None else mechanism.size + 1], []
     borders = {0.0, early_ends, T} | ({force_taken} if force_taken is not None else set())
     for begin, end in pairwise(sorted(borders)):
         motor = early if end <= early_ends else late
         body = stretch(scene, friction, begin, end - begin)(body, motor, push)
-        if end == force_taken and mechanism is not None:
+        if end == force_taken:
+            assert mechanism is not None, "a device whose force is taken between samples is an assembly"
             sensed = [_sensed_at(scene, mechanism, end)(body, motor, push)]
     return ca.Function("one", [state, inputs], [ca.vertcat(body, *sensed, kept), record])

@@ -42,6 +42,8 @@ class SampleSymbols:
     inputs : inputs of the step
     commands : commands of past samples that have not acted completely, the newest first
     unread : forces of past samples that the sensor has taken and the firmware has not read, the newest first
+    filtered, filtered_after : force behind the filter of the sensed samples, before and after this sample; empty
+        without a filter
     motion : values at the sample
     measurement : values that the firmware reads
     """
@@ -52,12 +54,17 @@ class SampleSymbols:
     inputs: Any
     commands: list[Any]
     unread: list[Any]
+    filtered: list[Any]
+    filtered_after: list[Any]
     motion: SampleValues
     measurement: Measurement
 
 
 def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
     """Return the symbols of a scene, and what the firmware reads: the delayed force of the sensor, with its noise.
+
+    The filter y += a (x - y) of a servo acts on this force. A servo's own spring adds its force after the filter. This
+    spring is relaxed at the start.
 
     Parameters
     ----------
@@ -75,6 +82,13 @@ def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
     motion = _motion_at_sample(scene, mechanism, body, inputs, acting(scene, commands)[-1])
     delayed = unread[-1] if unread else motion.sensed
     force = delayed + inputs[NOISE] if scene.force_noise > 0 else delayed
+    filtered, filtered_after = [], []
+    if (share := scene.device.sensing.filter_coefficient) is not None:
+        filtered = [ca.SX.sym("filtered")]
+        force = filtered[0] + float(share) * (force - filtered[0])
+        filtered_after = [force]
+    if (servo := scene.device.servo) is not None and servo.stiffness is not None:
+        force = force - float(servo.stiffness) * (motion.motor.x - begin.position)
     return SampleSymbols(
         begin=begin,
         mechanism=mechanism,
@@ -82,6 +96,8 @@ def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
         inputs=inputs,
         commands=commands,
         unread=unread,
+        filtered=filtered,
+        filtered_after=filtered_after,
         motion=motion,
         measurement=Measurement(motion.motor.x, motion.motor.v, force),
     )
