@@ -48,7 +48,7 @@ def test_what_is_not_proved_is_said():
     record, file = published("friction-wheel-hands", operator={"mass": {"min": 0.0, "max": 0.0}})
     assert record.status == "certified" and [row.value for row in rows(record)] == ["not proved"]
     (line,) = changing_lines(record, file.problem)
-    assert line.startswith("It was not proved that the damping of the hand may change")
+    assert line.startswith("It did not prove that the damping of the hand may change")
 
 
 @pytest.mark.parametrize(
