@@ -226,8 +226,8 @@ def test_every_label_of_the_table_of_a_design_is_explained():
 
 PLAIN = {
     "asked", "at, Hz", "better", "change", "date", "found", "from", "in the problem file", "instead of", "is", "limit",
-    "limited by", "made with", "ms", "now", "number", "standard deviation", "stated by", "structure", "to", "unit",
-    "value", "casadi", "ipopt", "numpy", "python-flint", "vctune",
+    "limited by", "made with", "ms", "now", "number", "parameter", "standard deviation", "stated by", "structure", "to",
+    "unit", "value", "casadi", "ipopt", "numpy", "python-flint", "vctune",
 }  # fmt: skip
 """Headings that say what they are, and libraries."""
 

@@ -95,7 +95,7 @@ def test_a_report_of_an_identification_stands_alone_and_names_the_widest_range(i
     assert json.loads(embedded) == log.record.to_json()
     widest = max(log.record.numbers, key=lambda each: (each.high - each.low) / each.value)
     first = page[: page.index("<table")]
-    assert html(f"that of {widest.key}: {span(widest.low, widest.high, widest.unit)}") in first
+    assert html(f"{widest.key} has the widest range: {span(widest.low, widest.high, widest.unit)}") in first
     assert "<code>vctune solve device.toml</code>" in first
     assert all(str(quantity(each.value, each.unit)) in page for each in log.record.numbers)
     assert len(re.findall(r"<svg role=\"img\" aria-label=\"[^\"]*\d", page)) == len(files) - 1

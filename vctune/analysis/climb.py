@@ -1,6 +1,6 @@
 """Climb to the maxima of a function of several coordinates near given starts.
 
-`hardest_hands` climbs to the hands that require the most of a coupling.
+`hardest_hands` uses it to find the hands that require the most of a coupling.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from vctune.running import check_time
 
 ROUNDS = 22
 """Greatest number of stencils of a climb. A climb that only halves its steps needs 14 to reach `LEAST_STEP`, and one
-more for each move. With half as many, a climb at a kink ends too early, and the prover would then have to find the
-exact hand. With twice as many, vctune finds the same designs."""
+more for each move. With half as many stencils, a climb at a kink ends too early, and the prover must find the exact
+hand. With twice as many, vctune finds the same designs."""
 LEAST_STEP = 1e-4
 """Step at which a climb ends, relative to its first step. At a smooth maximum, the value depends on the square of this
 step. With half or twice this step, vctune finds the same designs."""
 SHRINK = 8.0
 """Greatest factor by which a leap reduces the steps. The distance of the next centre from the maximum falls with the
-square of the step, so that a climb needs about five stencils. With half this factor a climb needs two more. With twice
-this factor, more leaps from the first stencil fail."""
+square of the step, so that a climb needs about five stencils. With half this factor, a climb needs seven stencils. With
+twice this factor, more leaps from the first stencil fail."""
 LEAP = 4.0
-"""Greatest length of a leap, in steps. Twice this length makes more leaps fail, and half of it makes climbs along a
-ridge slower."""
+"""Greatest length of a leap, in steps. With twice this length, more leaps fail. With half this length, climbs along a
+ridge are slower."""
 TRIALS = 3
 """Number of failed leaps after which a climb only moves and halves its steps. The first leap may fail where the values
 are smooth, because the first steps are long. With half or twice this number, vctune finds the same designs."""
@@ -70,8 +70,8 @@ def climbed(
     low, high : bounds of the coordinates, shape (d, n)
     steps : first step of each coordinate, shape (d,)
     groups : for each coordinate, the number of its group; if a coordinate moves, its group keeps its steps
-    owners : for each start, the number of its owner; the climbs of an owner end when all its climbs have ended whose
-        value is at least `CONSIDERED` times the greatest one, whatever other owners do
+    owners : for each start, the number of its owner. An owner's climbs end when all climbs of this owner whose value is
+    at least `CONSIDERED` times the greatest value have ended; other owners have no influence
     enough : a climb whose value is below `CONSIDERED` times this value may also end early
     smooth : whether the values are smooth enough for leaps
 
@@ -91,7 +91,7 @@ def climbed(
     for _ in range(ROUNDS):
         check_time()
         nodes = np.clip(centre[..., None] + np.array([-1, 0, 1]) * step[..., None], low[..., None], high[..., None])
-        found = np.nan_to_num(values(nodes), nan=-inf, posinf=inf)  # 0/0 counts as no value
+        found = np.nan_to_num(values(nodes), nan=-inf, posinf=inf)  # 0/0 is not a value
         at = np.where(found[:, middle] >= found.max(axis=1), middle, np.argmax(found, axis=1))
         there, value = np.take_along_axis(nodes, stencil[:, at, None], axis=2)[..., 0], found[every, at]
         failed, better = leapt & (found[:, middle] < best - RESOLVED * np.abs(best)), going & (value > best)

@@ -25,9 +25,9 @@ LOWEST = 1e-3
 """Least angle omega T above 0, rad. Below it, the constraint equals the constraint at rest to 1e-6. Starting at half or
 twice this angle changes no printed digit."""
 PER_DECADE = 120
-"""Number of angles per decade. Neighbours are 2 % apart; near Nyquist, a latency of ten samples gets eight angles to
-each turn. With half as many angles, the code may skip the hardest frequency of a contact. With twice as many, it takes
-twice as long."""
+"""Number of angles per decade. Neighbours are 2 % apart; near Nyquist, a latency of ten samples has eight angles in
+each turn. With half as many angles, the code may skip the hardest frequency of a contact. With twice as many angles,
+the code takes twice as long."""
 
 
 HALVINGS = 40
@@ -97,8 +97,8 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
     Returns
     -------
     float
-        The result is less than the least stiffness of the box if no stiffness of the box is small enough, and inf if
-        every stiffness is.
+        The result is less than the least stiffness of the box if no stiffness of the box is stable, and inf if every
+        stiffness is stable.
     """
     return min(_stiffest(device, hands, coupling, factor) for device in devices)
 
@@ -150,7 +150,7 @@ def _stiffest_in_disc(device: Device, hands: Hands, coupling: AnyCoupling, facto
 def _angles(device: Device) -> Floats:
     """Return angles up to Nyquist.
 
-    The angles are so close that the latency turns the phase little between neighbours.
+    Between adjacent angles, the latency changes the phase only a little.
     """
     servo = device.servo
     assert servo is not None

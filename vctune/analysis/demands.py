@@ -27,7 +27,7 @@ from vctune.model.sampled.impedance_display import firmware_filter, spring_dampe
 from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared_terms
 
 END_DECADES = 5
-"""Number of decades beyond every corner of the device to which the grid of an endless band extends. At the end of the
+"""Number of decades by which the grid of an unbounded band extends beyond every corner of the device. At the end of the
 grid, a value that approaches its limit like omega^2 or faster equals the limit to 1e-8. With half as many decades, the
 difference would be 1e-4, which would affect a search. With twice as many decades, the grid would only be longer."""
 RIPPLE_POINTS = 6
@@ -110,7 +110,7 @@ def sampled_span(problem: Problem) -> tuple[float, float]:
     """Return the part of the stability band that a grid covers.
 
     The code cuts a band from 0 or to inf at `END_DECADES` decades beyond every corner of the device and of the
-    transparency band. Further out, the values equal their limits at the ends of the axis to better than 1e-8.
+    transparency band. Beyond these ends, the values equal their limits at the ends of the axis to better than 1e-8.
     """
     device, band = problem.device, problem.stability.band
     corners = [problem.transparency.band.min, problem.transparency.band.max, problem.nyquist]
@@ -150,7 +150,7 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
 
 
 def _ripple_delay(device: Device) -> float:
-    """Return the delay, s, that causes a ripple over frequency which never decays; 0 for hold "lag" without delay."""
+    """Return the delay, s, that causes a ripple over frequency without decay; 0 for hold "lag" without delay."""
     sensor = float(device.sensing.delay)
     if device.hold == "lag" and device.delay == 0 and device.velocity is None:
         return sensor

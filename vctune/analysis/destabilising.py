@@ -1,13 +1,13 @@
 """Find the passive environment with which the motion of a refuted loop grows in a hand (model/README.md, section 14).
 
 Where Re(Z_c + Z_seen) < 0, a spring or mass cancels the imaginary part. A damper in parallel supplies the missing
-resistance and thus holds a pole on the unit circle. The code removes the damper step by step and follows the pole. If
+resistance and thus holds a pole on the unit circle. The code reduces the damper step by step and follows the pole. If
 the design just violates the constraint, the pole moves out of the unit circle until the damper is gone. If the
-violation is large, the pole may come back to the circle before that, and some of the damper remains. The functions of
-the loop in a hand are analytic in theta, z = e^(j theta), so the same formulas describe the moving pole.
+violation is large, the pole can return to the circle earlier, and part of the damper remains. The functions of the loop
+in a hand are analytic in theta, z = e^(j theta), so the same formulas describe the moving pole.
 
-An impedance display requires the same steps with admittances. A spring or mass cancels the imaginary part of 1/Z_c +
-G_y/(1 + K_v F G_y). A damper in series holds the pole, and the code then removes this damper (section 15).
+For an impedance display, the code takes the same steps with admittances. A spring or mass cancels the imaginary part of
+1/Z_c + G_y/(1 + K_v F G_y). A damper in series holds the pole, and the code then removes this damper (section 15).
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ LEAST = 1e-7
 """Least angle omega T for a spring, because at 0 no spring is soft enough. With half or twice this angle, the growth is
 the same."""
 NYQUIST = 1e-6
-"""Distance from pi within which no environment has a reactance, and no reactance is needed. With half or twice this
-distance, the growth is the same."""
+"""Distance from pi within which environments have no reactance, and need none. With half or twice this distance, the
+growth is the same."""
 FIRST, LAST = 0.125, 1e-4
 """Shares of the damper that the code removes in one step: the first share, and the least one. With half or twice these
 shares, the code follows the same poles."""
@@ -194,7 +194,7 @@ def impedance_met(
 
     Parameters
     ----------
-    device, gains, coupling, hand, factor : as of `reaction`
+    device, gains, coupling, hand, factor : see `reaction`
     """
     alone = reaction_in(device, gains, coupling, hand, factor)
     return (lambda theta: 1 / alone(theta)) if device.kind.inverse else alone
@@ -210,7 +210,7 @@ def growing_with(
     alone : Z_c + Z_seen, analytic in the angle; for an impedance display 1/Z_c + G_y/(1 + K_v F G_y)
     theta : angle, rad, in [0, pi], at which the real part of `alone` is negative
     sample_time : T, s
-    admittance : whether `alone` is that of an impedance display
+    admittance : whether `alone` belongs to an impedance display
 
     Returns
     -------
@@ -257,7 +257,7 @@ def _outwards(unbalance: Callable[..., complex], theta: float) -> tuple[float, f
 
 
 def _with_more(unbalance: Callable[..., complex], theta: float) -> tuple[float, float, float] | None:
-    """Return the same as `_outwards`, while the damper grows to twice its size."""
+    """Return the result of `_outwards` for a damper that grows to twice its size."""
     held: float = -unbalance(theta, damping=0.0).real
     found = _left_circle(lambda theta, *, damping: unbalance(theta, damping=2 * held - damping), theta, held)
     return None if found is None else (2 * held - found[0], *found[1:])
@@ -275,7 +275,7 @@ def _left_circle(unbalance: Callable[..., complex], theta: float, held: float) -
 
 def _dual(compliance: float, mobility: float, damping: float, growth: float, omega: float) -> GrowingEnvironment | None:
     """Return the environment with 1/k = compliance or 1/m = mobility; None if a damper in series remains."""
-    if damping > 0 or compliance == mobility == 0:  # experiments have no damper in series, and no rigid wall
+    if damping > 0 or compliance == mobility == 0:  # experiments contain neither a damper in series nor a rigid wall
         return None
     if compliance > 0:
         return GrowingEnvironment("spring", 1 / compliance, 0.0, growth, omega)
@@ -283,7 +283,7 @@ def _dual(compliance: float, mobility: float, damping: float, growth: float, ome
 
 
 def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -> list[tuple[float, complex]]:
-    """Follow a pole from the unit circle while removing, step by step, the damper that holds it there.
+    """Follow a pole from the unit circle while reducing, step by step, the damper that holds it there.
 
     If no damper holds a pole there, the path is empty. The path ends where the function can no longer follow the pole.
     """

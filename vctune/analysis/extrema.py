@@ -19,7 +19,7 @@ POINTS_PER_DECADE = 60
 other would merge. With twice as many, each judgement of a design takes twice as many evaluations."""
 ZOOMS = 3
 """Number of rounds with a finer grid. Each round narrows the interval around a minimum by a factor of 8. With half as
-many rounds, the interval is 23 times as wide, and the frequency is known only to 1e-5. With twice as many rounds, the
+many rounds, the interval is 23 times as wide, and the frequency is correct only to 1e-5. With twice as many rounds, the
 interval is narrower than rounding permits for a minimum."""
 ZOOM_POINTS = 17
 """Number of points of a finer grid, including both ends. With half as many points, each round narrows the interval by a

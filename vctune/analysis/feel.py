@@ -21,8 +21,8 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 FREE_HZ = (1.0, 10.0)
-"""Frequencies, Hz, at which the code evaluates mass and damping of free motion: that of a slow reach, and that of the
-fastest voluntary motion of an arm."""
+"""Frequencies, Hz, at which the code evaluates mass and damping of free motion: the frequency of a slow reach, and the
+frequency of the fastest voluntary motion of an arm."""
 WALL_HZ = 10.0
 """Frequency, Hz, at which the code evaluates the wall and the force path: the upper end of voluntary motion and
 force."""

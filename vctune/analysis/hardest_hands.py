@@ -38,8 +38,8 @@ FIRST_STEP = 0.2
 """First step of the search for the worst hand, in the square roots of the shares of a hand's ranges. With half or twice
 this step, vctune finds the same designs."""
 DRIVEN = 1e6
-"""Value of 1/ratio above which a coupling supplies energy where it must absorb energy. With half or twice this value,
-vctune finds the same designs."""
+"""Value of 1/ratio above which the search treats a coupling as one that supplies energy where it must absorb energy.
+With half or twice this value, vctune finds the same designs."""
 
 
 @np.errstate(all="ignore")
@@ -269,7 +269,7 @@ def hardest_near(
         groups=[*np.zeros(free.size, int), 1],
         owners=owners,
         enough=1.0,
-        smooth=met is None,  # of several margins one must be positive, so that their maximum has kinks
+        smooth=met is None,  # one of several margins must be positive, and their maximum has kinks
     )
     roots = starting.copy()
     roots[free] = climb[:-1]

@@ -34,7 +34,7 @@ SHARP = 0.03
 would miss them. With half or twice this ratio, vctune finds the same design for a display with hardly any damping."""
 
 TOGETHER = 32
-"""Number of devices that the code evaluates together. The arrays of so many devices fit into the processor's cache.
+"""Number of devices that the code evaluates together. The arrays of this many devices fit into the processor's cache.
 With half or twice as many devices, the evaluation takes the same time."""
 
 
@@ -60,7 +60,8 @@ class RatioInAnyHand:
 
     Attributes
     ----------
-    ratio : Re(1/Z_c)/R; inf if the hands require nothing omega : its frequency, rad/s
+    ratio : Re(1/Z_c)/R; inf if the hands require nothing
+    omega : frequency of the minimum, rad/s
     """
 
     ratio: float
@@ -88,7 +89,7 @@ def least_ratios_of_each(
 
     Parameters
     ----------
-    problems : at least one problem; they differ in their devices alone
+    problems : at least one problem; they differ only in their devices
     gains, coupling : plain floats, in the problems' units
     """
     found: list[list[RatioInHand | RatioInAnyHand]] = [[] for _ in problems]
@@ -105,7 +106,8 @@ def least_ratios_of_each(
 def ratio_in_some_hands(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
     """Return the least ratio on the grid of hands and angles from which `least_ratios` starts.
 
-    The ratio is not below the least of `least_ratios`, and takes a tenth of its time; inf without a claim in hands.
+    The result is not below the least ratio of `least_ratios`, and takes a tenth of the time. It is inf without a claim
+    in hands.
 
     Parameters
     ----------
@@ -124,7 +126,7 @@ def least_ratios_in_hands(
 ) -> list[RatioInHand]:
     """Return the local minima of Re Z_c / R over the angle, each in its worst hand, the lowest first.
 
-    The function refines a minimum to the end only if its ratio is near the lowest one (`climb.CONSIDERED`).
+    The function refines a minimum fully only if its ratio is near the lowest one (`climb.CONSIDERED`).
 
     Parameters
     ----------
@@ -271,7 +273,7 @@ def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling
     Returns
     -------
     list of RatioInAnyHand
-        One to `SEARCHED` minima. The ratio is 0 where some hand makes the loop of K_v alone unstable.
+        One to `SEARCHED` minima. The ratio is 0 where some hand makes the loop with only K_v unstable.
     """
     first, ratio = np.zeros(1), partial(ratio_in_any_hand, device, gains, coupling)
     minima = local_minima(ratio, angles(device, PER_DECADE)[1:])

@@ -17,8 +17,8 @@ from vctune.model.worlds import WorldsMet
 
 HIGHEST = 1 - 1e-5
 """Greatest corner, in units of 2/T. At 1 the multiplier would become a difference. This value is so far below 1 that
-rounding to six digits cannot reach 1. With half the distance from 1, rounding might reach 1. Twice the distance would
-serve as well."""
+rounding to six digits cannot reach 1. With half the distance from 1, rounding can reach 1. Twice the distance would be
+sufficient, too."""
 LOWEST = 1e-4
 """Least corner that the search evaluates, in units of 2/T. This corner is below the frequencies of all hands. With ten
 times this corner, or a tenth of it, the result is the same."""

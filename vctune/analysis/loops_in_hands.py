@@ -24,8 +24,8 @@ from vctune.model.sampled.worlds.loop_in_worlds import Seen
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
 """Shares of each range of hands that the search evaluates first. The worst hand is usually at an end, and near 0 the
-required resistance changes quickly. With half as many shares, the search needs more rounds for the same designs; with
-twice as many, more time."""
+required resistance changes quickly. With half as many shares, the search needs more rounds for the same designs. With
+twice as many shares, it takes more time."""
 LOWEST, PER_DECADE = 1e-4, 24
 """Least angle omega T above 0, and number of angles per decade. Values below the least angle equal their limit to 1e-8.
 With half as many angles, the search may miss one of two neighbouring extrema. With twice as many, it takes twice the
@@ -79,7 +79,7 @@ class LoopsInAnyHand:
     answers: AnyHand
 
     def required(self, gains: Gains) -> Floats:
-        """Return R/s^2 with shape (1, n); inf where some hand makes the loop of K_v alone unstable.
+        """Return R/s^2 with shape (1, n); inf where some hand makes the loop with only K_v unstable.
 
         The gains' shape precedes this shape if they are arrays of shape (..., 1, 1).
         """
@@ -136,7 +136,7 @@ def _loops(device: Device, hands: Hand, theta: Floats) -> LoopsInHands:
 
 
 def _every(numbers: Hand) -> Hand:
-    """Return the hands of all combinations of given numbers; the last number varies fastest."""
+    """Return the hands of all combinations of given parameters; the last parameter varies fastest."""
     each = np.meshgrid(*numbers.numbers.values(), indexing="ij")
     return Hand(*(number.ravel() for number in each))
 
@@ -173,5 +173,5 @@ def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHand
 
 
 def _places(low: float, high: float, shares: tuple[float, ...]) -> Floats:
-    """Return the numbers of a range at given shares; a single number if the range has no width."""
+    """Return the values of a range at given shares; a single value if the range has no width."""
     return np.unique(low + (high - low) * np.array(shares))

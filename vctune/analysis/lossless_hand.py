@@ -1,4 +1,4 @@
-"""Find the lossless hand in which the motion of a refused impedance display grows (model/README.md, section 15).
+"""Find the lossless hand in which the motion of a refuted impedance display grows (model/README.md, section 15).
 
 The disc of any hand is a sum of discs, one for each alias of the frequency. At the worst point of the sum, each of
 these discs is at its edge. To reach all these edges, the hand must have a certain reactance at each alias. By Foster's
@@ -41,7 +41,7 @@ twice as many aliases, the growth is the same to four digits."""
 FROM_ENDS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
 """Distances, rad, from 0 Hz and from Nyquist at which the code searches for a hand, because nothing grows at these
 ends. The search ends at the first success. With half or twice as many distances, the search finds hands for the same
-designs, with a sixth to six times the growth."""
+designs, and the growth changes by a factor of up to six."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ def _growing_in(
 ) -> GrowingEnvironment | None:
     """Return the environment with which the motion grows in a hand.
 
-    The value of the environment is 0 if the motion of the loop of K_v alone grows.
+    The value of the environment is 0 if the motion of the loop with only K_v grows.
     """
 
     def loop(theta: complex) -> complex:

@@ -17,8 +17,8 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.pair import Pair
 
 BISECTIONS = 40
-"""Number of bisections of an interval of the grid. The bisections narrow an interval to 1e-12, which the output does
-not show. Half as many bisections would narrow it to 1e-6, which the output would show. Twice as many would reach
+"""Number of bisections of an interval of the grid. The bisections narrow an interval to 1e-12, which is too small to
+affect the output. Half as many bisections would narrow it to 1e-6, which affects the output. Twice as many would reach
 rounding errors."""
 MARGIN_POINTS_PER_DECADE = 100
 """Number of points per decade of the grid for crossings. With half as many points, the code may miss two crossings
@@ -51,8 +51,8 @@ class Margins:
 
     Attributes
     ----------
-    gain : factor on L, nearest to 1, that makes the loop unstable phase : phase, rad, nearest to 0, that makes the loop
-        unstable
+    gain : factor on L, nearest to 1, that makes the loop unstable
+    phase : phase, rad, nearest to 0, that makes the loop unstable
     delay : least additional delay of the device, s, that makes the sampled loop unstable
     """
 

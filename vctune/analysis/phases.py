@@ -64,7 +64,7 @@ def crossover(device: Device, gains: Gains) -> float | None:
 def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of L = A H (K_v F + K_p/s) P_mu of the sampled loop.
 
-    Sampling itself, which the frequency model lacks, has a share of its own. The function uses the exact hold.
+    Sampling itself, which the frequency model lacks, has a separate share. The function uses the exact hold.
 
     Parameters
     ----------

@@ -13,16 +13,16 @@ from vctune.model.device import Device
 RESONANCE_REACH, NARROWEST = 1.1, 2e-3
 """Range around a structure's resonances in which the relative spacing of the grid is half their damping ratio, and the
 finest relative spacing. With half or twice this range, the decisions are the same, because the loop moves a resonance
-to a place between that of the handle alone and that of both masses. With a grid half as fine, the code may miss a
-resonance between two frequencies, and the proof has to find it. With a grid twice as fine, the code takes twice the
-time in this range."""
+to a frequency between the resonance of only the handle and the resonance of both masses. With a grid half as fine, the
+code may miss a resonance between two frequencies, and the proof has to find it. With a grid twice as fine, the code
+takes twice the time in this range."""
 NARROWER = 6.0
 """Number of points that a drawn curve has within the width of a resonance. With half as many points, the curve shows
 corners. With twice as many, the file is twice as long."""
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:
-    """Return a grid, rad/s, with more frequencies between the resonance of the handle alone and that of both masses.
+    """Return a grid, rad/s, with more frequencies between the resonances of only the handle and of both masses.
 
     A rigid device has no resonance, so the function returns the given grid.
 
@@ -39,7 +39,7 @@ def with_resonance(device: Device, grid: Floats) -> Floats:
     structure, mass = device.structure, device.mass
     if structure is None:
         return grid
-    # the handle resonates alone if the loop holds the motor still: the reduced mass m_1 m_2/m becomes m_2
+    # only the handle resonates if the loop holds the motor still: the reduced mass m_1 m_2/m becomes m_2
     resonance = 2 * pi * float(structure.frequency_hz)
     load = structure.load.mass if structure.load is not None else 0.0
     held = resonance * ((mass - structure.handle_mass) / mass) ** 0.5

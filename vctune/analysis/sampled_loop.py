@@ -37,8 +37,8 @@ def _sampled(device: Device) -> SampledPlant:
 
 _sampled_once = lru_cache(maxsize=1024)(_sampled)
 """Return a device's plant from a cache, because all frequencies and all rounds of an exchange need the same
-exponential. The cache holds as many devices as the search tries in a box. With half or twice this size, a search takes
-the same time."""
+exponential. The cache contains as many devices as the search tries in a box. With half or twice this size, a search
+takes the same time."""
 
 
 def return_difference_at(device: Device, omega: Floats, *, position: bool) -> ReturnDifference:

@@ -170,8 +170,9 @@ def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[
 
     Returns
     -------
-    box : box in which these parameters of the device have their least values hands : hands; the function raises the
-        upper ends of these parameters by the widths of the device's ranges, and rounds them upwards
+    box : box in which these parameters of the device have their least values
+    hands : hands; the function raises the upper ends of these parameters by the widths of the device's ranges, and
+        rounds them upwards
     """
     least = {key: box.low.number(key) for key in keys}
     range_ = {key: nextafter(box.high.number(key) - value, inf) for key, value in least.items()}

@@ -18,7 +18,7 @@ from vctune.report.svg.drawing import Drawing
 
 
 def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> None:
-    """Write report.html and the figures of a design from its record alone. Delete the figures of an earlier design.
+    """Write report.html and the figures of a design from only its record. Delete the figures of an earlier design.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecor
 
 
 def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> dict[Path, str]:
-    """Return the files of `write_report`, the page last.
+    """Return the files of `write_report`. The page is the last one.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecor
 
 
 def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, str]:
-    """Return the figure of a simulation alone.
+    """Return only the figure of a simulation.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from vctune.report.typography import span
 
 
 def identification_files(found: Identified, record: IdentificationRecord, folder: Path) -> dict[Path, str]:
-    """Return the report of an identification and its figures, the page last.
+    """Return the figures and the report of an identification. The page is the last file.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def _page(record: IdentificationRecord, drawn: dict[str, str]) -> str:
     return page.render(
         record=record,
         figures=shown,
-        sentence=f"{len(record.numbers)} numbers, each with a range that the proof covers. {found['numbers']}",
+        sentence=f"{len(record.numbers)} parameters, each with a range that the proof covers. {found['numbers']}",
         between=lambda each: str(span(each.low, each.high, each.unit)),
         text=device_text(record),
         embedded=embedded,
@@ -63,7 +63,7 @@ def _findings(record: IdentificationRecord) -> dict[str, str]:
     """Return a sentence about each figure, by the figure's name."""
     widest = max(record.numbers, key=lambda each: each.share)
     between = span(widest.low, widest.high, widest.unit)
-    found = {"numbers": f"The widest range is that of {widest.key}: {between}, ± {100 * widest.share:.2g} %."}
+    found = {"numbers": f"{widest.key} has the widest range: {between}, ± {100 * widest.share:.2g} %."}
     shares = {each.source: each.residual_share for each in record.recordings if each.residual_share is not None}
     if shares:
         source = max(shares, key=lambda name: shares[name])
@@ -71,5 +71,7 @@ def _findings(record: IdentificationRecord) -> dict[str, str]:
         found |= dict.fromkeys(("time-fit", "following", "response"), f"{left} unexplained.")
     noise = [each.chi2 for each in record.recordings if each.chi2 is not None]
     if noise:
-        found["residual-spectrum"] = f"The residual is {sqrt(max(noise)):.2g} times what the noise alone explains."
+        found["residual-spectrum"] = (
+            f"The residual is {sqrt(max(noise)):.2g} times as large as the noise alone would make it."
+        )
     return found

@@ -11,7 +11,7 @@ from typing import NamedTuple
 THIN = "\u202f"
 """Thin space between a number and its unit. A line cannot break at it."""
 DIGITS = 4
-"""Significant digits of a number that a reader reads but does not copy."""
+"""Number of significant digits where a reader does not need to copy the number."""
 PLAIN = (0.1, 1e4)
 """Sizes between which a number keeps its unit without a prefix."""
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
@@ -48,7 +48,7 @@ def quantity(value: float | None, unit: str = "", digits: int = DIGITS) -> Quant
 
     Parameters
     ----------
-    value : the number; None if there is none
+    value : the number, or None
     unit : its unit without a prefix, except "kg"; "" for a number without a unit
     digits : number of significant digits
     """
@@ -72,7 +72,7 @@ def _together(values: list[float | None], unit: str, digits: int) -> Quantity:
 
 
 def prefixed(size: float, unit: str) -> tuple[int, str]:
-    """Return the power of ten of a prefix that suits a size, and the unit with that prefix.
+    """Return the power of ten of a suitable prefix, and the unit with this prefix.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def _number(value: float | None, power: int, digits: int) -> str:
 
 
 def tick(value: float) -> str:
-    """Return the text at a tick of an axis. A very great or small power of ten appears as a power."""
+    """Return the text at a tick of an axis. Very large and very small powers of ten are written as powers."""
     power = round(log10(value)) if value > 0 else 0
     if value > 0 and abs(value / 10.0**power - 1) < 1e-9 and not -3 < power < 4:
         return f"10{raised(power)}"
@@ -167,11 +167,11 @@ def svg_texts(svg: str) -> str:
 
 
 def svg_text(words: str) -> str:
-    """Return a text as the content of an element of SVG, set.
+    """Return a text as the typeset content of an SVG element.
 
     Parameters
     ----------
-    words : as of `plain`
+    words : the text; see `plain`
     """
     return _with_symbols(escape(plain(words), quote=False), _lowered).removesuffix(RAISED)
 

@@ -78,7 +78,7 @@ class Loop:
 
     @property
     def Z_seen(self) -> Transfer:
-        """The impedance that the environment of an admittance display or a servo sees of the loop in a hand.
+        """The impedance of the loop in a hand, as the environment of an admittance display or a servo sees it.
 
         Z_seen is the response of the sensed force to the environment's velocity. A resistance is positive. The hand
         requires R = -Re Z_seen of the coupling.
@@ -178,8 +178,8 @@ class Loop:
         """Return the states if the environment moves. The law then acts on the errors of velocity and position.
 
         The trapezoidal rule integrates the environment's velocity. The state is the difference between the positions of
-        environment and motor. The states thus have no pure integrator if no other state depends on either position
-        alone.
+        environment and motor. The states thus have no pure integrator if no other state depends on only one of the
+        positions.
         """
         T, K_v, K_p = float(self.device.sample_time), float(self.gains.velocity), float(self.gains.position)
         command = total([(K_v + K_p * T / 2, {INPUT: 1.0}), (K_p, {"error": 1.0}), (-K_v, plant.velocity)])

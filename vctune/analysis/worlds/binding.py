@@ -3,7 +3,7 @@
 At that frequency the environment cancels the reactance of the loop, with the coupling divided by the safety factor.
 Among all passive environments, it is a mass or a spring. In a box, it has the least stiffness, and the mass that then
 cancels the reactance. If that mass is below its range, it has the least mass, and the stiffness that then cancels the
-reactance. The upper limits of the box replace greater values.
+reactance. The code limits mass and stiffness to the greatest values of the box.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def binding_world(
     factor: float,
     worlds: Worlds | None = None,
 ) -> World | None:
-    """Return the environment without an additional damping; None at the ends, where any environment suffices.
+    """Return the environment without additional damping; None at the ends, where any environment suffices.
 
     Parameters
     ----------

@@ -106,11 +106,11 @@ def environment_factors(pole_angle: complex, sample_time: float, worlds: Worlds)
 
 
 def member_of_impedance(impedance: complex, factors: np.ndarray, worlds: Worlds) -> Member | None:
-    """Return a member with this impedance. One of its three numbers is at a finite end of its range, and the other two
-    follow.
+    """Return a member with this impedance. One of its three values is at a finite end of its range, which determines
+    the other two.
 
-    The members with a given impedance lie on a line. In one direction along this line, some number decreases until it
-    reaches its least value, which is finite. The function therefore needs to try finite ends only.
+    The members with a given impedance lie on a line. In one direction along this line, one of the values decreases to
+    its least value, which is finite. The function therefore tries only finite ends.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def member_of_impedance(impedance: complex, factors: np.ndarray, worlds: Worlds)
 
 
 def _corners(worlds: Worlds, start: Member) -> Iterator[Member]:
-    """Yield the corners of the box; a number without a greatest value stays at that of the start."""
+    """Yield the corners of the box. A value without an upper limit keeps its value at the start."""
     ends = zip(astuple(worlds.low), astuple(worlds.high), start, strict=True)
     yield from product(*((low, high if high < inf else at_start) for low, high, at_start in ends))
 

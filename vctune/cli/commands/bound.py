@@ -75,9 +75,9 @@ def bound(
             check_time()
             write_report(path)
         except OutOfTimeError:
-            warn("time-limit", f"no report was drawn in time; `vctune report {path}` draws it")
+            warn("time-limit", f"there was no time to draw the report; `vctune report {path}` draws it")
     if bounded.improved:
-        click.echo("found a better design than the one known, whose basin the scan had missed", err=True)
+        click.echo("found a better design, in a basin that the scan had missed", err=True)
 
     def table() -> None:
         from vctune.cli.printing.design_table import print_design

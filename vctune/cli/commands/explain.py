@@ -50,7 +50,7 @@ def explain(name: str | None, style: str, quiet: bool) -> int:
 
 def _contents(entries: list[EntryRecord]) -> str:
     """Return all known names, by kind."""
-    titles = {"code": "Codes", "key": "Keys of files", "term": "Words", "claim": "Claims"}
+    titles = {"code": "Codes", "key": "Keys of files", "term": "Terms", "claim": "Claims"}
     lists = {kind: ", ".join(dict.fromkeys(entry.name for entry in entries if entry.kind == kind)) for kind in titles}
     return "\n\n".join(f"{titles[kind]}\n{_filled(names, '  ')}" for kind, names in lists.items())
 

@@ -112,7 +112,7 @@ def region(
     def table() -> None:
         from vctune.cli.printing.design_table import print_lines
 
-        print_lines(lines, folder, [*steps, *(["running it again with more time decides more"] * interrupted)])
+        print_lines(lines, folder, [*steps, *(["run it again with more time to decide more cells"] * interrupted)])
 
     answer(style, quiet, found.record, table)
     return ExitCode.UNDECIDED if interrupted else of_status(found.status)

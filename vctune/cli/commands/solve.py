@@ -104,7 +104,7 @@ def _solve(
                 write_report(record, folder)
                 drawn = True
     if not drawn:
-        message = f"no report was drawn in time; `vctune report {folder / DESIGN_FILE}` draws it"
+        message = f"there was no time to draw the report; `vctune report {folder / DESIGN_FILE}` draws it"
         warn("time-limit", message)
 
     def table() -> None:

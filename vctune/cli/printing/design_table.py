@@ -103,7 +103,7 @@ def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), 
             say("any one of these alone would do:")
             say(_repairs(record.repairs))
         elif record.repairs is not None:
-            say("vctune found no change of one number that makes the problem feasible")
+            say("vctune found no change of a single value that makes the problem feasible")
         for warning in record.warnings:
             say(f"[yellow]warning:[/yellow] {escape(warning)}")
         for line in record.left_out if verbose else ():
@@ -163,7 +163,7 @@ def print_lines(lines: Sequence[str], folder: Path, steps: Sequence[str]) -> Non
 
     Parameters
     ----------
-    lines : plain text; if stdout is not a terminal, the folder ends the last line
+    lines : plain text; if stdout is not a terminal, the last line ends with the folder
     folder : folder of the files
     steps : next steps for the user
     """
@@ -212,7 +212,7 @@ def _yardstick_line(rows: SweepRecord) -> str:
     shared = f"{text(on.band_hz)} Hz with Z_0 = {text(on.reference_impedance)} {unit}"
     if not on.varied:
         return escape(f"{shared}, at every point")
-    return escape(f"{shared}, but for {', '.join(on.varied)}: errors at different values of it do not compare")
+    return escape(f"{shared}, except {', '.join(on.varied)}: errors at different values of it are not comparable")
 
 
 def _corner_line(corner: CornerRecord) -> str:

@@ -46,7 +46,7 @@ def after_bound(record: DesignRecord, design: Path, problem: Path) -> list[str]:
     """
     found = record.optimality
     going_on = found is not None and found.verdict == "open" and record.status == "certified"
-    again = ["running it again resumes"] if going_on else []
+    again = ["run it again to resume"] if going_on else []
     return [*again, *after_design(record, design.parent, problem)]
 
 

@@ -92,12 +92,14 @@ def _after_simulation(folder: Path) -> list[str]:
 
 def _difference_line(difference: DifferenceRecord, unit: str) -> str:
     """Return the sentence on the difference between the commands of a firmware and of the design."""
-    own_commands = f"the design's own in {difference.precision} precision on the same measurements"
+    own_commands = f"the design's commands in {difference.precision} precision for the same measurements"
     if difference.force is None or difference.tolerance is None:
         return "[red]FAILED[/red], the firmware's commands are not finite"
     if difference.force == 0:
         return f"the firmware's commands are {own_commands} to the last bit"
-    distance = f"{difference.force:.3g} {unit} of {own_commands}, farthest at {difference.time_s:.4g} s"
+    distance = (
+        f"{difference.force:.3g} {unit} of {own_commands}, with the largest difference at {difference.time_s:.4g} s"
+    )
     allowed = f"the tolerance is {difference.tolerance:.3g} {unit}"
     if difference.passes:
         return f"the firmware's commands are within {distance}; {allowed}"
@@ -116,8 +118,8 @@ def _least_virtual_line(least: LeastVirtualRecord, units: Units) -> str:
     if least.share == 0:
         return f"the regular PID is stable without a virtual {units.mass_name} and damping"
     return (
-        f"the regular PID is stable from a virtual {units.mass_name} of {least.mass:.4g} {units.mass} and a damping of "
-        f"{least.damping:.4g} {units.damping} on"
+        f"the regular PID is stable with a virtual {units.mass_name} of at least {least.mass:.4g} {units.mass} and a "
+        f"damping of at least {least.damping:.4g} {units.damping}"
     )
 
 
@@ -183,7 +185,7 @@ def _after_comparison(comparison: ComparisonRecord) -> str:
         if side.status == "certified" and isinstance(error, float)
     ]
     if not certified:
-        return "neither is certified; vctune solve says what would repair each"
+        return "neither is certified; vctune solve reports repairs"
     source = min(certified)[1]
     return f"vctune {'export' if source.endswith('.json') else 'solve'} {quote(source)}"
 

@@ -31,7 +31,7 @@ class Claim:
     sentence : the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
     quantity : the limited quantity, by the name that the search's constraints use. `in_hand` is the ratio in a hand.
         The search does not constrain "poles" and "storage"
-    margin : dotted path within vctune of the function that must be positive, or of the curve that must not go around 0
+    margin : dotted path within vctune of the function that must be positive, or of the curve that must not encircle 0
     witness : description of the place where the claim fails
     label : heading of the claim's row in a report
     explain : meaning of the claim for the reader
@@ -187,7 +187,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "everywhere within the range `environment.stiffness`. A wall is one-sided or piecewise linear, at any "
                 "position. It steps by the trapezoidal rule or by backward Euler. The claim does not cover walls that "
                 "move or one-sided dampers. The proof uses the multiplier of Zames and Falb. If its condition fails, "
-                "a wall need not make the device unstable."
+                "the device can still be stable with every wall."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
         ),
@@ -202,11 +202,11 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a hand of `[operator]` in which no storage function is found",
             label="hands whose damping changes",
             explain=(
-                "The inequality of Kalman, Yakubovich and Popov, with a storage function that all dampings of the hand "
-                "have in common. The device is stable in each hand of `[operator]` with every environment that is "
-                "passive as it runs, in the exact sampled loop, while the damping of the hand takes any value of its "
-                "range at every sample. The mass, at least `changing_mass_min`, and the stiffness of the hand stay as "
-                "they are. The claim does not include the safety factor. If vctune finds no such function, the claim "
+                "The proof uses the inequality of Kalman, Yakubovich and Popov, with one storage function for all "
+                "dampings of the hand. The device is stable in each hand of `[operator]` with every environment that "
+                "is passive as it runs, in the exact sampled loop, while the damping of the hand takes any value of "
+                "its range at every sample. The mass, at least `changing_mass_min`, and the stiffness of the hand do "
+                "not change. The claim does not include the safety factor. If vctune finds no such function, the claim "
                 "is undecided, and the device may still be stable. If a hand without mass is the reason, "
                 "`changing_mass_min` excludes this hand."
             ),

@@ -15,7 +15,7 @@ INKS = (BLUE, ORANGE, GREEN, RED, GREY, "#8e5bb5", "#a0703c", "#cc5fa0", "#2aa5a
 MARKS = "osD^vP*X<>hd"
 PANEL_WIDTH, PANEL_HEIGHT = 5.4, 4.2
 MANY = 400
-"""Number of points from which a bitmap is smaller than a file with their coordinates."""
+"""Number of points above which a bitmap is smaller than a file with the coordinates."""
 
 
 @dataclass(frozen=True, slots=True)

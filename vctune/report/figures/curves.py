@@ -24,7 +24,7 @@ from vctune.model.problem import Problem
 POINTS = 400
 UNMOVED = 1e-6
 """Share of a command below which a servo counts as at rest, for example at Nyquist with interpolation. The hand then
-feels a rigid handle. Half or twice this share shows the same curves."""
+feels a rigid handle. With half or twice this share, the curves are the same."""
 SPRING, DAMPER = 200.0, 14.0
 """The two environments of the paper (section 5) on a linear device, N/m and N s/m."""
 
@@ -103,9 +103,9 @@ def handle_impedance(
 ) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
     """Return frequencies and the impedance at the handle for several environments, with the ideal impedance of each.
 
-    The environments are none, a damper, a spring and a rigid one. At an ideal handle the hand feels Z_e itself. The
-    paper has no rotary device. For such a device the damper is Z_0, and the spring has that impedance in the middle of
-    the transparency band.
+    The cases are no environment, a damper, a spring and a rigid environment. At an ideal handle the hand feels Z_e
+    itself. The paper has no rotary device. For a rotary device the damper is Z_0, and the impedance of the spring is
+    Z_0 in the middle of the transparency band.
 
     Parameters
     ----------

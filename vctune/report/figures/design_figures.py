@@ -38,9 +38,10 @@ from vctune.report.svg.panel import Panel
 from vctune.report.typography import quantity
 
 ROOM_FOR_WORDS = 2.1
-"""End of the axis of latencies over the longest."""
+"""End of the latency axis, as a multiple of the longest latency."""
 MAP_LEVELS = 4
-"""Number of times that the code halves the map of what may be rendered, to a sixteenth. It takes about a second."""
+"""Number of times that the code halves the cells of the map of environments, down to a sixteenth. The map takes about a
+second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +82,8 @@ def figures(design: Design) -> dict[str, Drawing]:
 
 
 def _in_hands(design: Design) -> dict[str, Drawing]:
-    """Return the figure of the hands that the criterion requires, or of any hand on an impedance display; else none."""
+    """Return the figure of the hands that the criterion requires, or of any hand on an impedance display, if there is
+    one."""
     hands = design.problem.hands_met
     if design.problem.any_hand:
         return {"any-hand": any_hand_figure(design.problem, design.gains, design.coupling)}
@@ -92,7 +94,7 @@ def _in_hands(design: Design) -> dict[str, Drawing]:
 
 
 def _rendered(design: Design) -> dict[str, Drawing]:
-    """Return the coarse map of what may be rendered, if the problem states lossless environments without lateness."""
+    """Return a coarse map of the stable environments if the problem states lossless environments without lateness."""
     problem = design.problem
     if problem.worlds is None or not problem.worlds.lossless:
         return {}
@@ -104,7 +106,7 @@ def _rendered(design: Design) -> dict[str, Drawing]:
 
 
 def _latency(contact: ContactRecord, problem: Problem) -> Drawing:
-    """Draw the parts of a servo's latency as bars, with the drag that each requires at rest and its key."""
+    """Draw the parts of a servo's latency as bars, each with the drag that it requires at rest, and with its key."""
     drawing = Drawing(WIDTH, 0.75 + 0.42 * len(contact.parts), left=1.2, top=0.1)
     (panel,), end = drawing.divide(), 1e3 * ROOM_FOR_WORDS * max(part.latency_s for part in contact.parts)
     panel.set(xlabel=f"latency, ms; {quantity(contact.latency_s, 's', 3)} in all", xlim=(0.0, end))
@@ -202,7 +204,7 @@ def _impedance(design: Design) -> Drawing:
 def _promised(panel: Panel, design: Design) -> None:
     """Shade the band on which stability is proved, or hatch the band of a failed proof, and mark the transparency band.
 
-    A proved claim in hands holds at every frequency, so the shade then covers the whole axis.
+    A proved claim in hands holds at every frequency, so for such a claim the shade covers the whole axis.
     """
     problem, proof = design.problem, design.record.certificate
     assert proof is not None, "a design is judged"

@@ -27,7 +27,7 @@ HAND = 0.43
 WIDTH, HEIGHT, TALL, LINE = 1.26, 0.82, 1.1, 0.195
 """Width and height of a box, height of a box in the top row, and height of a line of text."""
 FITS = 17 / WIDTH
-"""Number of letters that fit into an inch of a box. A longer line gets smaller letters."""
+"""Number of letters that fit into an inch of a box. Longer lines have smaller letters."""
 HEAD = 5.0
 """Length of an arrow's head, points."""
 POSITION_AT = 4.58
@@ -54,7 +54,7 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Drawing:
         _motion_path(drawing, coupling, UNITS[device.units])
     else:
         _force_path(drawing, device, coupling)
-    _mechanism(drawing, device)  # before the arrow to it: some readers of PDF mix the words of one height
+    _mechanism(drawing, device)  # before its arrow, because some PDF readers mix words at the same height
     _drive(drawing, device, gains)
     _feedback(drawing, device, gains)
     return drawing
@@ -80,7 +80,8 @@ def _force_path(drawing: Drawing, device: Device, coupling: Coupling) -> None:
 
 
 def _servo_loop(drawing: Drawing, device: Device, servo: Servo, coupling: Coupling) -> None:
-    """Draw the paths from the hand's force to the motion, which follows the command alone, and back to the hand."""
+    """Draw the path from the hand's force to the motion, which follows only the command, and the path back to the
+    hand."""
     low, edge = BOTTOM, LAW + WIDTH / 2
     _firmware(drawing, device, COUPLING + 0.95)
     _force_path(drawing, device, coupling)
@@ -101,7 +102,7 @@ def _servo_loop(drawing: Drawing, device: Device, servo: Servo, coupling: Coupli
 
 
 def _motion_path(drawing: Drawing, coupling: SpringDamper, units: Units) -> None:
-    """Draw the path of the measured motion to the coupling. It branches off behind the velocity estimate."""
+    """Draw the path of the measured motion to the coupling. The path branches off after the velocity estimate."""
     _arrow(drawing, (LAW - WIDTH / 2, MIDDLE), (COUPLING, MIDDLE), (COUPLING, TOP - TALL / 2), label="x, v̂")
     lines = [f"k_c {quantity(coupling.stiffness, units.stiffness)}"]
     lines += [f"b_c {quantity(coupling.damping, units.damping)}"] if coupling.damping > 0 else []

@@ -81,8 +81,8 @@ def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
 
 
 def simulation_finding(simulation: SimulationRecord) -> str:
-    """Return the deviation of each felt number from the rendered one, with the design and with the regular PID; "" if
-    the experiments render no number."""
+    """Return the deviation of each felt value from the rendered value, with the design and with the regular PID; "" if
+    the experiments render no value."""
     shown = [(one.name, _worst_off(one.design), _worst_off(one.baseline)) for one in simulation.experiments]
     lines = [
         f"{name}: off by {design}" + (f" ({baseline} with a regular PID)" if baseline else "")
@@ -94,14 +94,15 @@ def simulation_finding(simulation: SimulationRecord) -> str:
 
 
 def _worst_off(run: RunRecord | None) -> str:
-    """Return the greatest deviation of a felt number from the rendered one; "" without such a number."""
+    """Return the greatest deviation of a felt value from the rendered value; "" if there is no such value."""
     fits = {} if run is None or run.metrics is None else run.metrics.fits
     off = [fit.value / fit.asked - 1 for fit in fits.values() if fit.value is not None and fit.asked]
     return f"{100 * max(off, key=abs):+.2g} %" if off else ""
 
 
 def dwell_line(simulation: SimulationRecord) -> str:
-    """Return the least dwell time of changing hands with which the loop stayed at rest; "" without such experiments."""
+    """Return the least time between changes of the hand at which the loop stayed at rest; "" without such
+    experiments."""
     changing = [(one.dwell_s, one.stayed) for one in simulation.experiments if one.dwell_s is not None]
     if not changing:
         return ""

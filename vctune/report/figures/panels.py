@@ -1,4 +1,4 @@
-"""The panels of a design's figures. Each function draws one panel on given axes: those of a report, or your own."""
+"""The panels of a design's figures. Each function draws one panel on the axes of a report or on your own."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Demanded:
 
     Attributes
     ----------
-    own : curves of the device
+    own : curves of the nominal device
     bare : curves without the least operator; None if the problem has none
     others : curves of the devices at the corners of the box of uncertain devices
     """
@@ -141,7 +141,7 @@ def _asymptotes(axes: Axes, problem: Problem, gains: Gains, coupling: Coupling) 
 
 
 def least_view(problem: Problem) -> tuple[float, float, float]:
-    """Return the left edge, the right edge and half the height that a Nyquist plot must at least show."""
+    """Return the left edge, the right edge and half the height of the least area that a Nyquist plot must show."""
     return -1.2 - 1 / problem.stability.max_sensitivity, 1.1, 1.1
 
 
@@ -182,7 +182,8 @@ def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
 
 
 def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, part: str = "error") -> Axes:
-    """Draw the transparency error of a design, or one of its terms, over frequency, also without coupling or loop.
+    """Draw the transparency error or one of its terms over frequency, for a design, without a coupling and without a
+    loop.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ MESH = 48
 
 
 def region_figure(problem: Problem, region: Region, designs: Sequence[Design], marked: Design | None = None) -> Figure:
-    """Return the figure of a region in the optimiser's coordinates; the areas of its cells count in these coordinates.
+    """Return the figure of a region in the optimiser's coordinates, in which the areas of cells are measured.
 
     Parameters
     ----------

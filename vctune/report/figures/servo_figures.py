@@ -29,7 +29,7 @@ def following(studies: list[RecordStudy], units: Units) -> Figure:
     Parameters
     ----------
     studies : studies of servos
-    units : units of their numbers
+    units : units of the parameters
     """
     figure = canvas(WIDTH, 3.7 * len(studies), left=0.75, top=0.35, gaps=(0.0, 0.62))
     axes = np.atleast_1d(figure.subplots(2 * len(studies), 1))

@@ -15,7 +15,7 @@ from vctune.report.svg.scales import decades_between
 from vctune.report.typography import prefixed, quantity, tick
 
 LEAST_SPAN = 0.1
-"""Least difference of ratios for which the axis adapts to them; closer ratios share one view."""
+"""Least span of ratios that sets the limits of the axis. Smaller spans give the same limits."""
 WIDTH = 4.2
 """Width of a design's figure, inches. Two figures fit side by side on a desktop screen. One figure remains legible on a
 telephone and in a column of 8 cm."""
@@ -38,7 +38,7 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
 
 
 def in_prefixed(values: Floats, unit: str) -> tuple[Floats, str]:
-    """Return values in their unit with a prefix that suits the greatest of them, and that unit.
+    """Return values in a unit whose prefix suits the greatest value, and this unit.
 
     Parameters
     ----------
@@ -78,12 +78,12 @@ def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float |
 
 
 def stamp(drawing: Drawing, words: str) -> None:
-    """Write across a figure why its design is not for use, also visible in print and in grey.
+    """Write across a figure why its design is not for use. The text remains visible in print and in grey.
 
     Parameters
     ----------
     drawing : figure with these panels
-    words : the text; its size falls with its length
+    words : the text; longer texts are smaller
     """
     for panel in drawing.panels:
         left, top, width, height = panel.box

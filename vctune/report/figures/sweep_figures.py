@@ -23,7 +23,7 @@ FEW = 40
 
 
 def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
-    """Return the figure of the error over one or two axes that vary; None if there are no or more such axes.
+    """Return the figure of the error over the axes that vary; None unless one or two axes vary.
 
     Parameters
     ----------

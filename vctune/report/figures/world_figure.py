@@ -91,7 +91,7 @@ def marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
 
 
 def lowest(plane: Plane, k: int) -> float:
-    """Return the lower end of an axis, or that of its strip if it has one.
+    """Return the lower end of an axis, or of its strip if the axis has one.
 
     Parameters
     ----------

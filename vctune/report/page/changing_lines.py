@@ -6,7 +6,7 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.model.problem import Problem
 from vctune.report.typography import quantity
 
-ASK = "stability.changing = “damping” asks for a longer proof."
+ASK = "stability.changing = “damping” requests a longer proof."
 
 
 def changing_lines(record: DesignRecord, problem: Problem) -> list[str]:
@@ -22,9 +22,9 @@ def changing_lines(record: DesignRecord, problem: Problem) -> list[str]:
     found = record.changing
     if found is None:
         can = problem.worlds is None and not problem.device.kind.inverse
-        return ["Hands that change while they hold were not examined" + (f"; {ASK}" if can else ".")]
+        return ["vctune did not examine hands that change while they hold the handle" + (f"; {ASK}" if can else ".")]
     if found.verdict != "proved":
-        return [f"It was not proved that the damping of the hand may change at every sample; {ASK}"]
+        return [f"vctune did not prove that the damping of the hand may change at every sample; {ASK}"]
     least = found.within.low.mass
     heavy = f", for M ≥ {quantity(least, problem.units.mass)}" if least else ""
     return [

@@ -1,6 +1,7 @@
-"""A device as complex constants for each frequency, for the script of a page; every response is affine in the gains.
+"""The constants of a device at each frequency, from which the page's script computes responses for any gains.
 
-The page's script combines them with any gains (README.md, section 1); it does not know the device.
+Every response is a quotient of expressions that are affine in the gains (README.md, section 1). The script does not
+know the device.
 """
 
 from __future__ import annotations
@@ -34,16 +35,16 @@ from vctune.report.figures.curves import frequencies
 
 PANELS = 8
 """Number of intervals of the transparency band with Gauss's nodes in each. The sampled error then agrees with the
-design's to 1e-6 or better. Half as many miss a resonance in the band; twice as many make the page longer."""
+design's to 1e-6 or better. Half as many intervals miss a resonance in the band. Twice as many make the page longer."""
 SHOWN = 100
-"""Number of frequencies of the curves, besides the nodes. Half as many show corners; twice as many make the page
-longer."""
+"""Number of frequencies of the curves, besides the nodes. With half as many, the curves show corners. Twice as many
+make the page longer."""
 ANGLES, PER_SAMPLE = 120, 16
 """Number of angles of the sampled loop up to Nyquist, and number of additional angles for each sample of delay. Between
-two of them the curve turns by less than half a turn. Half as many show corners in the Nyquist plot."""
+adjacent angles the curve turns by less than half a turn. With half as many angles, the Nyquist plot shows corners."""
 IN_HAND, LOWEST = 128, 1e-3
-"""Number of angles in each hand, and the least angle besides 0, rad. Half as many miss the narrow minima of stiff
-hands; twice as many make the page longer."""
+"""Number of angles in each hand, and the smallest angle above 0, rad. Half as many angles miss the narrow minima of
+stiff hands. Twice as many make the page longer."""
 
 
 def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
@@ -85,7 +86,8 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
 
 
 def _force_model(device: Device, known: LoopConstants, omega: Floats) -> dict[str, Any]:
-    """Return the constants of an impedance display. Those of k_c replace those of an admittance display's K_p.
+    """Return the constants of an impedance display. Its factors of k_c replace the factors of K_p of an admittance
+    display.
 
     At a rigid wall b_c acts as K_v does. k_c acts as b_c times the quotient of the factors of k_c and b_c in Z_c.
     """
@@ -157,7 +159,7 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
     if device.kind.inverse:
         theta = theta[
             theta > 0
-        ]  # where F in a hand without stiffness is 0; at the least angle the other factors are at their limits
+        ]  # at 0, F in a hand without stiffness is 0; at the next angle the other factors have reached their limits
         offered = [of + 0 * theta for form in spring_forms(device, theta, FLOATS) for of in form]
         required = [_required(device, hand, theta) for hand in met]
         return {"theta": _numbers(theta), "offered": _numbers(np.stack(offered, axis=-1)), "required": required}
@@ -174,7 +176,7 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
 
 
 def _felt(loop: LoopInHand, sample_time: float, theta: Floats) -> EvenOdd:
-    """Return f of P = f (2 j s K_v + T c K_p). Each part comes from the one of K_v and K_p whose factor does not
+    """Return the factor f in P = f (2 j s K_v + T c K_p). The code divides by the factor of K_v or K_p that does not
     vanish."""
     square, cos = np.sin(theta / 2) ** 2, np.cos(theta / 2)
     with np.errstate(all="ignore"):
@@ -187,8 +189,8 @@ def _felt(loop: LoopInHand, sample_time: float, theta: Floats) -> EvenOdd:
 def _required(device: Device, hand: Hand | None, theta: Floats) -> str:
     """Return R/s^2 in a hand, or in any passive hand, as coefficients at each angle.
 
-    The numerator is affine in K_v, and the denominator is quadratic in K_v. The function computes their coefficients
-    from both at three values of K_v.
+    The numerator is affine in K_v, and the denominator is quadratic in K_v. The function computes the coefficients from
+    numerator and denominator at three values of K_v.
     """
     delays, unit = delays_of(device), device.mass / device.sample_time
 
@@ -238,7 +240,7 @@ def _even_odd(number: EvenOdd, shape: tuple[int, int]) -> list[str]:
 
 
 def _numbers(values: Floats, size: int = 6) -> str:
-    """Return the highest bytes of doubles, rounded, in base 64, after the number of bytes.
+    """Return the number of bytes for each double, and then the highest bytes of the rounded doubles in base 64.
 
     This text is half as long as decimals. Six bytes contain 36 bits of mantissa, five contain 28.
     """

@@ -1,4 +1,4 @@
-"""The parts of a report: the page, its figures and texts that explain them. Imports no heavy package."""
+"""The files of a report, and the texts that explain its figures. This module imports no heavy package."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ IN_WORDS = {"admittance": "does not yield", "tracking": "does not follow", "coup
 READINGS = {
     "hands": (
         "Coupling against the requirement of the worst hand",
-        "Top: Re Z_c, as the firmware runs it, must lie above R in each hand, up to the Nyquist frequency. No "
-        "environment that is passive as it runs then makes the loop grow. Bottom: the share of Re Z_c that R takes at "
-        "the worst damping and frequency of each hand; 100 % is the limit.",
+        "Top: Re Z_c, as the firmware runs it, must lie above R in each hand, up to the Nyquist frequency. The motion "
+        "then does not grow with any environment that is passive as it runs. Bottom: the share of Re Z_c that R takes "
+        "at the worst damping and frequency of each hand; 100 % is the limit.",
     ),
     "llewellyn": (
         "Coupling against the requirement of any passive hand",
-        "Re Z_c must lie above R, and their ratio above 1, on the band between the dashed lines. There, in the "
+        "Re Z_c must lie above R, and their ratio above 1, on the band between the dashed lines. On this band, in the "
         "frequency model, no passive hand and no passive environment can make the handle unstable.",
     ),
     "any-hand": (
@@ -28,7 +28,7 @@ READINGS = {
     ),
     "latency": (
         "Drag is stiffness times latency",
-        "The force of a contact of stiffness K comes late, by the latency L. At rest this acts as a damping of −K L. "
+        "The force of a contact of stiffness K arrives late by the latency L. At rest this acts as a damping of −K L. "
         "The drag D must compensate for it. Each bar shows one part of the latency.",
     ),
     "z-width": (
@@ -39,8 +39,8 @@ READINGS = {
     ),
     "impedance": (
         "What the hand feels, beside what it should feel",
-        "In the shaded transparency band each line with marks should lie on its thin ideal. The device can render "
-        "everything between free and rigid.",
+        "In the shaded transparency band each line with marks should lie on the thin line of its ideal. The device "
+        "can render everything between free and rigid.",
     ),
     "transparency": (
         "Which term makes the error",
@@ -63,9 +63,10 @@ READINGS = {
     ),
     "simulation": (
         "The design and a regular PID in simulated experiments",
-        "Each panel shows the force of the hand over position (springs) or velocity, without the first cycle. The left "
-        "column has a regular PID, and the right column has this design, on the same device with the same friction. "
-        "The curves of loading and unloading should coincide with the dashed line, which is the rendered environment.",
+        "Each panel shows the force of the hand over position (springs) or velocity, without the first cycle. The "
+        "left column shows a regular PID, and the right column shows this design, on the same device with the same "
+        "friction. The curves of loading and unloading should coincide with the dashed line, which is the rendered "
+        "environment.",
     ),
 }
 """Title of each figure and a text that explains it, by the name of the figure."""
@@ -76,13 +77,13 @@ OF_DISPLAY: dict[str, dict[str, str]] = {
         "hands": "Top: the late response of a hand or a contact acts as a negative resistance of size R, whatever the "
         "design. Re Z_c, as the firmware runs it, must lie above R up to the Nyquist frequency. Bottom: the share of "
         "Re Z_c that R takes at the worst damping and frequency of each hand; 100 % is the limit.",
-        "transparency": "Both should be small in the shaded band: the motion should follow its command, which depends "
-        "on the servo alone, and the hand should not feel the coupling, which is designed.",
-        "impedance": "In the shaded transparency band each line with marks should lie on its thin ideal. No "
-        "environment feels lighter than the free arm, whose drag the contacts require.",
+        "transparency": "Both terms should be small in the shaded band. The motion should follow its command, which "
+        "depends only on the servo. The hand should not feel the coupling, which vctune designs.",
+        "impedance": "In the shaded transparency band each line with marks should lie on the thin line of its ideal. "
+        "No environment feels lighter than the free arm, whose drag the contacts require.",
     }
 }
-"""Readings that differ for a kind of display, by its name and that of the figure."""
+"""Texts that differ for a kind of display, by the names of the display and of the figure."""
 
 
 IN_WORLDS = (
@@ -92,7 +93,7 @@ IN_WORLDS = (
 """Addition to the text about curves in hands if the problem states its environments."""
 IN_ACTIVE_WORLDS = (
     " The environments of the problem are not passive as they run, so these curves do not show whether the loop is "
-    "stable with them. The claim does: its ratio above includes them."
+    "stable with them. The claim shows it, because its ratio above includes them."
 )
 """The same addition if the stated environments run late or step by explicit Euler."""
 
@@ -140,7 +141,7 @@ IDENTIFICATION_READINGS = {
         "alone. Power above it is model error, and the intervals allow for it.",
     ),
     "numbers": (
-        "Each number and what limits it",
+        "Each parameter and what limits it",
         "Dots are single records and directions with twice their standard deviation. The bar is the box, relative to "
         "its middle.",
     ),

@@ -15,11 +15,11 @@ BLOCKS = {
     "estimate": "Velocity estimate",
     "drive": "Coupling, before the environment",
     "environment": "Environment, built in",
-    "law": "Coupling, and the law on the velocity error",
+    "law": "Coupling, and control law of the velocity error",
 }
 """Titles of a controller's blocks, in the order in which the firmware executes them."""
 FOLLOWED = BLOCKS | {"law": "Coupling, and the command that the servo follows"}
-"""The same titles for a servo, whose motion the vendor's loop controls."""
+"""Titles for a servo, whose motion the vendor's loop controls."""
 
 
 def controller_page(controller: dict[str, Any], device: Device, gains: Gains, coupling: AnyCoupling) -> str:

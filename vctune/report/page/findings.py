@@ -10,7 +10,8 @@ from vctune.model.problem import Problem
 from vctune.report.typography import quantity
 
 MOST = 3
-"""Greatest number of active constraints on the first screen. The table of every number contains all of them."""
+"""Greatest number of active constraints on the first screen. The table of all values contains every active
+constraint."""
 
 
 NAMES = {
@@ -20,7 +21,8 @@ NAMES = {
     "in a hand": "Stability in the stated hands",
     " R": "Stability in any passive hand",
 }
-"""Names of active constraints by a part of their formula. The first part that the formula contains counts."""
+"""Names of active constraints, by a part of the formula. A constraint has the first name whose part its formula
+contains."""
 
 
 class Limit(NamedTuple):
@@ -101,14 +103,15 @@ def findings(record: DesignRecord, problem: Problem) -> dict[str, str]:
     sizes = {named[term]: getattr(terms, term) for term in kind.terms}
     most = max(sizes, key=lambda name: sizes[name] or 0.0)
     found["transparency"] = (
-        f"Most of the error is {most}: {quantity(sizes[most], digits=3)} of {quantity(terms.error, digits=3)}."
+        f"The largest term of the error is {most}: {quantity(sizes[most], digits=3)} of "
+        f"{quantity(terms.error, digits=3)}."
     )
     here = feel(problem.device, *design)
     mass = quantity(here.mass[0], units.mass, 3)
     wall = (
         f"; a wall feels like {quantity(here.stiffness, units.stiffness, 3)} at {WALL_HZ:g} Hz" if kind.own_loop else ""
     )
-    found["impedance"] = f"Free, the handle feels like {mass} at {FREE_HZ[0]:g} Hz{wall}."
+    found["impedance"] = f"In free motion the handle feels like {mass} at {FREE_HZ[0]:g} Hz{wall}."
     if record.rendered is not None and (said := record.rendered.said(units)):
         found["z-width"] = f"{said[0].upper()}{said[1:]}."
     if (contact := record.contact) is not None:
@@ -116,7 +119,7 @@ def findings(record: DesignRecord, problem: Problem) -> dict[str, str]:
         share = f"{quantity(longest.latency_s, 's', 3)} of {quantity(contact.latency_s, 's', 3)}"
         found["latency"] = f"The longest part is the {longest.part}: {share}."
     if (bound := record.optimality) is not None and bound.gap is not None:
-        found["optimality"] = f"Any other design gains at most {100 * bound.gap:.3g} %."
+        found["optimality"] = f"No other design lowers the error by more than {100 * bound.gap:.3g} %."
     return found
 
 

@@ -14,8 +14,8 @@ from vctune.model.problem import Problem
 from vctune.report.typography import quantity
 
 POINTS = 200
-"""Number of frequencies for the mean of |1 - F_s|: midpoints of intervals that are equal in the logarithm. Half or
-twice as many give the same digits."""
+"""Number of frequencies at which the code averages |1 - F_s|: the midpoints of logarithmically equal intervals. Half or
+twice this number gives the same digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class PhaseTable:
     Attributes
     ----------
     headings : headings of the columns
-    rows : part, and its phase in each column; the last row is their sum
+    rows : name of each part, and its phase in each column; the last row contains the sums
     remark : sentence about the force sensor's loss; empty without a sensor
     """
 
@@ -35,7 +35,8 @@ class PhaseTable:
 
 
 def phase_table(problem: Problem, gains: Gains) -> PhaseTable:
-    """Return the phases of the loop at its crossover, and those of the force path there and at the band's upper edge.
+    """Return the phases of the loop at its crossover, and of the force path at the crossover and at the band's upper
+    edge.
 
     Parameters
     ----------
@@ -67,8 +68,8 @@ def _remark(problem: Problem) -> str:
         return ""
     mean, push = float(np.sqrt(np.mean(miss[:-1] ** 2))), problem.units.force_name
     return (
-        f"The {push} sensor misses |1 - F_s| = {mean:.2g} of the hand's {push} in the mean over the transparency band, "
-        f"{miss[-1]:.2g} at its upper edge. No gain affects this, and the error does not include it."
+        f"The {push} sensor loses |1 - F_s| = {mean:.2g} of the hand's {push} on average over the transparency band, "
+        f"and {miss[-1]:.2g} at its upper edge. No gain affects this loss, and the error does not include it."
     )
 
 

@@ -1,4 +1,5 @@
-"""The data of the page's sliders: the numbers that a reader can try, and the constants of the device (README.md, 1)."""
+"""The data of the page's sliders: the parameters that a reader can try, and the constants of the device (README.md,
+1)."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ PANELS_OF = {
     "nyquist": ("nyquist",),
 }
 """Names of the curves that the script draws into a figure, in the order of the figure's axes. In the figure of the
-transparency, each axes has its own label."""
+transparency, the name of each panel is also the name of its curve."""
 
 
 def sliders(
@@ -42,7 +43,7 @@ def sliders(
     ----------
     problem : problem of the nominal device
     gains, coupling : the shipped design
-    record : record of the claim; the sampled frequencies include those of its extrema
+    record : record of the design; the sampled frequencies include the frequencies of its extrema
     worst : the least ratios in the problem's hands
     """
     stability, transparency, operator = problem.stability, problem.transparency, problem.device.operator
@@ -105,7 +106,7 @@ def _panel(panel: Panel, curve: str) -> dict[str, Any]:
 
 
 def _variables(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[dict[str, Any]]:
-    """Return the sliders: name, unit, shipped value and ends of each. A slider whose value is 0 starts there."""
+    """Return the name, unit, shipped value and ends of each slider. If the value is 0, the slider starts at 0."""
     bounds, device, damping, units = problem.bounds, problem.device, coupling.damping, problem.units
     named: list[tuple[str, str, str, float, Range, float]]
     coupled: list[tuple[str, str, str, float, Range, float]]

@@ -24,7 +24,7 @@ from vctune.report.typography import Quantity, quantity, span
 
 
 class Line(NamedTuple):
-    """A number in a table: label, value, unit and note."""
+    """A row of a table: label, value, unit and note."""
 
     label: str
     value: str
@@ -125,11 +125,11 @@ def _band(band: Band) -> Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The data from which the rows of claims are made.
+    """The data for the rows of the claims.
 
     Attributes
     ----------
-    proof, loop : records of the certificate and of the velocity loop; the latter is None for a servo
+    proof, loop : records of the certificate and of the velocity loop; `loop` is None for a servo
     problem : problem that the record states
     gains, coupling : the design
     """
@@ -257,39 +257,41 @@ def _hz(hz: float | None) -> str:
 def assumptions(problem: Problem) -> list[str]:
     """Return the assumptions of a problem's certificate (model/README.md, section 11)."""
     device, uncertain = problem.device, problem.uncertainty
-    within = "with exactly the numbers above" if uncertain is None else "with any numbers of the box above"
+    within = "with exactly the parameters above" if uncertain is None else "with any parameters in the box above"
     moves = {"linear": "moves along one axis and is linear", "rotary": "turns about one axis and is linear"}[
         device.units
     ]
     lines = [
         f"The device {moves}, {within}: {'no dry friction, no backlash,' * (device.servo is None)} no saturated motor.",
-        f"The loop dynamics are those stated and nothing else: {_stated(device)}. Other parts are ideal.",
+        f"The loop contains only these dynamics: {_stated(device)}. All other parts are ideal.",
     ]
     if device.servo is not None:
         lines.append(
-            "The servo does not yield: however hard the hand pushes, the motion follows the command alone. A load on "
-            "the hand's side of the force sensor is a part of the hand, operator.mass; a load on the robot's side does "
-            "not count."
+            "The servo does not yield: however hard the hand pushes, the motion follows only the command. A load on "
+            "the hand's side of the force sensor is a part of the hand, operator.mass; a load on the robot's side has "
+            "no effect."
         )
     if uncertain is not None and uncertain.unmodelled:
         lines.append(
-            "In addition, the mechanism's response may be off by the radius above, at each frequency on its own"
+            "In addition, the mechanism's response may deviate by the radius above, independently at each frequency"
             + ("; the claim in the box of hands does not cover this." if problem.hands_met is not None else ".")
         )
     if problem.any_hand:
         lines.append(
-            "Any passive hand: linear and time-invariant, in the exact sampled loop, at every frequency, aliasing "
-            "included. The encoder's rounding and friction, which decide about chatter, are not included."
+            "The hand is any linear, time-invariant, passive hand. The claim is about the exact sampled loop at every "
+            "frequency, including aliasing. It includes neither friction nor the encoder's rounding, which determine "
+            "whether the handle chatters."
         )
     if problem.passive:
         lines.append(
-            "Any passive hand: linear and time-invariant, on the stability band, as far as the frequency model goes. "
-            "That model has no aliasing. Outside the proved band such a hand can make the handle oscillate."
+            "The hand is any linear, time-invariant, passive hand. The claim is about the stability band in the "
+            "frequency model, which has no aliasing. Outside the proved band such a hand can make the handle oscillate."
         )
     if problem.hands_met is not None:
         lines.append(
-            "Hands of the box: a mass, a damper and a spring, linear, unchanging while they hold; in the exact sampled "
-            "loop, at every frequency, aliasing included. The claim does not cover a hand outside the box."
+            "A hand of the box is a linear mass, damper and spring that do not change while the hand holds the handle. "
+            "The claim is about the exact sampled loop at every frequency, including aliasing. It does not cover a "
+            "hand outside the box."
         )
     if problem.worlds is not None:
         linear = problem.worlds.linear.in_words(problem.units)
@@ -297,21 +299,21 @@ def assumptions(problem: Problem) -> list[str]:
         lines.append(
             f"The environment is one of {linear}: a mass, a damper and a spring, {stepped}"
             + (
-                "that do not change. The spring may be a wall: a force that depends on the position alone and rises "
-                "with slopes within the range of stiffness, one-sided or piecewise linear, anywhere, stepped by the "
-                "trapezoidal rule or by backward Euler. The claim covers neither a wall that moves, nor a damper that "
-                "acts on one side, nor an environment outside the box."
+                "that do not change. The spring may be a wall: a force that depends only on the position and rises "
+                "with slopes within the range of stiffness. A wall is one-sided or piecewise linear, at any position, "
+                "and is stepped by the trapezoidal rule or by backward Euler. The claim covers neither a wall that "
+                "moves, nor a damper that acts on one side, nor an environment outside the box."
                 if problem.worlds.walls
-                else "linear and unchanging. The claim covers neither a wall that comes and goes nor an environment "
+                else "linear and unchanging. The claim covers neither a one-sided wall nor an environment "
                 "outside the box."
             )
         )
         return [problem.units.translated(line) for line in lines]
     lines.append(
         "The environment is passive as it runs in the firmware, sample by sample, and may be a one-sided wall. A mass "
-        "that is stepped explicitly is not."
+        "that is stepped explicitly is not passive."
         if problem.hands_met is not None or problem.any_hand
-        else "The environment is passive as it runs in the firmware; a mass that is stepped explicitly is not."
+        else "The environment is passive as it runs in the firmware. A mass that is stepped explicitly is not passive."
     )
     return [problem.units.translated(line) for line in lines]
 
@@ -333,7 +335,7 @@ def _parts(device: Device) -> list[str]:
 
 
 def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[FeelLine]:
-    """Return the rows that describe how a design feels, beside the bare device (analysis/README.md, section 1).
+    """Return the rows that compare how a design and the bare device feel (analysis/README.md, section 1).
 
     Parameters
     ----------
@@ -368,7 +370,8 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
         ("loop latency", here.loop_latency),
         (f"{units.force_name}-path latency at {WALL_HZ:g} Hz", here.force_latency),
     ]
-    if not problem.device.kind.senses_force:  # its motion responds at once, and its force path is the loop
+    # the motion of an impedance display responds at once, and its force path is the loop
+    if not problem.device.kind.senses_force:
         late = late[:1]
     return lines + [
         FeelLine(label, *(("", "") if seconds is None else (str(quantity(seconds, "s", 3)), "no loop")))

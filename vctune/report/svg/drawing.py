@@ -1,7 +1,7 @@
 """Write a figure as SVG: panels, lines, areas and texts, in points (1/72 inch).
 
 The import of Matplotlib takes as long as the solution of a problem. The figures of a design therefore do not use
-Matplotlib. A `Panel` has the methods of Matplotlib's Axes that `panels.py` calls, so `panels.py` can draw on both.
+Matplotlib. A `Panel` has the methods of Matplotlib's Axes that `panels.py` calls, so `panels.py` can draw on either.
 """
 
 from __future__ import annotations

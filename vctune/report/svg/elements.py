@@ -14,16 +14,17 @@ from vctune.analysis.extrema import Floats
 from vctune.report.typography import svg_text
 
 INK, PAPER = "#010203", "#fefdfc"
-"""Colours of text and background; the page replaces them by its own."""
+"""Colours of text and background. The page replaces them with its own colours."""
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
-"""Two curves never differ by colour only: their line style or marker differs, too."""
+"""Colours of curves. No two curves differ only in colour: their line styles or markers differ, too."""
 SIZE = 9.0
 """Default size of a text, points."""
 LETTER, LINE = 0.54, 1.2
-"""Width of a letter and height of a line, as multiples of the size; slightly more than in most fonts."""
+"""Width of a letter and height of a line, as multiples of the font size. Both are slightly larger than in most
+fonts."""
 STRAIGHT = 0.05
-"""Greatest distance from a curve to a point that the code omits in one of `PASSES` passes, points. It is a tenth of the
-resolution of a screen."""
+"""Greatest distance, in points, between the curve and a point that one of `PASSES` passes omits. It is a tenth of a
+screen's resolution."""
 PASSES = 4
 BEYOND = 5e3
 """Greatest distance of a point from the middle of its panel. A line to a point that is farther away keeps its

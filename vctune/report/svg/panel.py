@@ -44,10 +44,10 @@ class Panel:
     Attributes
     ----------
     box : left, top, width and height in the drawing, points
-    name : name by which the code finds the panel
+    name : name of the panel in the code
     title : text above the panel
     x, y : scales
-    marks : lines, points and areas, in data
+    marks : lines, points and areas, in data coordinates
     over : elements of SVG above the marks, in points of the drawing
     grid : whether the panel has grid lines at its ticks
     """
@@ -66,7 +66,7 @@ class Panel:
 
         Parameters
         ----------
-        x, y : coordinates, in data
+        x, y : data coordinates
         form : format string as in Matplotlib, such as "--" or "o"
         style : `color`, `linewidth`, `linestyle`, `marker` and so on, as in Matplotlib
         """
@@ -183,7 +183,7 @@ class Panel:
         Parameters
         ----------
         ticks : positions
-        labels : texts at the ticks; None for the numbers
+        labels : texts at the ticks; None to show the positions
         minor : whether these are minor ticks
         """
         _mark(self.x, ticks, labels, minor)

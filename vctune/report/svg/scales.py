@@ -12,7 +12,7 @@ from vctune.analysis.extrema import Floats
 from vctune.report.typography import tick
 
 MARGIN = 0.05
-"""Margin beyond the points of a scale without limits, as a share of the scale."""
+"""Margin beyond the outermost points if a scale has no limits, as a share of the scale."""
 
 
 @dataclass(slots=True)
@@ -75,7 +75,7 @@ def ticks_of(scale: Scale, low: float, high: float, most: int = 7) -> list[tuple
 
     Parameters
     ----------
-    scale : the scale, with its own ticks or without
+    scale : the scale, with or without its own ticks
     low, high : both ends of the scale
     most : greatest number of steps between round numbers
     """
@@ -109,7 +109,7 @@ def decades_between(low: float, high: float, most: int = 8) -> list[float]:
     Parameters
     ----------
     low, high : the two numbers
-    most : greatest number of decades that all have a tick
+    most : greatest number of decades for which every decade has a tick
     """
     first, last = floor(log10(low)), ceil(log10(high))
     every = max(ceil((log10(high) - log10(low)) / most), 1)
