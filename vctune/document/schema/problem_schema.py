@@ -124,8 +124,7 @@ class WorldsTable(Table):
     )
     late: Late = Field(
         0,
-        description="Delay of the environment's force in whole samples. A slow game loop can "
-        "cause this delay.",
+        description="Delay of the environment's force in whole samples. A slow game loop can cause this delay.",
     )
 
 
