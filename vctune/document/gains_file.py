@@ -17,7 +17,7 @@ from vctune.model.numbers.units import UNITS, UnitSystem
 
 
 def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
-    """Return the numbers of a design by their keys, in order. Numbers that this kind of display lacks are left out.
+    """Return the gains and coupling parameters of a design by key, in order, without those that the display lacks.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[st
 
 
 def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the numbers of a design as one line of text, so that an edited file still shows its original values.
+    """Return the values of a design as one line of text, which keeps the original values when a user edits the file.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
 
 
 def numbers_in(text: str, kind: Display) -> dict[str, float]:
-    """Return the numbers that `numbers_text` wrote, by their keys.
+    """Return the values that `numbers_text` wrote, by key.
 
-    The result is empty if they do not fit the kind of display.
+    The result is empty if the text does not have the values of this kind of display.
 
     Parameters
     ----------

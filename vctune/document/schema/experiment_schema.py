@@ -27,7 +27,7 @@ class EnvironmentTable(Table):
         description="Integration of mass and stiffness: backward Euler, which damps, the lossless trapezoidal rule, or "
         "explicit Euler.",
     )
-    late: Late = Field(0, description="Whole samples by which the force of the environment is late.")
+    late: Late = Field(0, description="Delay of the environment's force in whole samples.")
 
 
 class SceneOperatorTable(Table):
@@ -42,9 +42,9 @@ class SceneOperatorTable(Table):
     end: Place = Field(0.05, alias="to", description="Position, m, of the other end of the motion.")
     speed: Positive = Field(0.01, description="Greatest speed of the intended motion, m/s.")
     cycles: Count = Field(
-        3, description="Number of cycles to and fro. If there are several, vctune does not evaluate the first cycle."
+        3, description="Number of cycles to and fro. With more than one cycle, vctune does not evaluate the first."
     )
-    mass: NotNegative = Field(0.0, description="Mass of the hand, which is rigidly on the handle, kg.")
+    mass: NotNegative = Field(0.0, description="Mass of the hand, rigidly attached to the handle, kg.")
     damping: NotNegative = Field(2.0, description="Damping between hand and intended motion, N s/m.")
     stiffness: NotNegative = Field(1000.0, description="Stiffness between hand and intended motion, N/m.")
     dwell: Positive | None = Field(
@@ -55,8 +55,8 @@ class SceneOperatorTable(Table):
     changes_at: tuple[Positive, ...] = Field(
         (),
         strict=False,
-        description="Times at which the hand changes, increasing, s, each rounded to a whole sample. They take the "
-        "place of dwell. Default: none.",
+        description="Times at which the hand changes, increasing, s, each rounded to a whole sample. They replace "
+        "dwell.",
     )
     other_damping: NotNegative | None = Field(
         None,
@@ -66,7 +66,7 @@ class SceneOperatorTable(Table):
     regrip: bool = Field(
         False,
         strict=True,
-        description="Whether the hand lets go at each change, and takes hold again where the handle is.",
+        description="Whether the hand lets go at each change and grips the handle at its present position.",
     )
 
 

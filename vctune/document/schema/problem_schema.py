@@ -110,7 +110,7 @@ class WorldsTable(Table):
         strict=True,
         description="Whether springs may be walls. The force of a wall depends only on the position, and the "
         "slope of this force is everywhere within the range `stiffness`. A wall is one-sided or piecewise linear, at "
-        "any position. A wall does not move, and its damper is not one-sided.",
+        "any position. A wall does not move, and its damper acts in both directions.",
     )
     corner_hz: Positive | None = Field(
         None,
@@ -124,8 +124,7 @@ class WorldsTable(Table):
     )
     late: Late = Field(
         0,
-        description="Number of whole samples by which the force of the environment is late. A slow game loop may "
-        "cause such a delay.",
+        description="Delay of the environment's force in whole samples. A slow game loop can cause this delay.",
     )
 
 
@@ -234,11 +233,11 @@ class StabilityTable(Table):
     changing: Literal["damping"] | None = Field(
         None,
         description='Parameter of the hand that may change while the hand holds the handle. Only "damping" is '
-        "possible. Default: none. The damping may then take any value of its range at every sample. vctune proves the "
-        "finished design for such hands; the search does not consider them.",
+        "possible, and it can then take any value of its range at every sample. Default: the hand does not change. "
+        "vctune proves the finished design for hands that change; the search does not consider these changes.",
     )
     changing_mass_min: NotNegative | None = Field(
-        None, description="Least mass of a hand whose damping changes, kg. Default: the least one of operator.mass."
+        None, description="Least mass of a hand whose damping changes, kg. Default: the minimum of operator.mass."
     )
 
 
@@ -296,26 +295,26 @@ class FixedGainsTable(Table):
 class FixedCouplingTable(Table):
     """Coupling of a gains file."""
 
-    damping: PositiveOrInf = Field(description="b_c, N s/m; inf for a coupling of mass and drag alone.")
+    damping: PositiveOrInf = Field(description="b_c, N s/m; inf for a coupling with only mass and drag.")
     mass: Positive = Field(description="m_c, kg.")
     drag: NotNegative = Field(0.0, description="b_0, N s/m.")
 
 
 class OriginTable(Table):
-    """The origin of the gains, and the kind of device for which they are. vctune treats any other key as a remark."""
+    """The origin of the gains, and the device that they are designed for. vctune treats any other key as a remark."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Text] = Field(init=False)
 
     display: DisplayName | None = Field(
-        None, description="Kind of display for which the gains are. Default: derived from [coupling]."
+        None, description="Kind of display that the gains are designed for. Default: derived from [coupling]."
     )
     units: UnitSystem | None = Field(None, description="Units of the gains. Default: the units of the problem.")
     sha256: Text | None = Field(
         None,
         description="Digest of the problem with all its defaults, without comments, name, description and experiments.",
     )
-    numbers: Text | None = Field(None, description="Numbers of the solved design, in the order of the file.")
+    numbers: Text | None = Field(None, description="Values of the solved gains and coupling, in the order of the file.")
     corner_hz: Positive | None = Field(
         None, description="Corner frequency of the multiplier that proved the walls, Hz."
     )

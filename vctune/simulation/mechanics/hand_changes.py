@@ -1,4 +1,4 @@
-"""Simulate a hand that changes during a run: its damping alternates, or it takes hold again where the handle is.
+"""Simulate a hand that changes during a run: its damping alternates, or it regrips the handle.
 
 The hand changes just after the firmware samples the force. A sample at a change still has the old hand; the motion
 after it has the new hand.
@@ -30,7 +30,7 @@ class HandChanges:
     every : number of samples from one change to the next; 0 if the hand does not change, or changes at given samples
     changes_at : samples at which the hand changes, increasing; empty if it has a dwell time
     alternates : whether the hand's damping changes
-    regrips : whether the hand takes hold again
+    regrips : whether the hand regrips the handle at each change
     """
 
     every: int
@@ -96,13 +96,13 @@ def after_sample(advance: OneSample, inputs: Floats, grip: float, *, regrips: bo
     advance : the step from the state before
     inputs : inputs of the intended motion, for a hand that holds at 0
     grip : where the hand holds, m
-    regrips : whether the hand takes hold again at this sample
+    regrips : whether the hand regrips the handle at this sample
     """
     held_inputs = held_at(inputs, grip)
     state, record = advance(held_inputs)
     if not regrips:
         return state, record, grip
-    # the spring is loose where the handle, the record's first column, is: at the grip plus the intended position
+    # regripping relaxes the spring: the new grip plus the intended position is the handle's position (column 0)
     new_grip = float(record[0]) - inputs[INTENDED]
     held_inputs[REGRIP] = new_grip - grip
     return *advance(held_inputs), new_grip
