@@ -66,7 +66,7 @@ class SpringDamper:
 
 
 AnyCoupling = Coupling | SpringDamper
-"""The coupling between device and virtual world: `Coupling` for an admittance display, else `SpringDamper`."""
+"""The coupling between device and virtual world: `Coupling` for an admittance display, `SpringDamper` otherwise."""
 
 
 def series_coupling(coupling: AnyCoupling) -> Coupling:

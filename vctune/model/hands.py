@@ -99,7 +99,7 @@ class Hand:
 NAMES = tuple(field.name for field in fields(Hand))
 """Names of a hand's parameters."""
 QUANTITIES = {field.name: field.metadata.get("quantity", field.name) for field in fields(Hand)}
-"""Quantity of each number of a hand, which determines its unit."""
+"""Quantity of each parameter of a hand; the quantity determines the unit."""
 HAND = tuple(f"operator.{name}" for name in NAMES)
 """Keys of a hand's parameters in a problem file."""
 MASS, STIFFNESS = "operator.mass", "operator.stiffness"

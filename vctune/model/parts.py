@@ -1,5 +1,5 @@
-"""Define the parts of a device, and the table of their numbers with units, names and limits (model/README.md, section
-12).
+"""Define the parts of a device, and the table of their parameters with units, names and limits (model/README.md,
+section 12).
 
 A part consists of a record in this module, its entry in `PARTS`, a field of `Device` and a table of the problem file.
 """
@@ -200,7 +200,7 @@ DEVICE_NUMBERS = (
     PartNumber("sample_time", "time", "sample time T", certain=True),
     PartNumber("delay", "time", "delay"),
 )
-"""Descriptions of the numbers of the [device] table itself."""
+"""Descriptions of the parameters in the [device] table itself."""
 PARTS: Mapping[str, Part] = MappingProxyType(
     {
         "velocity": Part(
@@ -267,16 +267,16 @@ PART_NUMBERS: Mapping[str, PartNumber] = MappingProxyType(
 )
 """Descriptions of all parameters of a device, by their keys in its table."""
 OF_FIRMWARE = tuple(key for key, each in PART_NUMBERS.items() if each.certain and "." in key)
-"""Keys of the numbers of parts that are known exactly, because a vendor's firmware computes with them. The sample time
-is known exactly, too, but belongs to `NUMBERS`, because all formulas depend on it."""
+"""Keys of the parameters of parts that are known exactly, because a firmware computes with these values. The sample
+time is also known exactly, but belongs to `NUMBERS`, because all formulas depend on it."""
 NUMBERS = tuple(key for key in PART_NUMBERS if key not in OF_FIRMWARE)
 """Keys of all other parameters of a device."""
 UNCERTAIN = tuple(key for key, each in PART_NUMBERS.items() if not each.certain)
 """Keys of the parameters that may be uncertain. The corner of the velocity's low-pass is one of them, although the
 firmware defines this low-pass."""
 INERT = ("mass", "damping", "delay")
-"""Keys of the numbers of [device] that a servo does not have. A device of this kind stores fixed values there, and
-nothing depends on them."""
+"""Keys of the parameters of [device] that a servo does not have. A servo stores fixed values under these keys, and
+nothing depends on the values."""
 LOOP_DELAYS = ("delay", "servo.delay")
 """Keys of the delay of a loop, one for each kind of display."""
 DELAYS = (
@@ -285,4 +285,4 @@ DELAYS = (
 )
 """Keys of the delays between a command and the sensed force that it causes. These delays add up."""
 UNMODELLED_KEYS = ("unmodelled.share", "unmodelled.phase")
-"""Keys of the numbers that select one response of the uncertainty set."""
+"""Keys of the parameters that select one response of the uncertainty set."""

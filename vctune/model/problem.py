@@ -145,7 +145,7 @@ class Uncertainty:
     Attributes
     ----------
     half_widths : relative half-widths of parameters of the device, by their keys, 0 < width < 1
-    objective : "nominal" for the error with the device's nominal numbers, "worst" for the greatest error at a corner of
+    objective : "nominal" for the error of the nominal device, "worst" for the greatest error at a corner of
         the box
     unmodelled : points (frequency in Hz, radius) of a disc around 1 that contains the factor of the device's response.
         The radius is linear between the points on logarithmic axes, and constant outside them; empty without a disc

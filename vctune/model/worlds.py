@@ -15,8 +15,8 @@ WorldRule = Literal["trapezoid", "explicit", "implicit"]
 Euler, which damps."""
 WORLD_RULES: tuple[WorldRule, ...] = get_args(WorldRule)
 MOST_LATE = 10
-"""Greatest permitted lateness of an environment in samples. This lateness suffices for an environment in a game loop of
-100 Hz, rendered by a controller of 1 kHz."""
+"""Greatest permitted lateness of an environment in samples. This lateness suffices for a game loop of 100 Hz whose
+environment a controller of 1 kHz renders."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -99,7 +99,7 @@ def _unmodelled(question: Question, known: Outcomes) -> Outcome:
     """Prove that no response in the discs around the responses of a box makes the loop unstable.
 
     If the prover has proved |S| <= limit, then |1 - S| <= limit + 1. A disc with a radius below the reciprocal of
-    limit + 1 therefore needs no proof of its own.
+    limit + 1 therefore needs no separate proof.
     """
     design, box, demands = question.design, question.box, question.demands
     assert box is not None and box.nominal.unmodelled is not None

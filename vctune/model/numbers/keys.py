@@ -19,7 +19,7 @@ QUANTITIES = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping
 WORLD = ("environment.mass", "environment.damping", "environment.stiffness")
 """Keys of the parameters of a rendered environment that can be the axes of a plane."""
 IN_WORDS = dict(zip(WORLD, ("mass of the tool", "least damping", "stiffness of the wall"), strict=True))
-"""Names of these parameters on an axis of a figure."""
+"""Names of the parameters of a rendered environment on an axis of a figure."""
 
 
 def labelled(key: str, units: Units) -> str:

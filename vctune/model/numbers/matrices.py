@@ -95,9 +95,9 @@ def rows_of(matrix: Matrix | Block) -> Matrix:
 
 
 LEFT_OUT = 2.0**-10
-"""Permitted remainder of the Taylor polynomial of e^A, for A of norm at most 1/2, as a share of the rounding error. The
-code encloses the remainder. With half or twice this share, the order of the polynomial is mostly the same: 15 for
-doubles, 29 for 128 bits."""
+"""Permitted remainder of the Taylor polynomial of e^A, relative to the rounding error, for a norm of A of at most
+1/2. The code encloses the remainder. With half or twice this share, the order of the polynomial is mostly the same:
+15 for doubles, 29 for 128 bits."""
 
 
 def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:

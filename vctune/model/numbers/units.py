@@ -105,4 +105,5 @@ WORD = re.compile(r"(?<![.\w])([Aa] )?(mass|force)(es|s)?\b(?! /)", re.IGNORECAS
 """Words to translate, with their articles. Keys of a file and names in equations stay as they are."""
 SAME = {LINEAR.of(quantity): ROTARY.of(quantity) for quantity in QUANTITIES}
 UNIT = re.compile(rf"(?:(?<=, )|^)({'|'.join(map(re.escape, sorted(SAME, key=len, reverse=True)))})(?=[.;,]|$)")
-"""Matches a unit in a description: a unit alone, or after a comma at the end of a number's description."""
+"""Matches a unit in a description: a description that is only a unit, or the unit after the last comma of a
+description."""

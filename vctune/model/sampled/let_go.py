@@ -63,8 +63,8 @@ Plant = SampledPlant | PlantLetGo
 
 
 HIGHEST_RESONANCE = 0.75
-"""Greatest resonance frequency, in units of the sampling frequency, for which the code uses this form. At 1, coth has a
-pole and Q does not exist; this limit is a quarter lower."""
+"""Greatest resonance frequency, in units of the sampling frequency, for which the code uses this form. At the
+sampling frequency, coth has a pole and Q does not exist; this limit is a quarter lower."""
 POSITION, VELOCITY, BEND, BENDING = range(4)
 """Indices of the first states: the motor's position, the velocity of the centre of mass, the bend, and its rate."""
 

@@ -23,7 +23,7 @@ from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
 from vctune.model.numbers.matrices import LEFT_OUT, add, bernoulli, times
 
 WITHIN = 2.0
-"""Spectral radius of X up to which the code uses the series. Their radius of convergence is 2 pi. With half this limit,
+"""Spectral radius of X up to which the code uses the series. The radius of convergence is 2 pi. With half this limit,
 stiff hands at long sample times would need general matrix functions, which take ten times as long. With twice this
 limit, the series would need twice as many terms."""
 COEFFICIENT = 3.3

@@ -34,11 +34,11 @@ from vctune.model.sampled.servo_plant import Pull, ServoPlant, sensed_delay, ser
 Floats = NDArray[np.float64]
 Radii = tuple[tuple[float, float], ...]
 """Points (Hz, r) of the radius of a disc that contains Z_seen. r is linear between the points on logarithmic axes,
-constant above the last point, and proportional to the frequency below the first, because a servo at rest is at its
-command."""
+constant above the last point, and proportional to the frequency below the first, because a servo follows a constant
+command exactly."""
 BEYOND = 1e9
 """Multiple of the disc's last frequency up to which r is constant. The product must lie above the Nyquist frequency.
-With half or twice this multiple, it does as well."""
+With half or twice this multiple, the product does as well."""
 
 
 @dataclass(frozen=True, slots=True)

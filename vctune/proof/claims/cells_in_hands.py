@@ -27,10 +27,10 @@ from vctune.proof.engine.branching import Test, prove
 from vctune.proof.engine.polynomial_tests import any_positive
 
 MAX_HALVINGS, MAX_BOXES, TOGETHER = 4 * CELL_HALVINGS, 30_000, 128
-"""Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells that
-the prover treats together, so that their boxes fit into memory. Feasible cells take up to 30,000 boxes, most a few
-thousand. With a limit of 12,000 boxes, the prover leaves some of the cells near K_p = 0 open, and the caller divides
-them."""
+"""Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells
+that the prover treats together, so that their boxes fit into memory. Feasible cells take up to 30,000 boxes, most a
+few thousand. With a limit of 12,000 boxes, the prover leaves some of the cells near K_p = 0 open, and the caller
+divides these cells."""
 IN_WORLDS = 5_000
 """Greatest number of boxes for a cell with a box of environments. Most feasible cells take a few thousand boxes. With
 six times this limit, 0.1 % less of a plane of gains stays undecided."""
@@ -115,7 +115,7 @@ def _in_hand(demands: Demands, boxes: Boxes) -> Test:
 
 
 def _by_drag(margin: Margin) -> Margin:
-    """Return the margin of the coupling's drag alone. It is a lower bound of the margin of the whole coupling."""
+    """Return the margin of only the coupling's drag, a lower bound of the margin of the whole coupling."""
     return lambda theta, v: margin(theta, {**v, MASS: Enclosure(0.0)})
 
 

@@ -21,13 +21,13 @@ from vctune.proof.engine.boxes import Cells
 GUARD = 1e-14
 """Bound on the relative rounding error of a cell's requirement on b_c: 90 u with u = 2^-53.
 
-The difference factor R - b_0 may cancel. It has 5 roundings. The product has an error of at most u factor R. The factor
-1 + `GUARD` and its product with b_0 contribute 2 u b_0. The difference and its product with 1 - `GUARD`, which is exact
-to u, contribute 3 u of the difference. Together these errors are at most 4 u factor R. The raised b_0 and the lowered
-difference allow for `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, which is 22 times as much. M - 2 r is exact
-where it cancels (Sterbenz 1974). The other dozen operations act on positive numbers and include a tangent with 8 units
-in the last place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. With half or twice this guard, the decisions are the
-same.
+The difference factor R - b_0 may cancel and has 5 roundings. The product has an error of at most u factor R. The
+factor 1 + `GUARD` and the product of this factor and b_0 contribute 2 u b_0. The difference and its product with 1 -
+`GUARD`, which is exact to u, contribute 3 u of the difference. Together these errors are at most 4 u factor R. The
+raised b_0 and the lowered difference allow for `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, which is 22 times
+as much. M - 2 r is exact where it cancels (Sterbenz 1974). The other dozen operations act on positive numbers and
+include a tangent with 8 units in the last place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. With half or twice this
+guard, the decisions are the same.
 """
 ROUNDING_OF_BOUNDS = 1e-9
 """Rounding allowance: two intervals of b_c must be this far apart to exclude each other. With half or twice this

@@ -79,9 +79,9 @@ def row_of(key: str) -> str:
 
 
 OWN_BOXES = 0.5
-"""If a range of delays contains less than this share of its first or last sample, that sample has boxes of its own.
-With a share of 1, a delay of five samples takes three times as many boxes. With a share of 0, a delay of fifty samples
-whose constraint is active at the end of the range takes ten times as many."""
+"""If a range of delays contains less than this share of its first or last sample, that sample gets separate boxes.
+With a share of 1, a delay of five samples takes three times as many boxes. With a share of 0, a delay of fifty
+samples whose constraint is active at the end of the range takes ten times as many."""
 DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 

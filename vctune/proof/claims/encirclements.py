@@ -69,8 +69,8 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
 
 
 def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return the numbers of turns for one loop. If no pole crosses the boundary within a cell, its numbers are those of
-    its centre."""
+    """Return the numbers of turns for one loop. If no pole crosses the boundary within a cell, the cell has the
+    numbers of its centre."""
     claims, device = claims_of(demands), demands.device
     same, throughout = np.ones((2, len(cells)), bool), np.zeros(len(cells), np.intp)
     if cells.extended:

@@ -36,15 +36,15 @@ plane of gains open. With its square, the prover takes 10 % fewer boxes and leav
 SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Shares of each range of the hands at which the code evaluates R before it proves a piece. With half as many shares,
 the code misses maxima between them, pieces are up to a tenth higher, and twice as much of a plane stays open. With
-twice as many shares, the code takes twice as long."""
+twice as many shares, the evaluation takes twice as long."""
 WITHIN = 5
 """Number of angles of a piece at which the code evaluates R. With half or twice as many angles, the bound is the same
 to 1e-4 on average."""
 SLACK, RAISED = 5e-3, 4.0
 """Relative amount by which the first attempt raises a piece above the evaluated hands, and factor of this amount from
-one attempt to the next. With half of the amount or of the factor, the proof takes a third more boxes; with twice of
-either, a sixth fewer. With half or twice the amount, the prover leaves 50 % more of a plane open; with half or twice
-the factor, 10 % more."""
+one attempt to the next. With half the amount or half the factor, the proof takes a third more boxes; with twice the
+amount or twice the factor, a sixth fewer. With half or twice the amount, the prover leaves 50 % more of a plane open;
+with half or twice the factor, 10 % more."""
 SMALL = 1e-4
 """Share of the greatest bound. The code raises a smaller piece as if the piece had this size. With half or twice this
 share, the prover proves the same pieces."""
@@ -54,7 +54,7 @@ proves the same pieces."""
 MAX_HALVINGS, MAX_BOXES = 40, 250
 """Greatest number of halvings of a box of angle and hand, and number of boxes for a piece in the first attempt. Each
 further attempt doubles the number of boxes. With half or twice the number of halvings, the prover proves the same
-pieces. With half or twice the number of boxes, it leaves as much of a plane open."""
+pieces. With half or twice the number of boxes, the prover leaves as much of a plane open."""
 
 
 @dataclass(frozen=True, slots=True)

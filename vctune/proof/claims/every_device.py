@@ -45,8 +45,8 @@ The uncertain friction wheel takes 27,000 boxes for all claims. A device of two 
 and a disc takes a million boxes for one claim. The time until the prover gives up is proportional to these numbers."""
 FEW = 64
 """Number of boxes up to which the prover halves the halves again before it evaluates them, because so few boxes take
-about as long as one. Without these further halvings, extending a proved band takes three times as long. With four times
-as many boxes, it takes a third longer."""
+about as long as one. Without these further halvings, extending a proved band takes three times as long. With four
+times as many boxes, the extension takes a third longer."""
 MAX_HALVINGS = 80
 """Greatest number of halvings of a box: twenty in each of four rows. With half or twice as many halvings, the proof
 needs the same number of boxes for the uncertain friction wheel."""

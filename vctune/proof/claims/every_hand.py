@@ -81,20 +81,20 @@ MAX_BOXES = 400_000
 """Number of boxes after which the prover leaves the claim open. An optimal design takes a few thousand boxes. The time
 until the prover gives up is proportional to this number."""
 EASY_BOXES = 3_000
-"""Number of boxes after which hands near a sharp resonance get boxes of their own. If the margin near the resonance is
-large, a few hundred ordinary boxes suffice. If the margin is small, the ordinary boxes are wasted, which takes a few
-seconds; half or twice as many take half or twice as long."""
+"""Number of boxes after which hands near a sharp resonance get separate boxes. If the margin near the resonance is
+large, a few hundred ordinary boxes suffice. If the margin is small, the ordinary boxes are useless and take a few
+seconds. Half or twice as many boxes take half or twice as long."""
 EASY_AFTER = 5
 """Factor of `EASY_BOXES` for a claim that is proved for every stiffness first. The other boxes then lie next to the
-resonance of the stiffest hand, where boxes of their own help little. The factor affects only the time."""
+resonance of the stiffest hand, where separate boxes help little. The factor affects only the time."""
 EASY_WHOLE = 3_000
 """Number of boxes after which the prover looks for boxes that it can prove for every stiffness of the hand, and uses
 only the sides of the rectangles of uncertain masses and dampings of device and hand. The sides begin with sixteen times
 as many boxes. An easy proof over the whole range takes about a thousand boxes, and must fit into this limit. With twice
 this limit, a proof on the sides takes 3,000 boxes more."""
 MANY_PARTS = 3
-"""Least number of parts of a box of delays for which the prover first tries the test that holds for any number of whole
-samples in a servo's delay. If there are fewer parts, possibly no part has a delay of whole samples."""
+"""Least number of parts of a box of delays for which the prover first tries the test for all numbers of whole samples
+in a servo's delay. If there are fewer parts, possibly no part has a delay of whole samples."""
 EASY_PARTS = 4_000
 """Number of boxes after which the prover treats an interval of angles for each part separately. With half or twice as
 many boxes, a proof takes the same time."""
@@ -102,9 +102,9 @@ NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """Distances from the ends of the angles, as shares of pi, at which the code looks for a witness. With fewer distances,
 the motion at the witness grows more slowly in a simulation; with more distances, it grows no faster."""
 AT_NYQUIST = 1e-5
-"""Distance from pi, as a share of pi, within which the prover examines only the sides that decide at pi. The margins of
-the other sides are 0 at pi, so that a box there could not fail. With a tenth and with ten times this distance, the
-verdicts are the same."""
+"""Distance from pi, as a share of pi, within which the prover examines only the sides that decide at pi. The margins
+of the other sides are 0 at pi and could not refute a box. With a tenth and with ten times this distance, the verdicts
+are the same."""
 MAX_HALVINGS = 120
 """Greatest number of halvings of a box: twenty in each of six rows. With half or twice as many halvings, the proofs are
 the same."""

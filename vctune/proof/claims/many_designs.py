@@ -30,7 +30,7 @@ from vctune.proof.engine.boxes import Cells, Integers, Values, over_each
 from vctune.proof.engine.branching import prove as prove_boxes
 
 ON_ARRAYS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable"
-"""Identifiers of the claims for which `Certified.boxes` counts boxes, in its order."""
+"""Identifiers of the claims for which `Certified.boxes` counts boxes, in the order of the counts."""
 OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands", "worlds"
 """Identifiers of the claims that this module can prove for cells. If a problem requires another claim, no cell is
 proved."""

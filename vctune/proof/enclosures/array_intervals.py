@@ -27,11 +27,11 @@ TINY = 1e-300
 device is as small as this bound, so half or twice the bound makes no difference."""
 SWELL = 1 + 2.0**-49
 """Factor that covers 16 roundings of a radius; each rounding is at most u = 2^-53 of the radius. Among the elementary
-operations, a reciprocal takes the most roundings, 7: the difference and the sum of magnitude and radius, two quotients,
-the sum with the rounding error of the value, the product with this exact number, and the sum with `TINY`. A product
-takes 6. A sum over the rows of a box takes a number of roundings that depends on its terms; the function `raised`
-covers them. With half its excess over 1, the factor would cover 8 roundings; with twice the excess, it would widen a
-radius by 2e-15 of itself."""
+operations, a reciprocal takes the most roundings, 7: the difference and the sum of magnitude and radius, two
+quotients, the sum with the rounding error of the value, the product with this factor, and the sum with `TINY`. A
+product takes 6. A sum over the rows of a box takes a number of roundings that depends on its terms; the function
+`raised` covers them. With half its excess over 1, the factor would cover 8 roundings; with twice the excess, it would
+widen a radius by a relative 2e-15."""
 
 
 def raised(total: Floats, terms: int) -> Floats:

@@ -21,11 +21,12 @@ must be correct.
 
 NumPy evaluates these functions by the C library, or by Intel's SVML on processors with AVX-512. The GNU C library
 states 1 unit for each of them ("Known Maximum Errors in Math Functions" in its manual) and 2 units for its vector
-variants. NumPy states at most 4 for SVML (numpy/numpy, pull request 19478), less than 1 for the high-accuracy variants
-that replaced them (24006), and its own tests require 1 (umath-validation-set-*.csv). Eight units are twice the greatest
-of these stated errors, which are measurements by others, not theorems. Therefore `tests/proof/test_enclosures.py`
-measures the errors on the machine on which it runs, against at least 60 digits. Half this bound would equal the
-greatest stated error, without reserve. With twice the bound, an enclosed point would be wider by 2e-15.
+variants. NumPy states at most 4 for SVML (numpy/numpy, pull request 19478), less than 1 for the high-accuracy
+variants that replaced them (24006), and its own tests require 1 (umath-validation-set-*.csv). Eight units are twice
+the greatest of these stated errors, which are measurements by others, not theorems. Therefore
+`tests/proof/test_enclosures.py` measures the errors on the machine on which it runs, against at least 60 digits. Half
+this bound would equal the greatest stated error and leave no reserve. With twice the bound, an enclosed point would
+be wider by 2e-15.
 """
 PHI_ERROR = 1e-13
 """Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100. In a problem file,

@@ -18,10 +18,10 @@ from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Float
 
 SWOLLEN = 1 + 2.0**-44
 """Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius. The remainder of a
-product needs the most roundings. For 14 rows and 8-by-8 matrices there are 152: 105 for the coefficients of order two,
-14 for the rows, 2 for the constant, 15 for the remainders, 8 for the sum of the products, and 8 others. With half its
-excess over 1, the factor would cover 256 roundings; with twice the excess, it would widen a radius by 1e-13 of
-itself."""
+product needs the most roundings. For 14 rows and 8-by-8 matrices there are 152: 105 for the coefficients of order
+two, 14 for the rows, 2 for the constant, 15 for the remainders, 8 for the sum of the products, and 8 others. With
+half its excess over 1, the factor would cover 256 roundings; with twice the excess, it would widen a radius by a
+relative 1e-13."""
 HIGHER_ERROR = 1e-13
 """Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53. The reciprocal 1/m has one rounding. Its
 f''/2 takes the most roundings: three for the cube of 1/m, and 2 for the library's cube. Its f' takes 3, two of them

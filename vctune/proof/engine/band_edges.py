@@ -12,10 +12,10 @@ FINEST_STEP = 1e-6
 """Relative step at which the extension of a proved band ends. The code then rounds the edge to few digits. With half or
 twice this step, the extension ends at the same edge."""
 EDGE_DIGITS = 5
-"""Digits of an edge in Hz outside the required band. The report prints all of them. The last digit is at least ten
-times as coarse as the finest step."""
+"""Digits of an edge in Hz outside the required band. The report prints all of these digits. The last digit is at
+least ten times as coarse as the finest step."""
 BEYOND = 1e-12
-"""Relative amount by which an edge in rad/s exceeds its decimals in hertz. It is more than the rounding error of
+"""Relative amount by which an edge in rad/s exceeds the edge in hertz. This amount is more than the rounding error of
 2 pi f."""
 
 

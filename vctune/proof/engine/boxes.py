@@ -1,6 +1,6 @@
-"""Boxes of a frequency and of other numbers of a claim, such as designs or uncertain devices.
+"""Boxes of a frequency and of other parameters of a claim, such as designs or uncertain devices.
 
-A box is an interval for each of several named numbers. The names are the keys of the problem file.
+A box is an interval for each of several named parameters. The names are the keys of the problem file.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ WHOLE_SAMPLES = "whole samples of device.delay"
 SAMPLES_BEFORE = "whole samples before device.delay"
 """Name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay."""
 CHUNK = 4096
-"""Number of boxes that the prover evaluates together. The arrays of so many boxes fit into the processor's cache. With
-half or twice as many boxes, a proof takes the same time."""
+"""Number of boxes that the prover evaluates together. The arrays of this many boxes fit into the processor's cache.
+With half or twice as many boxes, a proof takes the same time."""
 
 Values = Mapping[str, Number]
 """Values of a claim by name. The claim's function itself supplies every value that is not among them."""
@@ -84,7 +84,7 @@ class Cells:
 
 @dataclass(frozen=True, slots=True)
 class Boxes:
-    """Boxes of a frequency and of other numbers.
+    """Boxes of a frequency and of other parameters.
 
     Attributes
     ----------

@@ -25,9 +25,9 @@ LESS = 0.1
 """Factor of the weight of the barrier from one round to the next. With half or twice this factor, the search takes as
 many steps."""
 GIVE_UP = 0.2
-"""Weight of the barrier, relative to the shortfall, at which the search concludes that there is no solution. The least
-possible shortfall is smaller than the present one by at most that weight. With half or twice this value, the proofs are
-the same."""
+"""Weight of the barrier, relative to the shortfall, at which the search concludes that there is no solution. The
+least possible shortfall is at most that weight below the present shortfall. With half or twice this value, the proofs
+are the same."""
 BETTER = 1.1
 """Factor by which the least eigenvalue must grow in a round before the search starts another round. With half the
 excess over 1, the search takes one more round."""

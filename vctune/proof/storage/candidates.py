@@ -30,7 +30,7 @@ stable loop are stationary."""
 
 Places = Floats
 """Hands and devices for which the search needs a storage function, each with the damping when the sensor sampled the
-force. This damping is the least or the greatest, because the inequality is affine in it. The rows are the numbers of
+force. This damping is the least or the greatest, because the inequality is affine in it. The rows are the values of
 `Holding.ends` and that damping; shape (rows + 1, p)."""
 
 

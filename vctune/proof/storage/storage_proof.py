@@ -24,8 +24,8 @@ from vctune.running import check_time
 AT_ONCE = 1024
 """Number of boxes that the prover evaluates together. With half or twice this number, a proof takes the same time."""
 AHEAD = 64
-"""Number of boxes up to which the prover halves the halves again before it evaluates them. So many boxes take twice as
-long as one."""
+"""Number of boxes up to which the prover halves the halves again before it evaluates them. This number of boxes takes
+twice as long as one box."""
 
 
 class StorageProof(NamedTuple):

@@ -21,8 +21,8 @@ from vctune.model.worlds import World, Worlds
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating[Any, Any]]
 SIDES = 8
-"""Number of sides: perpendicular to three factors on both sides of the polygon, and along the real axis and across it
-on both sides. The polygon of a box need not have all of these sides."""
+"""Greatest number of sides: their normals are perpendicular to the three factors and along the real axis, two for
+each. The polygon of a box need not have all of these sides."""
 LEAST = 1e-9
 """Least distance of an angle from 0 and pi, rad, because factors may be infinite at 0 and pi. With half or twice this
 distance, the sides are the same."""

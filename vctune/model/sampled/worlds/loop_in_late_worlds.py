@@ -51,7 +51,7 @@ SIDES: Mapping[str, Side] = MappingProxyType(
         "driven_past_spring": Side("to the spring", -1),
     }
 )
-"""The sides, by the names of their margins."""
+"""The sides of the polygon, by the names of their margins."""
 LEADING: Mapping[WorldRule, int] = MappingProxyType({"trapezoid": 0, "explicit": 1, "implicit": -1})
 """q of each rule."""
 

@@ -33,7 +33,7 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.worlds import Worlds
 
 NOTHING = 1e-30
-"""Number that the code adds to a sum of magnitudes that may all be 0, so that the sum can be a divisor. Any number far
+"""Value that the code adds to a divisor that is a sum of magnitudes, because all of them may be 0. Any value far
 below the magnitudes and above the square root of the least positive double would serve."""
 
 

@@ -26,18 +26,19 @@ from vctune.proof.engine.polynomial_tests import by_polynomials
 from vctune.running import check_time
 
 TOP = 3.1
-"""Greatest angle, rad, of such boxes. Near Nyquist cos(theta/2), by which K and B act, vanishes."""
+"""Greatest angle, rad, of a box that the search tries. Near Nyquist, the factor cos(theta/2) of K and B vanishes."""
 SLOWEST = 1e-5
-"""Angle, rad, below which a box that begins at 0 is left to the other tests. There every resonance is damped."""
+"""Angle, rad, below which a box that begins at 0 is left to the other tests. Every resonance below this angle is
+damped."""
 REACH = 0.9
 """Share of the resonant stiffness below which the stiffest hand of a box is too soft for a resonance. The test leaves
-such boxes to the other tests, which need few boxes there."""
+such boxes to the other tests, which need few boxes for a soft hand."""
 MOST_BOXES = 20_000
-"""Number of boxes after which the search ends. A box with uncertain mass, damping and delay took 8,000. The other tests
-prove what the search leaves, so this number affects only the time."""
+"""Number of boxes after which the search ends. A box with uncertain mass, damping and delay took 8,000. The other
+tests prove the remaining boxes, so this number affects only the time."""
 GROWTH = 4
-"""Ratio of the numbers of open boxes, now and at first, above which the search ends. The open boxes then surround hands
-for which the condition fails or hardly holds. The ratio affects only the time."""
+"""Ratio of the present number of open boxes to the initial number, above which the search ends. The open boxes then
+surround hands for which the condition fails or hardly holds. The ratio affects only the time."""
 
 
 def left_by_any_spring(

@@ -23,7 +23,7 @@ distance exceeds the rounding errors."""
 def with_own_share(test: Test, device: Device, names: tuple[str, ...]) -> Test:
     """Return a test that reports a box as proved if its share of the stiffness belongs to none of its angles and hands.
 
-    Near rest, the share of K in rho = 2 s + K T^2/m is a row of its own. Away from rest, the angle and the hand
+    Near rest, the share of K in rho = 2 s + K T^2/m is a separate row. Away from rest, the angle and the hand
     determine this share, and boxes with another share contain no hand.
 
     Parameters

@@ -26,18 +26,18 @@ RATIO = "stiffness of the hand over the resonant one"
 ROWS = tuple(RATIO if key == STIFFNESS else key for key in HAND)
 """The parameters of a hand in these coordinates."""
 SHARP = 0.03
-"""Damping ratio of hand and device below which the resonance gets boxes of its own. For loops with a damping ratio of
-0.02, half this limit takes up to two thirds fewer boxes. Loops with a ratio of 1e-5 take 34,000 boxes with this limit,
-and more than half a million without it."""
+"""Damping ratio of hand and device below which the resonance gets separate boxes. For loops with a damping ratio of
+0.02, half this limit takes up to two thirds fewer boxes. Loops with a ratio of 1e-5 take 34,000 boxes with this
+limit, and more than half a million without it."""
 DAMPED = 0.1
 """Damping ratio at the first angle of the resonant boxes. The damping ratio of a softer hand is greater, so its
 resonance is not sharp. With half or twice this ratio, the proofs need the same number of boxes to within a third."""
 AROUND = (0.5, 2.0)
-"""Multiples of the resonant stiffness that such boxes cover. With half this range on a logarithmic scale, a proof takes
-up to 50 % more boxes; with twice the range, the same number of boxes to within 10 %."""
+"""Multiples of the resonant stiffness that the resonant boxes cover. With half this range on a logarithmic scale, a
+proof takes up to 50 % more boxes; with twice the range, the same number of boxes to within 10 %."""
 SLOWEST = 1e-5
-"""Least angle of such boxes, rad. With half or twice this angle, a proof takes as many boxes. With an angle of 1e-3,
-the prover leaves slow devices with hardly any damping open."""
+"""Least angle of the resonant boxes, rad. With half or twice this angle, a proof takes as many boxes. With an angle
+of 1e-3, the prover leaves slow devices with hardly any damping open."""
 WITHIN = 1e-9
 """Relative allowance for rounding. A box of `HAND` is left to the boxes of `ROWS` only if it lies inside the
 resonance's range by this allowance. A box of `ROWS` is omitted only if it lies outside the hands' range by this
@@ -63,7 +63,7 @@ class Resonance:
     first: float
 
     def margins(self, margins: Margins) -> Margins:
-        """Return margins in the coordinates `ROWS` from margins in the numbers of `HAND`."""
+        """Return margins in the coordinates `ROWS` from margins in the parameters of `HAND`."""
 
         def of_ratio(theta: Number, v: Values) -> tuple[Number, ...]:
             per_sample = theta / decimal(self.sample_time)

@@ -29,7 +29,7 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.engine.winding import turned_angle
 
 UNBOUNDED = 1e30
-"""Bound of an imaginary part whose value does not matter, because the real part is positive there."""
+"""Bound of an imaginary part that does not matter, because the real part is positive."""
 
 
 def prove_member(design: Design, hand: Hand, worlds: Worlds) -> Outcome:

@@ -1,4 +1,4 @@
-"""Prove the condition of walls over boxes, with tangents of each box's own (model/README.md, section 19).
+"""Prove the condition of walls over boxes, with separate tangents for each box (model/README.md, section 19).
 
 Any tangents bound E from below. Each box therefore uses the tangents that are best at its centre. The best tangents of
 a face of the box are others, so the slopes of a margin with these tangents do not show at which face the true margin is

@@ -37,8 +37,8 @@ from vctune.proof.engine.interval import Verdict
 from vctune.proof.engine.polynomial_tests import FEW
 
 MAX_BOXES, CELL_BOXES = 60_000, 5_000
-"""Number of boxes after which the proof by the condition on the real part alone ends, and number of boxes after which
-the prover leaves a cell of environments open."""
+"""Number of boxes after which the proof that uses only the condition on the real part ends, and number of boxes after
+which the prover leaves a cell of environments open."""
 FAILING = 0.8
 """Share of the open boxes in which the condition on the real part certainly fails somewhere. Above this share, the
 proof by the real part ends, because further halvings decide little."""
@@ -204,7 +204,7 @@ def refuted_in_worlds(design: Design, demands: Demands, cells: WorldCells, witne
     """Return the boxes of environments in which no member leaves a design stable in the witness's hand.
 
     Each of these environments, with some additional damping, has a pole on the unit circle. The ends of such a box
-    bound what all members have in common, so a box may have a least value above its greatest value: every number in
+    bound what all members have in common, so a box may have a least value above its greatest value: every value in
     between then belongs to all members.
 
     Parameters
