@@ -110,7 +110,7 @@ class WorldsTable(Table):
         strict=True,
         description="Whether springs may be walls. The force of a wall depends only on the position, and the "
         "slope of this force is everywhere within the range `stiffness`. A wall is one-sided or piecewise linear, at "
-        "any position. A wall does not move, and its damper acts in both directions.",
+        "any position. A wall does not move, and its damper also acts outside the wall.",
     )
     corner_hz: Positive | None = Field(
         None,
