@@ -63,6 +63,19 @@ def test_it_compiles_without_a_warning(made, name, precision, tmp_path):
         assert warned(name, folder, tmp_path) == "", command
 
 
+def test_the_caller_is_told_to_filter_and_to_pull(tmp_path):
+    device = ARM["device"] | {
+        "servo": ARM["device"]["servo"] | {"stiffness": 20.0},
+        "force_sensor": {"filter_coefficient": 0.5},
+    }
+    for stated, expected in ((ARM["device"], False), (device, True)):
+        (tmp_path / "servo.toml").write_text(toml_text(ARM | {"device": stated}))
+        header = export(tmp_path / "servo.toml", unproved=True).files["vctune_controller.h"]
+        told = re.sub(r"\s+(\* )?", " ", header)
+        assert ("the caller filters the samples of the force with a = 0.5" in told) == expected
+        assert ("adds the force of a spring of 20.0 N/m on the servo's position" in told) == expected
+
+
 @has("cppcheck")
 def test_cppcheck_has_nothing_to_say(made):
     options = ["--std=c99", "--enable=warning,style,performance,portability", "--error-exitcode=1", "-q"]

@@ -70,6 +70,13 @@ def test_a_tiny_drag_repairs_the_low_end():
         assert conditions(Design(LAG, INTEGRAL, Coupling(25000.0, 5.0, drag)), 0.0, 50.0).verdict is verdict
 
 
+@pytest.mark.parametrize(("drag", "verdict"), [(1.01, Verdict.PROVED), (0.99, Verdict.REFUTED)])
+def test_a_rigid_coupling_has_its_drag_on_the_whole_axis(drag, verdict):
+    """R -> 2 m K_v/(b T) = 5000 for omega -> inf (section 6), above R everywhere else, and Re Z_c is the drag."""
+    design = Design(LAG, Gains(10.0, 0.0), Coupling(inf, 5.0, 5000.0 * drag))
+    assert conditions(design, 0.0, inf).verdict is verdict
+
+
 def interior_minimum(b_c, m_c):
     """The least ratio between the two outer crossings of the fixture, inside the band."""
     device, coupling = LAG, Coupling(b_c, m_c, 0.0)

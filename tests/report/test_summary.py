@@ -57,3 +57,22 @@ def test_a_certified_design_is_measured_by_the_device_without_a_loop():
     assert [mark.label for mark in head.scale.marks][:2] == ["this design", "device without a loop"]
     assert all(0 <= mark.share <= 1 for mark in [*head.scale.marks, *head.scale.ticks])
     assert head.scale.marks[0].share < head.scale.little_use < head.scale.marks[1].share
+
+
+def test_a_servo_without_contacts_is_not_compared_with_a_loop():
+    record, _, head = made(
+        """[device]
+sample_time = 0.002
+servo = { delay = 0.032, bandwidth_hz = 20.0, order = 2 }
+[operator]
+mass = { min = 0.0, max = 2.0 }
+damping = { min = 0.0, max = 30.0 }
+stiffness = { min = 0.0, max = 1000.0 }
+[coupling]
+damping = 500.0
+mass = 2.7
+drag = 40.0
+"""
+    )
+    assert record.contact.stiffest_contact is None
+    assert "without a loop" not in head.measure

@@ -594,6 +594,17 @@ def test_front_needs_something_to_trade(tmp_path):
     assert not (tmp_path / "results").exists()
 
 
+def test_workers_have_one_thread_where_no_server_starts_them(monkeypatch):
+    """Windows has no forkserver: each worker then starts when it is first needed, long after the pool."""
+    monkeypatch.setattr("vctune.study.executors.multiprocessing.get_all_start_methods", lambda: ["spawn"])
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    with worker_pool("processes", 1) as pool:
+        assert pool.executor.submit(os.getenv, "OMP_NUM_THREADS").result() == "1"
+        pool.renew()
+        assert pool.executor.submit(os.getenv, "OMP_NUM_THREADS").result() == "1"
+    assert os.environ["OMP_NUM_THREADS"] == "7"
+
+
 def test_a_handler_of_interrupts_from_outside_python_stays(monkeypatch):
     """Python cannot name such a handler: signal.signal returns None, which it does not accept."""
     installed = []

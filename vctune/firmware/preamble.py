@@ -14,6 +14,8 @@ from vctune.model.worlds import in_time_in_words
 from vctune.version import __version__
 
 RUN = "environments are passive as they run"
+LEFT_TO_CALLER = "Before each step, the caller"
+"""Beginning of the sentence on the parts of a servo's firmware that the exported C lacks."""
 
 
 def statement(firmware: Firmware) -> list[str]:
@@ -58,6 +60,7 @@ def assumptions(firmware: Firmware) -> list[str]:
             f"Assumed: {built}; the {units.force_name} is sampled just before a command is given; {rendered}. "
             "The proof does not cover a limited speed or acceleration, a lost or late command, "
             "and the rounding of each operation.",
+            *_left_to_caller(device, units),
         ]
     sampled = "" if firmware.parts.spring else f"; the {units.force_name} is sampled just before"
     return [
@@ -66,6 +69,18 @@ def assumptions(firmware: Firmware) -> list[str]:
         f"proof does not cover static friction, a limited {units.force_name}, quantisation and the rounding of each "
         "operation.",
     ]
+
+
+def _left_to_caller(device: Device, units: Units) -> list[str]:
+    """Return a sentence on the parts of a servo's firmware that the exported C lacks; no sentence without them."""
+    assert device.servo is not None
+    share, stiffness = device.sensing.filter_coefficient, device.servo.stiffness
+    parts = [] if share is None else [f"filters the samples of the {units.force_name} with a = {share!r}"]
+    if stiffness is not None:
+        parts.append(
+            f"adds the {units.force_name} of a spring of {stiffness!r} {units.stiffness} on the servo's position"
+        )
+    return [f"{LEFT_TO_CALLER} {' and '.join(parts)}."] if parts else []
 
 
 def _stepped(hands: HandsRecord) -> str:

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import wait
-from multiprocessing.context import BaseContext
+from multiprocessing.context import BaseContext, SpawnContext, SpawnProcess
 from typing import Any
 
 from vctune.document.text.errors import InputError
@@ -132,10 +132,11 @@ def _process_pool(jobs: int) -> Iterator[WorkerPool]:
 def _context() -> BaseContext:
     """Return the start method for processes. If possible, a server that has already imported the solver starts them.
 
-    The server passes on the environment with which it started.
+    The server passes on the environment with which it started. Without a server, this process starts the workers when
+    they are first needed.
     """
     if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
+        return _SpawnForWorkers()
     from multiprocessing.forkserver import ensure_running
 
     context = multiprocessing.get_context("forkserver")
@@ -160,6 +161,20 @@ def _for_workers() -> Iterator[None]:
         os.environ.update(before)
         if handler is not None:  # also None if code other than Python installed the handler
             signal.signal(signal.SIGINT, handler)
+
+
+class _SpawnedWorker(SpawnProcess):
+    """A process that starts with `ENVIRONMENT`."""
+
+    def start(self) -> None:
+        with _for_workers():
+            super().start()
+
+
+class _SpawnForWorkers(SpawnContext):
+    """The start method "spawn" with `ENVIRONMENT`."""
+
+    Process = _SpawnedWorker
 
 
 def _begin_worker() -> None:

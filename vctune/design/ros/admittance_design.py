@@ -86,9 +86,9 @@ def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFil
         if len(values) > 1:
             message = f"differs between axes: {', '.join(f'{value:g}' for value in sorted(values))}; write one for all"
             raise InputError.of(source, "contradiction", message, key=key)
-    limp = any(design.stiffness == 0 for design in designs)
+    without_spring = any(design.stiffness == 0 for design in designs)
     rates = [design.coupling.drag / design.mass for design in designs]
-    joint_damping = rounded_up(min(rates)) if limp else 0.0
+    joint_damping = rounded_up(min(rates)) if without_spring else 0.0
     axes = tuple(_axis(design, joint_damping) for design in designs)
     return AdmittanceFile(axes, designs[0].filter_coefficient, 1, {})
 

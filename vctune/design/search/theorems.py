@@ -29,7 +29,7 @@ def impossible(problem: Problem) -> Infeasibility | None:
         return _without_damping(problem) or _nothing_returns(problem)
     found = _of_passive_hands(problem) if problem.passive else None
     if found is None and problem.hands_met is not None:
-        return _in_limp_hands(problem, problem.hands_met)
+        return _at_zero_in_hands(problem, problem.hands_met)
     return None if found is None else Infeasibility(*found, proved=True)
 
 
@@ -64,7 +64,7 @@ def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
     return found
 
 
-def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
+def _at_zero_in_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     """In hands with only a stiffness K, R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, while Re Z_c is the drag.
 
     The loss in the spring of a structure may reduce R. Without an integrator, both sides of the constraint vanish like
@@ -78,7 +78,7 @@ def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
         return None
     if bounds.drag.max > 0 or bounds.velocity.max == 0 or hands.low.damping > 0 or hands.low.stiffness > 0:
         return None
-    limp = hands.low.mass == 0 and hands.high.stiffness > 0
+    soft_and_light = hands.low.mass == 0 and hands.high.stiffness > 0
     lossy = device.structure is None and (device.damping > 0 or lags(device, FLOATS).sensor > 0)
     integrated = (
         f"in hands without {units.mass_name} and damping and of little stiffness K the required R is K (b/K_p + tau_s) "
@@ -86,8 +86,8 @@ def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     )
     remedy = "allow some coupling.drag, or raise operator.damping.min"
     if bounds.position.min > 0:
-        return Infeasibility(integrated, remedy, proved=True) if limp and lossy else None
-    if bounds.position.max > 0 and not (limp and lossy):
+        return Infeasibility(integrated, remedy, proved=True) if soft_and_light and lossy else None
+    if bounds.position.max > 0 and not (soft_and_light and lossy):
         return None
     cause = f"{OPENINGS[False]}: with K_p = 0 both R and Re Z_c vanish at 0 Hz in hands without damping and stiffness"
     return Infeasibility(
@@ -215,7 +215,8 @@ def _without_integrator(problem: Problem) -> tuple[str, str] | None:
 
 
 def _at_infinity(problem: Problem) -> tuple[str, str] | None:
-    """Compare R with Re Z_c for omega -> inf: Re Z_c tends to b_c + b_0, and R grows with K_v.
+    """Compare R with Re Z_c for omega -> inf: Re Z_c tends to b_c + b_0, for a rigid coupling to b_0, and R grows
+    with K_v.
 
     Unless K_p is small, Re G_hh > 0 requires a least K_v.
     """
@@ -223,19 +224,21 @@ def _at_infinity(problem: Problem) -> tuple[str, str] | None:
     most = Coupling(bounds.damping.max, bounds.mass.max, bounds.drag.max)
     K_v = max(bounds.velocity.min, _least_velocity(problem))
     limit = high_frequency_limit(device, Gains(K_v, bounds.position.min), most)
-    if _met(limit, factor):
+    rigid = bounds.damping.min == inf
+    if _met(limit, factor) or (most.rigid and not rigid and limit.required < inf):
         return None
-    b = _damping(device)
+    b, offered = _damping(device), "b_0" if rigid else "b_c + b_0"
     if limit.required == inf:
         return (
-            f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), which no coupling has for a device without damping",
+            f"omega -> inf needs {offered} >= 2 m K_v/({b} T), which no coupling has for a device without damping",
             "lower stability.band_hz[1] to a finite edge, or add device damping",
         )
     need, unit = factor * limit.required, UNITS[device.units].damping
+    key, least = ("drag", need) if rigid else ("damping", need - most.drag)
     return (
-        f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), with K_v at least {K_v:.4g} {unit} and the safety factor at "
+        f"omega -> inf needs {offered} >= 2 m K_v/({b} T), with K_v at least {K_v:.4g} {unit} and the safety factor at "
         f"least {need:.4g} {unit}, but the bounds allow {limit.coupling:.4g} {unit}",
-        f"lower stability.band_hz[1] to a finite edge, or raise coupling.damping.max to {need - most.drag:.4g} {unit}",
+        f"lower stability.band_hz[1] to a finite edge, or raise coupling.{key}.max to {least:.4g} {unit}",
     )
 
 

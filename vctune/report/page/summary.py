@@ -221,6 +221,8 @@ def _measure(record: DesignRecord, problem: Problem) -> str:
             "and 1 means no loop at all."
         )
     off = f"The handle differs from the ideal by {text(transparency.error, 3)} of Z_0 = {_reference(problem)}"
+    if not problem.device.kind.banded:
+        return f"{off}, {_norm_and_band(problem)}."
     return f"{off}, {_norm_and_band(problem)}; the device without a loop differs by {text(_without_loop(problem), 3)}."
 
 

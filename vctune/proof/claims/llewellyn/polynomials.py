@@ -78,16 +78,23 @@ def conditions(design: Design, factor: float) -> Conditions:
     operator = None if cleared.operator is None else cleared.operator.damping
     drive = DriveResponse(fmpq_poly([1]), half)
     loop = loop_response(DeviceResponse(omega, cleared.mass, cleared.damping, drive, operator=operator), gains, BALLS)
-    coupling = Coupling(*map(_rational, astuple(design.coupling)))
-    b_c, reactance2 = coupling.damping, coupling.mass * coupling.mass * omega * omega
-    below = b_c * b_c + reactance2
-    above = coupling.drag * below + b_c * reactance2
+    above, below = _coupling_resistance(design.series, omega)
     eased = re_conj_product(loop.C_scaled, loop.D_scaled)
     eased = eased if loop.operator_relief is None else eased + loop.operator_relief * loop.scale2
     linear = 2 * loop.resistance * clearing * loop.scale2 * above + f * below * eased
     squared = linear * linear - f * f * below * below * loop.C_scaled.abs2() * loop.D_scaled.abs2()
     roots = [root.real for root, _ in squared.complex_roots() if root.imag == 0 and root.real > 0]
     return Conditions(linear, squared, sorted(roots, key=lambda root: float(root.mid())))
+
+
+def _coupling_resistance(coupling: Coupling, omega: fmpq_poly) -> tuple[fmpq_poly, fmpq_poly]:
+    """Return numerator and denominator of Re Z_c as polynomials in omega. A rigid coupling has only its drag."""
+    if coupling.rigid:
+        return fmpq_poly([_rational(coupling.drag)]), fmpq_poly([1])
+    b_c, m_c, b_0 = map(_rational, astuple(coupling))
+    reactance2 = m_c * m_c * omega * omega
+    below = b_c * b_c + reactance2
+    return b_0 * below + b_c * reactance2, below
 
 
 def prove(conditions: Conditions, low: float, high: float) -> Outcome:
