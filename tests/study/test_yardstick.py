@@ -134,7 +134,7 @@ def test_an_axis_may_state_the_yardstick(tmp_path):
     here = read_study(path).at((3.0, 20.0, 1e-3))[0].transparency
     assert here.reference_impedance == 3.0 and here.band.hz == pytest.approx((0.5, 20.0))
     said = run("sweep", "study.toml", "--executor", "serial", cwd=tmp_path).stdout
-    assert "but for transparency.reference_impedance, transparency.band_hz[1]: errors" in said
+    assert "except transparency.reference_impedance, transparency.band_hz[1]: errors" in said
 
 
 def test_what_an_axis_alone_gives_completes_the_problem_for_the_yardstick(tmp_path):
