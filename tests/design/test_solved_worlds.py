@@ -53,6 +53,16 @@ def test_reference_problems_are_certified(name: str) -> None:
     assert found.judgement.certificate.outcomes["worlds"].verdict is Verdict.PROVED
 
 
+@pytest.mark.slow
+def test_a_slow_exchange_goes_on_while_no_design_is_known() -> None:
+    """With the default bounds and tools from 100 g, the violation falls slowly."""
+    heavy = {"mass": {"min": 0.1, "max": 5.0}, "stiffness": {"max": 2000.0}}
+    found = solve({"name": "heavy", **WHEEL, "stability": {"criterion": "hands"}, "environment": heavy})
+    assert found.status is Status.CERTIFIED
+    assert found.judgement is not None
+    assert found.judgement.error <= 0.175
+
+
 def test_a_coupling_for_given_gains_is_certified() -> None:
     """With an error at most 1 % above that of the reference problem."""
     name, bounds = "world-heavy-tools", reference("world-heavy-tools").bounds

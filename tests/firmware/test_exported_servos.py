@@ -151,7 +151,7 @@ def test_a_firmware_that_commands_something_else_is_said_in_the_unit_of_the_comm
     command = ("simulate", "servo.toml", "gains.toml", "--controller", "c", "--experiment", "lossless")
     found = vctune(*command, cwd=tmp_path)
     assert found.returncode == ExitCode.FAILED
-    assert " m of the design's own in double precision" in found.stdout.replace("\n", " ")
+    assert " m of the design's commands in double precision" in found.stdout.replace("\n", " ")
 
 
 @pytest.mark.parametrize("seed", mostly_slow(range(12), range(4)))

@@ -202,3 +202,21 @@ def test_the_suggested_multisine_is_periodic_and_within_what_the_log_bore(tmp_pa
     found = identify(*Log(columns, case.log.toml).write(tmp_path, "again")).found
     assert found.records[0].periodic is not None
     assert found.device.mass == pytest.approx(case.device.mass, rel=0.01)
+
+
+def test_a_structure_that_overflows_in_a_fit_is_dropped(tmp_path):
+    """The fit of two masses runs away to a resonance in the megahertz, whose motion over a sample overflows."""
+    samples, T, mass, damping = 2000, 1e-3, 0.4, 2.0
+    lines = np.unique(np.geomspace(1, 400, 40).astype(int))
+    phases = np.random.default_rng(1).uniform(0, 2 * np.pi, lines.size)
+    angles = 2 * np.pi * np.outer(lines, np.arange(samples)) / samples
+    force = np.tile(0.5 * np.cos(angles + phases[:, None]).sum(axis=0), 8)
+    decay, x, v, position = np.exp(-damping * T / mass), 0.0, 0.0, []
+    for f in force:
+        position.append(x)
+        x += f * T / damping + (v - f / damping) * (1 - decay) * mass / damping
+        v = f / damping + (v - f / damping) * decay
+    log = np.column_stack([T * np.arange(force.size), 1e-6 * np.round(np.array(position) / 1e-6), force])
+    path = tmp_path / "wheel.csv"
+    np.savetxt(path, log, delimiter=",", header="time_s,position_m,command_N", comments="", fmt="%.9g")
+    assert identify(path).file.problem.device.mass == pytest.approx(mass, rel=0.01)

@@ -44,9 +44,8 @@ slowly along the stability boundary ends too early. With twice this number, the 
 result."""
 STALLED = 8
 """Number of rounds within which the greatest violation must halve while an exchange with a box of environments has no
-feasible answer; otherwise the exchange ends without one. Such an exchange may add a few points in each round and hardly
-reduce the violation. Without environments, an exchange whose violation falls slowly can still find a design. With half
-or twice this number, vctune finds the same designs."""
+feasible answer, although another start has one; otherwise the exchange ends. Such an exchange may add a few points in
+each round and hardly reduce the violation. An exchange whose violation falls slowly can still find a design."""
 RADIUS = 2.0
 """Half-width of the first trust box, and the greatest half-width, in log coordinates. This width permits variables from
 1/7 to 7 times those of the start, which is near a local minimum. With twice this width IPOPT ends beyond |S| = inf more
@@ -300,7 +299,8 @@ def _step(posed: Posed, search: _Search) -> None:
     progress = not uphill and (joined or nearer or (admissible and solution.converged))
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
     search.trail.append(search.missed)
-    if problem.worlds is not None and search.best is None and len(search.trail) > STALLED:
+    another = problem.worlds is not None and search.incumbent < inf and search.best is None
+    if another and len(search.trail) > STALLED:
         search.finished = search.missed > search.trail[-1 - STALLED] / 2
 
 

@@ -69,7 +69,13 @@ class FitTask:
             return self
         device, omega = self.outputs(at)[0], self.measured.position.omega
         continuous = compliances(device, omega)[0] * drive(device, omega)
-        return replace(self, aliased=held_compliance(device, omega) / continuous)
+        with np.errstate(all="ignore"):
+            return replace(self, aliased=held_compliance(device, omega) / continuous)
+
+    @property
+    def computable(self) -> bool:
+        """Whether the aliasing is finite."""
+        return bool(np.isfinite(self.aliased).all())
 
     def errors(self, at: Floats) -> tuple[Complex, Floats, Ints]:
         """Return the relative errors of the used lines of all outputs, their relative spreads, and their outputs."""

@@ -121,7 +121,8 @@ def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, 
 def _fitted(measured: Response, candidate: Candidate, actuator: Actuator | None) -> ResponseFit | None:
     """Return the fit of a candidate: its best numbers with the model errors that explain the residual.
 
-    Return None if there are too few lines. The function alternates between the numbers and the model errors.
+    Return None if there are too few lines, or if the search ends at a structure that is so fast that its motion over a
+    sample overflows. The function alternates between the numbers and the model errors.
     """
     task = FitTask(measured, candidate, actuator)
     starts = [point(start, candidate) for start in _starts(measured, candidate)]
@@ -131,12 +132,16 @@ def _fitted(measured: Response, candidate: Candidate, actuator: Actuator | None)
     solutions = [solved_from(task, start, model_errors) for start in starts]
     at = min(solutions, key=lambda solution: float(np.sum(task.residuals(solution, model_errors) ** 2)))
     task = task.sampled(at)
+    if not task.computable:
+        return None
     nearest = solved_from(task, at, np.zeros(2))
     chi2 = float(np.sum(task.residuals(nearest, np.zeros(2)) ** 2)) / (task.residuals(at, model_errors).size - at.size)
     for _ in range(ROUNDS):
         before, model_errors = model_errors, _model_errors(task, at)
         at = solved_from(task, at, model_errors)
         task = task.sampled(at)
+        if not task.computable:
+            return None
         if np.allclose(before, model_errors, rtol=1e-3):
             break
     return _result(task, at, model_errors, chi2)
