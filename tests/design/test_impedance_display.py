@@ -422,9 +422,17 @@ def test_a_device_without_damping_is_refused_in_any_passive_hand():
 
 
 @pytest.mark.slow
-def test_a_device_without_damping_is_not_refused_in_hands():
-    held = solve(arm(display(damping=0.0), criterion="hands"))
-    assert held.status in (Status.CERTIFIED, Status.UNDECIDED)
+def test_a_device_without_damping_needs_hands_with_damping():
+    """Without any damping, a handle that swings on the spring of a hand never settles when the environment is free."""
+    undamped = solve(arm(display(damping=0.0), criterion="hands"))
+    assert undamped.status is Status.INFEASIBLE and undamped.optimality is not None and undamped.optimality.proved
+    hands = {"damping": {"min": 2.0, "max": 30.0}}
+    assert not proved_infeasible(solve(arm(display(damping=0.0), criterion="hands", operator=hands)))
+    assert solve(arm(display(damping=1e-6), criterion="hands", operator=hands)).status is Status.CERTIFIED
+
+
+def proved_infeasible(solved) -> bool:
+    return solved.infeasibility is not None and solved.infeasibility.proved
 
 
 def test_an_uncertain_arm_says_what_hands_alone_would_allow():

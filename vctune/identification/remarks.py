@@ -85,7 +85,8 @@ def _remarks_on_lines(study: RecordStudy, periodic: PeriodicStudy) -> list[Note]
     """Return remarks on the lines of a periodic excitation: the highest one, and numbers that the file leaves out."""
     remarks = [_highest_line(periodic.measured.position.omega[-1] / (2 * pi), f"{study.recording.name}: ")]
     if periodic.lag is not None and not periodic.lag_significant:
-        text = f"{study.recording.name}: the actuator's lag, {periodic.lag[0]:.2g} s, is not significant: "
+        samples = periodic.lag[0] / study.sample_time
+        text = f"{study.recording.name}: the actuator's lag, {samples:.2f} samples, is not significant: "
         remarks.append(Note("remark-no-lag", f"{text}it is left out, and the delay includes it"))
     if periodic.fit.candidate.damped_handle:
         text = (
