@@ -102,8 +102,14 @@ def factors(theta: float, sample_time: float, world: InTime) -> np.ndarray:
 def cancelling(loop: Whole, world: InTime, box: Box, theta: float, share: float) -> tuple[float, float, float] | None:
     """Return the environment of a box that cancels the rest of the loop at an angle; None if there is none."""
     at = np.array([theta])
-    Y = (share * offered(loop, at) + seen(loop, at))[0]
-    each, low, high = factors(theta, loop.plant.sample_time, world), np.array(box[0]), np.array(box[1])
+    return balancing((share * offered(loop, at) + seen(loop, at))[0], loop.plant.sample_time, world, box, theta)
+
+
+def balancing(
+    Y: complex, sample_time: float, world: InTime, box: Box, theta: float
+) -> tuple[float, float, float] | None:
+    """Return the environment of a box whose impedance is -Y at an angle; None if there is none."""
+    each, low, high = factors(theta, sample_time, world), np.array(box[0]), np.array(box[1])
     free = high > low
     rest = -Y - each @ np.where(free, 0.0, low)
     scale = np.where(free, high - low, 1.0)

@@ -64,18 +64,31 @@ def linear_part(loop: Whole) -> Linear:
     return Linear(free, -(tied - free)[:, at] / by / at_once, free[-1], at_once, at)
 
 
-@np.errstate(all="ignore")
 def speeds(
     loops: list[Whole], walls: list[Wall], samples: int, rng: np.random.Generator, pushed: int = 200
 ) -> np.ndarray:
     """Return v_e of loops at walls, stepped by either rule, after random beginnings and pushes, (samples, loops)."""
     parts, T = [linear_part(loop) for loop in loops], np.array([loop.plant.sample_time for loop in loops])
-    size, n = max(len(part.A) for part in parts), len(loops)
+    return speeds_of(parts, [len(part.A) - 4 for part in parts], T, walls, samples, rng, pushed)
+
+
+@np.errstate(all="ignore")
+def speeds_of(
+    parts: list[Linear],
+    begun: list[int],
+    T: np.ndarray,
+    walls: list[Wall],
+    samples: int,
+    rng: np.random.Generator,
+    pushed: int = 200,
+) -> np.ndarray:
+    """Return `speeds` of linear parts, of which so many states each begin at random."""
+    size, n = max(len(part.A) for part in parts), len(parts)
     A, push, c, z = np.zeros((n, size, size)), np.zeros((n, size)), np.zeros((n, size)), np.zeros((n, size))
     for i, part in enumerate(parts):
         own = len(part.A)
         A[i, :own, :own], push[i, :own], c[i, :own] = part.A, part.push, part.c
-        z[i, : own - 4] = rng.normal(size=own - 4) * 1e-2
+        z[i, : begun[i]] = rng.normal(size=begun[i]) * 1e-2
     reach = T * rng.choice([0.5, 1.0], n)  # by the trapezoidal rule, or by backward Euler
     at, at_once = np.array([part.at for part in parts]), np.array([part.at_once for part in parts])
     breaks, slopes, forces = (np.array(x) for x in zip(*((w.breaks, w.slopes, w.forces()) for w in walls), strict=True))

@@ -15,7 +15,7 @@ from vctune.analysis.climb import climbed
 from vctune.analysis.extrema import Floats
 from vctune.analysis.loops_in_hands import PER_DECADE
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
@@ -25,13 +25,12 @@ from vctune.model.sampled.hand_loop import (
     met_in_hand,
     offered,
     required_in_hand,
-    seen_in_hand,
 )
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, ServoInHand, delays_of, plant_in_hand
 from vctune.model.sampled.several_devices import as_one
 from vctune.model.sampled.worlds.late_sides import open_sides
 from vctune.model.sampled.worlds.loop_in_walls import LEADS, disjuncts_in_walls, strip_in_walls
-from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen, disjuncts, offered_at, posed, room_of
+from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen, disjuncts, posed, room_of
 from vctune.model.worlds import WorldsMet
 
 FIRST_STEP = 0.2
@@ -40,6 +39,9 @@ this step, vctune finds the same designs."""
 DRIVEN = 1e6
 """Value of 1/ratio above which the search treats a coupling as one that supplies energy where it must absorb energy.
 With half or twice this value, vctune finds the same designs."""
+
+MetInShares = dict[float, tuple[Offered, Seen, float]]
+"""What an environment meets, for some shares of the coupling (`met_in_shares`)."""
 
 
 @np.errstate(all="ignore")
@@ -95,9 +97,10 @@ def needs_in_hands(
     met : the environments, linear or with walls; None for every passive environment
     """
     if met is not None and met.worlds.corner is not None:
-        return _need_in_walls(loop, device, gains, series_coupling(coupling), theta, met)
+        rooms = rooms_at_walls(met_in_shares(loop, device, gains, coupling, theta, met), device.sample_time, theta, met)
+        return np.exp(-np.minimum.reduce(list(rooms.values()))) / met.factor
     if met is not None and not met.worlds.lossless:
-        return _need_in_time(loop, device, gains, series_coupling(coupling), theta, met)
+        return _need_in_time(loop, device, gains, coupling, theta, met)
     if met is not None:
         shares = shares_of_coupling(met.factor) if device.kind.inverse else (1.0,)
         each = (needs_in_worlds(loop, device, gains, coupling, theta, met, share) for share in shares)
@@ -109,27 +112,15 @@ def needs_in_hands(
 
 @np.errstate(all="ignore")
 def _need_in_time(
-    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
+    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet
 ) -> Floats:
     """Return 1/ratio with environments that run late or by Euler's rules, from the margins of `open_sides`."""
-    T, worlds = device.sample_time, met.worlds
-    seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
-    planes = open_sides(worlds, T, theta)
+    planes = open_sides(met.worlds, device.sample_time, theta)
     rooms = [
-        np.maximum.reduce([np.asarray(room_of(plane.terms(at, seen, share), np.abs)) for plane in planes])
-        for share in shares_of_coupling(met.factor)
+        np.maximum.reduce([np.asarray(room_of(plane.terms(at, seen, left), np.abs)) for plane in planes])
+        for at, seen, left in met_in_shares(loop, device, gains, coupling, theta, met).values()
     ]
     return np.exp(-np.minimum.reduce(rooms)) / met.factor
-
-
-@np.errstate(all="ignore")
-def _need_in_walls(
-    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
-) -> Floats:
-    """Return 1/ratio with walls. The ratio is g times the exponential of the least reserve from `rooms_at_walls`."""
-    seen, at = seen_in_hand(loop, gains), offered_at(coupling, device.sample_time, theta, FLOATS)
-    rooms = rooms_at_walls(seen, at, device.sample_time, theta, met)
-    return np.exp(-np.minimum.reduce(list(rooms.values()))) / met.factor
 
 
 class AtWall(NamedTuple):
@@ -139,8 +130,34 @@ class AtWall(NamedTuple):
     lead: float
 
 
+def met_in_shares(
+    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet
+) -> MetInShares:
+    """Return the impedance that an environment meets with some shares of the coupling.
+
+    Parameters
+    ----------
+    loop : loop in hands
+    device : device with plain numbers
+    gains, coupling : a design with plain numbers or arrays that broadcast against the loop
+    theta : omega T, rad
+    met : the environments and g
+
+    Returns
+    -------
+    MetInShares
+        For each share of the coupling, the impedance of the coupling, that of the loop, and the share of the first that
+        counts. The loop of an impedance display already contains the share of its coupling.
+    """
+    found: MetInShares = {}
+    for share in shares_of_coupling(met.factor):
+        at, seen = met_in_hand(loop, device, gains, coupling, share, theta, FLOATS)
+        found[share] = at, seen, 1.0 if isinstance(coupling, SpringDamper) else share
+    return found
+
+
 @np.errstate(all="ignore")
-def rooms_at_walls(seen: Seen, at: Offered, sample_time: float, theta: Floats, met: WorldsMet) -> dict[AtWall, Floats]:
+def rooms_at_walls(shares: MetInShares, sample_time: float, theta: Floats, met: WorldsMet) -> dict[AtWall, Floats]:
     """Return the relative reserve of the condition for walls, for some shares of the coupling and both integration
     rules.
 
@@ -148,15 +165,14 @@ def rooms_at_walls(seen: Seen, at: Offered, sample_time: float, theta: Floats, m
 
     Parameters
     ----------
-    seen : Z_seen of the loop in hands
-    at : offer of the coupling
+    shares : impedance that an environment meets, from `met_in_shares`
     sample_time : T, s
     theta : omega T, rad
     met : the environments with walls
     """
     worlds, rooms = met.worlds, dict[AtWall, Floats]()
-    for share in shares_of_coupling(met.factor):
-        strip = strip_in_walls(at, worlds, sample_time, seen, share, theta, FLOATS)
+    for share, (at, seen, left) in shares.items():
+        strip = strip_in_walls(at, worlds, sample_time, seen, left, theta, FLOATS)
         for lead in LEADS:
             found = disjuncts_in_walls(strip, worlds, lead, sample_time, theta, FLOATS)
             each = [np.asarray(room_of(terms, np.abs)) for terms in found if terms is not None]
@@ -179,8 +195,7 @@ def tightest_at_wall(
     """
     theta = np.array([min(omega * device.sample_time, pi)])
     loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
-    seen, at = seen_in_hand(loop, gains), offered_at(series_coupling(coupling), device.sample_time, theta, FLOATS)
-    rooms = rooms_at_walls(seen, at, device.sample_time, theta, met)
+    rooms = rooms_at_walls(met_in_shares(loop, device, gains, coupling, theta, met), device.sample_time, theta, met)
     return min(rooms, key=lambda wall: float(np.nan_to_num(rooms[wall][0], nan=inf)))
 
 

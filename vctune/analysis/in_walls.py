@@ -7,12 +7,10 @@ from math import log
 
 import numpy as np
 
-from vctune.analysis.hardest_hands import rooms_at_walls
+from vctune.analysis.hardest_hands import met_in_shares, rooms_at_walls
 from vctune.analysis.loops_in_hands import loops_in_hands
-from vctune.model.gains import AnyCoupling, Gains, series_coupling
-from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.sampled.worlds.loop_in_worlds import offered_at
 from vctune.model.worlds import WorldsMet
 
 HIGHEST = 1 - 1e-5
@@ -48,12 +46,12 @@ def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
     assert hands is not None
     most = 2 * HIGHEST / device.sample_time
     where = loops_in_hands(device, hands, SHARES, PER_DECADE)
-    seen = where.seen(gains)
-    at = offered_at(series_coupling(coupling), device.sample_time, where.theta, FLOATS)
+    asked = WorldsMet(worlds, problem.stability.safety_factor)
+    shares = met_in_shares(where.loop, device, gains, coupling, where.theta, asked)
 
     def lacks(log_corner: float) -> float:
-        met = WorldsMet(replace(worlds, corner=float(np.exp(log_corner))), problem.stability.safety_factor)
-        rooms = rooms_at_walls(seen, at, device.sample_time, where.theta, met)
+        met = replace(asked, worlds=replace(worlds, corner=float(np.exp(log_corner))))
+        rooms = rooms_at_walls(shares, device.sample_time, where.theta, met)
         return -min(float(np.nanmin(room)) for room in rooms.values())
 
     tried = np.log(most) + np.linspace(log(LOWEST), 0.0, CORNERS)

@@ -64,6 +64,11 @@ class SpringDamper:
     damping: Number
     stiffness: Number
 
+    @property
+    def rigid(self) -> bool:
+        """Whether the coupling is rigid; False, because a spring never is."""
+        return False
+
 
 AnyCoupling = Coupling | SpringDamper
 """The coupling between device and virtual world: `Coupling` for an admittance display, `SpringDamper` otherwise."""

@@ -64,7 +64,6 @@ def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
     else:
         yield from _meaningless(raw, OF_ADMITTANCE, 'device.display = "impedance"')
         yield from _unproved_impedance(device)
-        yield from _unproved_in_time(raw)
 
 
 def _meaningless(raw: dict[str, Any], keys: dict[tuple[str, ...], str], display: str) -> Iterator[Contradiction]:
@@ -107,22 +106,6 @@ def _unproved_impedance(device: dict[str, Any]) -> Iterator[Contradiction]:
         )
     if device.get("hold") == "lag":
         yield ("device", "hold"), '"lag" is not proved on an impedance display; write "zoh", or leave it out'
-
-
-def _unproved_in_time(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the environments that are not proved on an impedance display: walls, and those of section 20."""
-    table = raw.get("environment")
-    if not isinstance(table, dict):
-        return
-    if table.get("walls") is True or "corner_hz" in table:
-        key = "walls" if table.get("walls") is True else "corner_hz"
-        yield ("environment", key), "walls are not proved on an impedance display, but linear springs are; leave it out"
-    if table.get("rule", "trapezoid") != "trapezoid" or table.get("late", 0) != 0:
-        key = "late" if table.get("late", 0) != 0 else "rule"
-        yield (
-            ("environment", key),
-            "an impedance display is proved with environments by the trapezoidal rule that are on time; leave it out",
-        )
 
 
 def _stated(raw: dict[str, Any], path: tuple[str, ...]) -> bool:

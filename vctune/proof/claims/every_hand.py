@@ -291,7 +291,7 @@ class Asked:
         test = _of_margins(self.demands, self.uncertain, part, fixed, lead=lead)
         if self.in_time:
             assert self.demands.worlds is not None
-            sides = sides_at_nyquist(self.demands.worlds, rigid=self.design.series.rigid)
+            sides = sides_at_nyquist(self.demands.worlds, rigid=self.design.coupling.rigid)
             at_nyquist = _of_margins(self.demands, self.uncertain, part, fixed, sides=sides)
             test = from_frequency(pi * (1 - AT_NYQUIST), at_nyquist, test)
         at_rest = limp_hands_margins(self.demands, self.uncertain, part.delays, lead) if self.limp else ()
@@ -641,7 +641,7 @@ def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float,
     if not demands.worlds.lossless:
         worlds, sides = demands.worlds.converted(ball), sides_of(demands.worlds)
         if theta >= pi * (1 - AT_NYQUIST):
-            at, sides = arb.pi(), sides_at_nyquist(demands.worlds, rigid=design.series.rigid)
+            at, sides = arb.pi(), sides_at_nyquist(demands.worlds, rigid=design.coupling.rigid)
         found = margins_in_late_worlds(plant, exact, at, ball(share), worlds, sides, BALLS)
         return all(bool(each < 0) for each in found)
     met, inverse = WorldsMet(demands.worlds.converted(ball), factor), design.device.kind.inverse

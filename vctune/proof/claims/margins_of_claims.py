@@ -42,6 +42,7 @@ from vctune.model.sampled.worlds.loop_in_walls import Strip, strip_in_walls
 from vctune.model.sampled.worlds.loop_in_worlds import (
     UNCOUPLED,
     Disjuncts,
+    Offered,
     Seen,
     disjuncts,
     limp_disjuncts,
@@ -350,12 +351,32 @@ def margins_in_worlds(
     ops : arithmetic of the other arguments
     share : share of an impedance display's coupling admittance, from 1/factor to 1; each share has its own margins
     """
-    loop, T, coupling = loop_in_hand(plant, theta, ops), design.device.sample_time, design.coupling
+    offered, seen, share = met_by_environment(plant, design, theta, share, ops)
+    factor = 1 if isinstance(design.coupling, SpringDamper) else met.factor
+    return disjuncts(offered, met.worlds, design.device.sample_time, seen, factor, theta, ops)
+
+
+def met_by_environment(
+    plant: AnyPlantInHand, design: Design, theta: Number, share: Number, ops: Arithmetic
+) -> tuple[Offered, Seen, Number]:
+    """Return the impedance that an environment meets: that of the coupling, that of the loop, and the coupling's share.
+
+    The coupling of an impedance display is a part of its loop (model/README.md, section 18).
+
+    Parameters
+    ----------
+    plant : the device in the hand
+    design : design in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    share : y, from 1/safety_factor to 1
+    ops : arithmetic of the other arguments
+    """
+    loop, coupling = loop_in_hand(plant, theta, ops), design.coupling
     if isinstance(coupling, SpringDamper) and isinstance(loop, ForceInHand):
-        found = seen_by_tool(loop, design.gains, offered_at_spring(coupling, design.device, theta, ops), share)
-        return disjuncts(UNCOUPLED, met.worlds, T, found.whole, 1, theta, ops)
-    seen = seen_in_hand(loop, design.gains)
-    return disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
+        at = offered_at_spring(coupling, design.device, theta, ops)
+        return UNCOUPLED, seen_by_tool(loop, design.gains, at, share).whole, 1
+    offered = offered_at(design.series, design.device.sample_time, theta, ops)
+    return offered, seen_in_hand(loop, design.gains), share
 
 
 def limp_margins_in_worlds(
@@ -397,9 +418,7 @@ def margins_in_late_worlds(
     names : names of the sides of the box's polygon
     ops : arithmetic of all other arguments
     """
-    return _beyond(
-        seen_in_hand(loop_in_hand(plant, theta, ops), design.gains), design, theta, share, worlds, names, ops
-    )
+    return _beyond(*met_by_environment(plant, design, theta, share, ops), design, theta, worlds, names, ops)
 
 
 def limp_margins_in_late_worlds(
@@ -421,18 +440,22 @@ def limp_margins_in_late_worlds(
     """
     seen = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops)
     whole = Seen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
-    return _beyond(whole, design, theta, share, worlds, names, ops)
+    offered = offered_at(design.series, design.device.sample_time, theta, ops)
+    return _beyond(offered, whole, share, design, theta, worlds, names, ops)
 
 
 def _beyond(
-    seen: Seen, design: Design, theta: Number, share: Number, worlds: Worlds, names: Sequence[str], ops: Arithmetic
+    offered: Offered,
+    seen: Seen,
+    share: Number,
+    design: Design,
+    theta: Number,
+    worlds: Worlds,
+    names: Sequence[str],
+    ops: Arithmetic,
 ) -> tuple[Number, ...]:
     """Return the distance of a loop beyond each side of the polygon of environments, in the order of `names`."""
-    T, coupling = design.device.sample_time, design.series
-    offered, planes = (
-        offered_at(coupling, T, theta, ops),
-        half_planes(worlds, names, T, theta, ops, rigid=coupling.rigid),
-    )
+    planes = half_planes(worlds, names, design.device.sample_time, theta, ops, rigid=design.coupling.rigid)
     return tuple(sum_of(planes[name].terms(offered, seen, share)) for name in names)
 
 
@@ -452,8 +475,8 @@ def strip_of_walls(
     met : the environments, with the corner, in numbers of the arithmetic
     ops : arithmetic of the other arguments
     """
-    seen, T = seen_in_hand(loop_in_hand(plant, theta, ops), design.gains), design.device.sample_time
-    return strip_in_walls(offered_at(design.series, T, theta, ops), met.worlds, T, seen, share, theta, ops)
+    offered, seen, share = met_by_environment(plant, design, theta, share, ops)
+    return strip_in_walls(offered, met.worlds, design.device.sample_time, seen, share, theta, ops)
 
 
 def limp_strip_of_walls(

@@ -13,16 +13,15 @@ from math import pi
 
 from flint import arb
 
-from vctune.model.gains import Coupling
+from vctune.model.gains import AnyCoupling, SpringDamper
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
-from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_in_hand
 from vctune.model.sampled.worlds.loop_in_late_worlds import LEADING
-from vctune.model.sampled.worlds.loop_in_worlds import Seen, offered_at
+from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen
 from vctune.model.worlds import World, Worlds
-from vctune.proof.claims.margins_of_claims import HALF_TURN, Design
+from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, met_by_environment
 from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
 from vctune.proof.engine.interval import Outcome, Verdict
@@ -56,7 +55,7 @@ def prove_member(design: Design, hand: Hand, worlds: Worlds) -> Outcome:
         worlds,
         World(*map(ball, astuple(member))),
         sprung=bool(member.stiffness > 0 or (hand.stiffness > 0 and held)),
-        heavy=bool((worlds.rule == "trapezoid" and member.mass > 0) or design.series.rigid),
+        heavy=bool((worlds.rule == "trapezoid" and member.mass > 0) or design.coupling.rigid),
         ahead=worlds.ahead,
     )
     outcome, angle = turned_angle(curve.at, 0.0, HALF_TURN)
@@ -93,18 +92,17 @@ class _Curve:
 
     def at(self, theta: arb) -> Pair:
         """Return the curve at an angle, rad."""
-        seen = seen_in_hand(loop_in_hand(self.plant, theta, BALLS), self.design.gains)
+        offered, seen, _ = met_by_environment(self.plant, self.design, theta, 1, BALLS)
         late = -2 * self.worlds.late
-        found = self._alone(seen, theta) + _turned(self._rendered(theta), late, theta).scaled(seen.size)
+        found = self._alone(offered, seen, theta) + _turned(self._rendered(theta), late, theta).scaled(seen.size)
         return _turned(found, -(self.sprung + self.heavy + 2 * self.ahead), theta)
 
-    def _alone(self, seen: Seen, theta: arb) -> Pair:
+    def _alone(self, at: Offered, seen: Seen, theta: arb) -> Pair:
         """Return Y |F|^2 times 2 j s if the environment has a pole at 1, and times 2 c if it has one at -1."""
         T, sin, cos = self.design.device.sample_time, (theta / 2).sin(), (theta / 2).cos()
-        at = offered_at(self.design.series, T, theta, BALLS)
         scale = 2 * cos if self.heavy else 1
         real = at.resistance * seen.size - seen.lost
-        reactive = 2 * at.reactance if self.heavy else _reactance(self.design.series, T, sin, cos)
+        reactive = 2 * at.reactance if self.heavy else _reactance(self.design.coupling, T, sin, cos)
         if self.sprung:
             return Pair(-2 * (sin * reactive * seen.size - scale * seen.swing), 2 * sin * scale * real)
         if bool(sin.contains(0)):  # near rest the real part alone decides
@@ -133,7 +131,9 @@ def _turned(number: Pair, halves: int, theta: arb) -> Pair:
     return number * Pair((theta * halves / 2).cos(), (theta * halves / 2).sin())
 
 
-def _reactance(coupling: Coupling, sample_time: Number, sin: Number, cos: Number) -> Number:
-    """Return Im Z_c of a coupling with finite damping."""
+def _reactance(coupling: AnyCoupling, sample_time: Number, sin: Number, cos: Number) -> Number:
+    """Return Im Z_c of a coupling in series with finite damping; 0 for an impedance display."""
+    if isinstance(coupling, SpringDamper):
+        return 0
     reactance, slack = coupling.mass * 2 * sin / sample_time, coupling.damping * cos
     return reactance * coupling.damping * slack / (slack * slack + reactance * reactance)
