@@ -73,8 +73,8 @@ def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
     """
     sensor, mechanism, begin = sensing(scene), assembly(scene), equilibrium(scene)
     body, inputs = ca.SX.sym("body", len(at_rest(scene, mechanism, begin))), ca.SX.sym("inputs", input_count)
-    # with the new command, those of N whole samples of delay, and one more that ends within a sample; a servo moves
-    # from one position to the next, and thus needs the previous position as well
+    # past commands that still act: one for each whole sample of delay, and one that ends within a sample; a servo that
+    # interpolates between positions also needs the position before
     count = timing(scene).whole_samples + (2 if _interpolates(scene) else 1)
     commands = [ca.SX.sym(f"u{age}") for age in range(count)]
     unread = [ca.SX.sym(f"f{age}") for age in range(sensor.whole_samples)]
