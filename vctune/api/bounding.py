@@ -47,7 +47,7 @@ class Known:
     ----------
     record : record of the design
     best : judgement of the design by this version; None without a design
-    resume : state of an earlier search; None without one
+    resume : state of an earlier search; None without an earlier search
     """
 
     record: DesignRecord
@@ -80,12 +80,12 @@ class Bounded:
 
     @property
     def proved(self) -> bool:
-        """Whether the gap between error and bound is at most the required one."""
+        """Whether the gap between error and bound is at most the required gap."""
         return self.optimality is not None and self.optimality.proved
 
     @property
     def improved(self) -> bool:
-        """Whether the search has found a better design than the known one."""
+        """Whether the search has found a better design than the known design."""
         return self.optimality is not None and self.optimality.improved is not None
 
     def _repr_html_(self) -> str:
@@ -156,7 +156,7 @@ def bound(
 
 
 def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
-    """Return a problem; refuse a problem that leaves no variable free.
+    """Return a problem, or raise an error if the problem leaves no variable free.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
 
 
 def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
-    """Return the given design, or the design of an unfinished search. Return None if there is neither.
+    """Return the given design, or the design of an unfinished search. Return None if neither design exists.
 
     Parameters
     ----------

@@ -143,8 +143,8 @@ def check_parameter_files(
 
 
 def check_object(checked: Checked) -> dict[str, Any]:
-    """Return a check as an object: the object of design.json, the verdict on a region, or the reason for having
-    neither."""
+    """Return a check as an object: the object of design.json, the verdict on a region, or the reason why neither
+    exists."""
     if checked.finding is not None:
         return checked.finding.record()
     return RefusalRecord(

@@ -23,7 +23,7 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.model.problem import Problem, Transparency
 
 SAME = 1e-9
-"""Greatest relative difference of two numbers that count as equal. One of them may be computed and the other read from
+"""Greatest relative difference of two numbers that count as equal. One number may be computed, and the other read from
 a file."""
 
 
@@ -33,9 +33,9 @@ def compare(
     """Compare two designs. If an argument is a problem without a design, vctune first solves the problem. The function
     writes no files.
 
-    The function measures both errors over the band and with the Z_0 of `a`. If `b` is a problem, the function solves it
-    for this band and Z_0. If `b` states another band or Z_0, or is a design for another band or Z_0, the result
-    contains both errors on both scales.
+    The function measures the errors of both designs over the band and with the Z_0 of `a`. If `b` is a problem, the
+    function solves it for this band and Z_0. If `b` states another band or Z_0, or is a design for another band or Z_0,
+    the result contains both errors on both scales.
 
     Parameters
     ----------
@@ -92,7 +92,8 @@ def _same(a: Transparency, b: Transparency) -> bool:
 
 
 def _side(source: Any, record: DesignRecord, problem: Problem, yardsticks: Sequence[Transparency | None]) -> Side:
-    """Return one of two designs to be compared, with its error on each yardstick; None stands for its own yardstick."""
+    """Return one of two compared designs with its error on each yardstick. None stands for the design's own
+    yardstick."""
     return Side(
         source=str(source) if isinstance(source, str | Path) else record.problem.name,
         record=record,

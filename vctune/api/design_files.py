@@ -132,13 +132,13 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[
     """Write design.json and gains.toml, and remove the report of an earlier design.
 
     If the design has changed, the function renames the other files of the earlier design, such as its firmware. If
-    there is no design any more, it renames gains.toml.
+    there is no longer a design, the function renames gains.toml.
 
     Parameters
     ----------
     folder : an existing folder
     file : the problem
-    record : record of its design, or of the reason why it has none
+    record : record of its design, or of the reason why the problem has no design
 
     Returns
     -------

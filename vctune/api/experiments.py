@@ -45,8 +45,9 @@ class Simulation:
     gains, coupling : the design
     experiments : results of the experiments; each has the runs of the design and of the regular PID (`traces`,
         `metrics`, `mode`)
-    controller : name of the compiled controller that ran instead of the design's own; None without one
-    made_for : digest of the problem for which the compiled controller was made; None without one
+    controller : name of the compiled controller that ran instead of the design's own controller; None if the design's
+        own controller ran
+    made_for : digest of the problem for which the compiled controller was made; None without a compiled controller
     """
 
     file: ProblemFile
@@ -101,8 +102,8 @@ def simulate(
     experiment : experiment to simulate, by name or as an object; None for all experiments of the problem
     controller : a compiled controller, its path, or its folder. It runs instead of the design's own controller, and
         each experiment then has a `difference`
-    tolerance : greatest permitted difference between the commands of this controller and of the design, in their unit;
-        None for the effect of rounding
+    tolerance : greatest permitted difference between the commands of this controller and of the design, in the unit of
+        the command; None to permit the effect of rounding
     progress : function that receives the current stage
 
     Returns
@@ -137,7 +138,7 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
     Parameters
     ----------
     file : the problem
-    name : name of the experiment; None for all
+    name : name of the experiment; None for all experiments
 
     Raises
     ------

@@ -24,7 +24,7 @@ CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
 KEY_TABLES = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
 """Pattern of a table of keys in a guide: the text between `<!-- reference -->` and the comment that ends it."""
 KEY_ROW = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
-"""Pattern of a key's row in such a table: its key and its meaning, as of "| `device.mass` | Mass, kg. |"."""
+"""Pattern of a key's row in such a table: its key and its meaning, as in "| `device.mass` | Mass, kg. |"."""
 GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 """Pattern of a guide's glossary: the text below its heading."""
 TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)
@@ -36,12 +36,12 @@ VARIABLE_ENDINGS = (
     r" [A-Za-z](_\w+)?$",
     r"_(hz|db|deg|s|per_s)$",
 )
-"""Pattern of the endings that labels of tables and JSON keys add to a word: a frequency, the index of a part, a symbol,
+"""Pattern of the endings that labels of tables and JSON keys add to a term: a frequency, the index of a part, a symbol,
 a unit."""
 LINEAR_WORDS = (("inertia", "mass"), ("torque", "force"))
 """Words for a rotary device, each with the corresponding word for a linear device."""
 CLAIMS_GUIDE = "vctune/proof/README.md"
-"""Guide that the entry of a claim names; the text of the entry comes from the registry of the claims."""
+"""Guide that the entry of a claim names. The text of the entry comes from the registry of the claims."""
 CELLS = re.compile(r"(?<!\\)\|")
 """Pattern of the border between two cells: "|", but not "\\|", as in "\\|S\\|"."""
 
@@ -116,7 +116,7 @@ def _names_of_label(label: str) -> Iterator[str]:
 
 
 def _entries_named(name: str, folded: Callable[[str], str] = str) -> list[Entry]:
-    """Return the entries with a name, and the keys whose last part is the name. The function applies `folded` to an
+    """Return the entries with a name, and the keys whose last part is the name. The function `folded` is applied to an
     entry's names before the comparison."""
     return [
         entry
@@ -152,7 +152,8 @@ def _guides(folder: Traversable, place: str) -> Iterator[tuple[str, str]]:
 
 
 def _entries(guide: str, text: str) -> Iterator[Entry]:
-    """Yield the entries of a guide: codes, keys (a table's key lists the keys inside it), and terms of the glossary."""
+    """Yield the entries of a guide: codes, keys, and terms of the glossary. The entry of a table lists the keys in
+    it."""
     for code, page in CODE.findall(text):
         yield Entry("code", (code,), page.strip(), guide)
     for reference in KEY_TABLES.findall(text):

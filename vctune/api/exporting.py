@@ -136,8 +136,8 @@ def export_parameters(
     Returns
     -------
     Exported
-        `firmware` belongs to the first design that is not certified. If all designs are certified, it belongs to the
-        first one.
+        `firmware` belongs to the first design that is not certified. If all designs are certified, `firmware` belongs
+        to the first design.
 
     Raises
     ------
@@ -174,7 +174,7 @@ class NotCertifiedError(InputError):
 
 
 def write_export(exported: Exported, folder: str | Path) -> Path:
-    """Write all files of an export, or none.
+    """Write all files of an export. If an error occurs, write no file.
 
     Parameters
     ----------

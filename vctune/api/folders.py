@@ -17,8 +17,8 @@ from vctune.document.text.output_files import write_together
 
 DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
 OWNER_FILE = "problem-file.txt"
-"""File with the path of the problem file that owns the folder. The path is relative to the folder, so both can move
-together."""
+"""File with the path of the problem file that owns the folder. The path is relative to the folder, so folder and
+problem file can move together."""
 OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
 """Files that other commands write for a design, in its folder."""
 OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front")
@@ -28,7 +28,7 @@ OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front
 def design_folder(file: ProblemFile, out: Path) -> Path:
     """Create the folder of a problem's design in OUT and return its path.
 
-    The function makes sure that the folder is writable and contains no other problem's work.
+    The function checks that the folder is writable and contains no files of another problem.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def design_folder(file: ProblemFile, out: Path) -> Path:
 
 
 def claim_folder(file: ProblemFile, folder: Path) -> None:
-    """Create a folder if needed, and check that a design of this problem would overwrite no other work in it.
+    """Create a folder if needed, and check that a design of this problem would not overwrite files of another problem.
 
     A problem file becomes the owner of the folder. If another file owns the folder, the function refuses the problem,
     unless the design in the folder belongs to the same problem.
@@ -60,7 +60,7 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
     Raises
     ------
     InputError
-        If the folder cannot be created or written, or contains other work.
+        If the folder cannot be created or written, or contains files of another problem.
     """
     make_folder(folder)
     source, owner = Path(file.source), _owner(folder)

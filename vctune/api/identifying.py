@@ -80,8 +80,8 @@ def identify(
     Raises
     ------
     InputError
-        If a file cannot be read or has no information; the message states line, column and remedy. Also if SciPy is not
-        installed.
+        If a file cannot be read or does not determine the device; the message states line, column and remedy. Also if
+        SciPy is not installed.
     """
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
     if not paths:
@@ -155,7 +155,7 @@ def require_scipy() -> None:
     Raises
     ------
     InputError
-        If SciPy is not installed; the message says how to install it.
+        If SciPy is not installed; the message states how to install it.
     """
     if find_spec("scipy") is None:
         raise InputError.of("vctune identify", "missing-package", "needs SciPy: pip install scipy")

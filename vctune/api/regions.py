@@ -38,10 +38,11 @@ from vctune.study.world_region import world_plane, world_plane_errors, world_reg
 REGION_FILES, WORLD_FILES = ("region.json", "region.svg"), ("z-width.json", "z-width.svg")
 """File names of record and picture, for a region over design variables and for a region over environments."""
 SOLVING = 0.5
-"""Greatest share of a time limit for solving the problem. A region shows the best design, but does not need it."""
+"""Greatest share of a time limit for solving the problem. The picture of a region shows the best design, but the search
+for the region does not need this design."""
 DRAWING = 1.5
 """Seconds reserved for the picture of the cells, at most half of the remaining time. With half as many seconds, a slow
-machine leaves regions without a picture. With twice as many, the search leaves more cells undecided."""
+machine has no time to draw the picture. With twice as many seconds, the search leaves more cells undecided."""
 LOADING = 0.5
 """Seconds that loading the drawing packages may take. Nothing can interrupt the loading, so vctune draws no picture if
 less time is left. With half as many seconds, the command would exceed its time limit."""
@@ -55,7 +56,7 @@ class AdmissibleGains:
     ----------
     file : the problem
     region : the cells; `interrupted` states whether the search was stopped
-    solved : the best design of the problem, if there is one; None if the search did not need it
+    solved : the result of solving the problem; None if the search did not need this result
     design : the gains and the coupling that render the environments of the cells; None for a plane of design variables
     marked : gains and coupling that the picture of a plane of design variables marks, proved or not
     """
@@ -200,7 +201,7 @@ def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
 
 
 def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
-    """Return a problem; refuse a problem that has no region in the plane of x and y.
+    """Return a problem, or raise an error if the problem has no region in the plane of x and y.
 
     Parameters
     ----------

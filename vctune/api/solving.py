@@ -35,9 +35,10 @@ def solve(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gap : the function proves that the error of no design is lower by more than this share; None for no such proof
+    gap : share by which the error may exceed the proved lower bound on the error of every design; None for no such
+        proof
     prices : whether to compute the prices: the decrease of the error if a parameter of the device were better by 1 %
-    changing : whether to examine if a certified design is stable while the damping of the hand changes at every sample
+    changing : whether to examine a certified design for stability while the damping of the hand changes at every sample
     time_limit : seconds after which the function returns the result so far; `cut` then names the missing parts
     progress : function that receives the current stage
 
@@ -81,7 +82,7 @@ def require_gap(gap: float) -> None:
 
 
 def require_bounded(file: ProblemFile) -> ProblemFile:
-    """Return a problem; refuse a problem whose error vctune cannot bound from below.
+    """Return a problem, or raise an error if vctune cannot bound the problem's error from below.
 
     Parameters
     ----------

@@ -153,7 +153,7 @@ def front(
     time_limit: float = inf,
     bar: Bar = lambda name, points: nullcontext(lambda known: None),
 ) -> Fronts:
-    """Find two Pareto fronts of a problem: one between the three terms of the error, one between error and band.
+    """Find two Pareto fronts of a problem: one between the three terms of the error, and one between error and band.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def _study(problem: ProblemSource | Study, axes: Mapping[str, Any] | None, sampl
 
 @contextmanager
 def _kept(folder: str | Path | None) -> Iterator[Path]:
-    """Yield the given folder, and create it if needed; if no folder is given, yield a temporary one."""
+    """Yield the given folder, and create it if needed; if no folder is given, yield a temporary folder."""
     if folder is None:
         with tempfile.TemporaryDirectory() as name:
             yield Path(name)

@@ -121,7 +121,7 @@ def solve_axes(
             progress=lambda stage: progress(f"{axis.name}: {stage}"),
         )
 
-    # an equal axis shares the result of another one, and its record needs the problem with its own name
+    # equal axes share one result, but the record of each axis needs the problem with the name of this axis
     return [
         AxisDesign(axis, record_of(axis.file, replace(solved, problem=axis.file.problem), ipopt_version(), today()))
         for axis, solved in once_per_problem(axes, solved_axis)
@@ -254,8 +254,8 @@ def check_parameters(
     Raises
     ------
     InputError
-        If the parameter file selects an axis that the problem lacks, or an axis of the other kind of motion (a rotation
-        for a translation, or the reverse); or if `only` names an axis that the file does not select.
+        If the parameter file selects an axis that the problem lacks, or an axis with another kind of motion (a rotation
+        instead of a translation, or the reverse); or if `only` names an axis that the file does not select.
     """
     parameters, axis_names = read_admittance(path), {axis.name for axis in axes.axes}
     selected = [axis.axis for axis in axes_asked_for(path, parameters, only)]
@@ -308,7 +308,7 @@ def _of_axis(checked: Checked, axis: AxisProblem, gains: GainsFile | None) -> Ch
 
 
 def _renamed(file: ProblemFile, name: str) -> ProblemFile:
-    """Return a problem file with another name of its problem."""
+    """Return a problem file whose problem has another name."""
     return replace(file, problem=replace(file.problem, name=name))
 
 

@@ -18,8 +18,8 @@ from vctune.simulation.firmware.expression import Symbol
 BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")
 """Names of the coefficients of a built-in environment."""
 LIMITING = ("limit", "position_reach")
-"""Names of the coefficients of a limited force. Impedance displays and servos have no `reach`, because nothing winds
-up."""
+"""Names of the coefficients of a limited force. Impedance displays and servos have no `position_reach`, because their
+firmware has no integrator that could wind up."""
 SYSTEM = {
     "linear": "SI units; of a rotary device kg m^2, N m and rad in place of\n * kg, N and m.",
     "rotary": "SI units of a rotary device: kg m2, N m and rad; its\n * force is a torque, its mass an inertia.",

@@ -16,16 +16,16 @@ from vctune.simulation.firmware.stepped import Precision
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}
 """Precedence of each operator."""
 HOLDING = BINDING | {"choice": 0}
-"""Precedence of an operator as an operand of another. All other operators become function calls."""
+"""Precedence of an operation that is an operand of another operation. All other operators become function calls."""
 COUNTED = {"+": "additions", "-": "additions", "*": "multiplications", "/": "divisions"}
 
 
 def literal(number: float, precision: Precision) -> str:
-    """Return the shortest C constant that a compiler reads as exactly this number.
+    """Return the shortest C constant that a compiler reads as exactly the given number.
 
     Parameters
     ----------
-    number : number of this precision
+    number : number in the given precision
     precision : precision of the constant
     """
     if number in (inf, -inf):
@@ -70,7 +70,7 @@ def _written(
     number: Callable[[float], str],
     called: Callable[[str, list[str]], str],
 ) -> str:
-    """Return a term as text. An operand with a lower precedence than its operator gets parentheses."""
+    """Return a term as text. Operands whose precedence is lower than that of their operator get parentheses."""
     if isinstance(term, Symbol):
         return name(term)
     if not isinstance(term, Operation):

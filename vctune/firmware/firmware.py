@@ -36,8 +36,8 @@ class Firmware:
     record : record of the exported design; in single precision, of the design with rounded constants
     device : the certified device
     gains, coupling : the decimals of the design
-    parts : parts of the firmware, with all built-in environments, and with a limit if it commands a force
-    precision : precision of the firmware's numbers
+    parts : parts of the firmware, with all built-in environments, and with a limit if the firmware commands a force
+    precision : precision of the firmware's arithmetic
     coefficients : coefficients of the controller as the firmware uses them, by their names in
         `vctune.simulation.firmware.equations`
     problem_sha256, design_sha256 : digest of the problem, and digest of problem, gains and coupling together
@@ -60,7 +60,7 @@ class Firmware:
 
     @property
     def units(self) -> Units:
-        """The units of the firmware's numbers."""
+        """The units of the firmware's quantities."""
         return UNITS[self.device.units]
 
     @property
@@ -111,7 +111,7 @@ def firmware(
 
 @np.errstate(all="ignore")
 def judged(problem: Problem, design: tuple[Gains, AnyCoupling], corner: float | None = None) -> Judgement:
-    """Return the proved claims of a design, which are those of `vctune check`.
+    """Prove the claims of `vctune check` for a design, and return the verdicts.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def controller_coefficients(coefficients: dict[str, float], command: Commanded) 
     Parameters
     ----------
     coefficients : coefficients of a complete firmware, by their names
-    command : kind of its command
+    command : kind of the firmware's command
     """
     of_law: tuple[str, ...] = ("velocity_gain", "position_gain")
     of_coupling: tuple[str, ...] = ("coupling_step", "coupling_decay")
@@ -143,9 +143,9 @@ def controller_coefficients(coefficients: dict[str, float], command: Commanded) 
 
 
 def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, AnyCoupling]]:
-    """Return the problem and the design whose exact coefficients equal given rounded ones.
+    """Return the problem and the design whose exact coefficients equal given rounded coefficients.
 
-    The function also rounds the sample time, because the firmware's integrators use the rounded one.
+    The function also rounds the sample time, because the firmware's integrators use the rounded sample time.
 
     Parameters
     ----------

@@ -23,9 +23,9 @@ from vctune.version import __version__
 COMPILERS = ("cc", "gcc", "clang")
 OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 EPOCH = (1980, 1, 1, 0, 0, 0)
-"""Date of every file in the archive, so that the same design gives the same bytes."""
+"""Date of every file in the archive. A constant date gives the same bytes for the same design."""
 ABSENT_OF_SERVO = ("position", "velocity", "limit", "start_position")
-"""Names of the variables of the motor's motion and force, which a servo lacks."""
+"""Names of variables that the FMU of a servo lacks: the motor's motion and the limit of its force."""
 REALS = (
     ("position", "position", "input", "position of the motor"),
     ("velocity", "speed", "input", "velocity of the motor"),

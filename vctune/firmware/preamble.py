@@ -72,7 +72,7 @@ def assumptions(firmware: Firmware) -> list[str]:
 
 
 def _left_to_caller(device: Device, units: Units) -> list[str]:
-    """Return a sentence on the parts of a servo's firmware that the exported C lacks; no sentence without them."""
+    """Return a sentence on the parts of a servo's firmware that the exported C lacks; nothing if no part is lacking."""
     assert device.servo is not None
     share, stiffness = device.sensing.filter_coefficient, device.servo.stiffness
     parts = [] if share is None else [f"filters the samples of the {units.force_name} with a = {share!r}"]
@@ -84,7 +84,8 @@ def _left_to_caller(device: Device, units: Units) -> list[str]:
 
 
 def _stepped(hands: HandsRecord) -> str:
-    """Return a phrase on the integration rule of a claim's environments, to be put after their name."""
+    """Return a phrase on the integration rule of a claim's environments. The phrase follows the name of the
+    environments."""
     stepped = in_time_in_words(hands.worlds_rule or "trapezoid", hands.worlds_late or 0)
     if hands.worlds_rule is None:
         stepped = f", by the trapezoidal rule{stepped}"

@@ -40,8 +40,8 @@ class RosAxis:
 
 
 def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
-    """Return designs with the numbers that the controller computes, each with its proof. vctune proves equal laws only
-    once.
+    """Return designs with the coefficients that the controller computes, each with its proof. vctune proves equal laws
+    only once.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
     ------
     InputError
         If a device is not a servo; if an axis and its device have different kinds of motion; or if the axes need
-        different values of a parameter that the controller has only once.
+        different values of a parameter that all axes of the controller share.
     """
     for axis in axes:
         _require_servo(axis)
@@ -81,7 +81,7 @@ def ros2_files(name: str, axes: Sequence[RosAxis], controllers: Sequence[Firmwar
     """
     axes_of_line: dict[str, list[str]] = {}
     for axis, controller in zip(axes, controllers, strict=True):
-        other = ("Controller of ", LEFT_TO_CALLER)  # ROS 2's controller itself filters and has a spring
+        other = ("Controller of ", LEFT_TO_CALLER)  # the ROS 2 controller has the filter and the spring
         statement_lines = [line for line in statement(controller) if line and not line.startswith(other)]
         axes_of_line.setdefault("\n".join([*statement_lines, _least_ratio(controller)]), []).append(axis.axis)
     comments = [f"Parameters of {name} for an admittance_controller of ROS 2, written by vctune {__version__}.", ""]
@@ -100,7 +100,8 @@ def _least_ratio(controller: Firmware) -> str:
 
 
 def _require_servo(axis: RosAxis) -> None:
-    """Refuse an axis whose device is no servo, or whose motion is of the other kind."""
+    """Refuse an axis whose device is not a servo, or whose kind of motion (linear or rotary) differs from the
+    device's."""
     device = axis.file.problem.device
     if device.kind.own_loop:
         message = "is no servo, and an admittance_controller commands one; write [device.servo], or export to C"

@@ -47,7 +47,7 @@ class Replay:
 def replays(file: ProblemFile, replays: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
     """Simulate a design in those experiments of its problem that the C code can render.
 
-    Without any, use default experiments.
+    If the problem has no such experiments, use default experiments.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def usual(problem: Problem) -> tuple[Experiment, ...]:
 
 
 def _replay(replays: Firmware, experiment: Experiment, progress: Callable[[str], None]) -> Replay:
-    """Simulate an experiment, and return what the firmware reads and commands."""
+    """Simulate an experiment, and return the firmware's measurements and commands."""
     scene = designed_scene(replays.device, replays.gains, replays.coupling, experiment)
     traces = run(scene, lambda share: progress(f"{experiment.name} {share:.0%}"))
     begin = equilibrium(scene)
@@ -120,7 +120,7 @@ def vectors_text(replays: list[Replay], units: Units, commanded: Commanded) -> s
 
 
 def greatest_difference(firmware: Firmware, replays: list[Replay]) -> float:
-    """Return the greatest difference between a firmware's commands and the simulated ones.
+    """Return the greatest difference between a firmware's commands and the simulated commands.
 
     The firmware runs in its precision, without fused operations.
 

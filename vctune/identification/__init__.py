@@ -1,1 +1,1 @@
-"""Identify a device from recordings: its numbers, each with an interval that covers all uncertainty (README.md)."""
+"""Identify the parameters of a device from recordings, each with an interval (README.md)."""

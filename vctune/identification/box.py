@@ -10,7 +10,7 @@ from vctune.document.text.codes import Note
 from vctune.identification.motion.covariance import joint_factor
 
 MASS_FLOOR = 0.01
-"""Least relative half-width of a mass. This floor allows for changes of the device from one day to the next."""
+"""Least relative half-width of a mass. This floor allows for changes of the device from day to day."""
 DELAY_FLOOR = 0.1
 """Least half-width of a delay, in sample times."""
 WIDEST = 0.99
@@ -24,7 +24,8 @@ FLOORS = {
     "structure.frequency_hz": MASS_FLOOR / 2,
     "servo.bandwidth_hz": MASS_FLOOR,
 }
-"""Least relative half-widths by key. The half-width of a frequency follows from that of a mass by the square root."""
+"""Least relative half-widths by key. The half-width of a frequency is half that of a mass, because a frequency depends
+on the square root of the mass."""
 COULOMB_SHARE = 0.1
 """Share of the Coulomb friction that may in fact be viscous, because Coulomb's law is not exact. Divided by the speed
 of the motion, this share widens the interval of the damping."""
@@ -39,11 +40,11 @@ class Estimate:
 
     Attributes
     ----------
-    key : key of the number in the device's table
+    key : key of the parameter in the device's table
     value, sigma : estimate and standard deviation, SI units, frequencies in Hz
     source : the recording and the method
-    excess : how far other estimates from the same recording differ beyond their spread, below and above
-    stated : whether the user stated the number, so that it comes from no recording
+    excess : how far other estimates from this recording lie below and above `value`, beyond their spread
+    stated : whether the user stated the parameter, in which case no recording determines it
     reason : reason for the excess
     """
 
@@ -62,10 +63,10 @@ class Bounded:
 
     Attributes
     ----------
-    key : key of the number in the device's table
+    key : key of the parameter in the device's table
     value : middle of the interval
     low, high : ends of the interval
-    sampled : half-width from the standard deviation of the least certain estimate alone
+    sampled : half-width that follows from the standard deviation of the least certain estimate
     limits : reasons for the interval's ends
     estimates : estimates that the interval contains
     """
@@ -105,7 +106,7 @@ def box(estimates: Sequence[Estimate], sample_time: float) -> tuple[Bounded, ...
 
 
 def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: float) -> Bounded:
-    """Return the interval of a number, which contains all estimates and is at least as wide as the floor."""
+    """Return the interval of a parameter, which contains all estimates and is at least as wide as the floor."""
     low = min(estimate.value - factor * estimate.sigma - estimate.excess[0] for estimate in estimates)
     high = max(estimate.value + factor * estimate.sigma + estimate.excess[1] for estimate in estimates)
     sampled = factor * max(estimate.sigma for estimate in estimates)

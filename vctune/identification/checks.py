@@ -41,8 +41,8 @@ class Evenness:
 
 
 LOOP, LINK = Evenness(0.05, 1.5), Evenness(0.25, 1.9)
-"""Limits for a loop that an interrupt runs, and for a robot's link. Samples over a link may be less even, because the
-fit of a servo uses the times that the log states."""
+"""Limits for a loop that an interrupt runs, and for the communication link of a robot. Samples over a link may be less
+even, because the fit of a servo uses the times that the log states."""
 
 
 def check(recording: Recording, sample_time: float | None, *, servo: bool = False) -> float:
@@ -51,7 +51,7 @@ def check(recording: Recording, sample_time: float | None, *, servo: bool = Fals
     Parameters
     ----------
     recording : the recording as it was read
-    sample_time : sample time that the map states, s; None for that of the time column
+    sample_time : sample time that the log.toml states, s; None to use the time column
     servo : whether the log is of a servo, so that its sample times depend on the link
 
     Raises
@@ -109,7 +109,7 @@ def _sample_time(recording: Recording, stated: float | None, even: Evenness) -> 
 
 
 def _backwards(recording: Recording, time: Channel) -> Mistake | None:
-    """Return the fault of a time that does not increase; None if it increases."""
+    """Return the fault of a time column that does not increase; None if it increases."""
     back = np.flatnonzero(np.diff(time.values) <= 0)
     if not back.size:
         return None
@@ -234,7 +234,8 @@ def _rows_per_change(values: Floats) -> int:
 
 
 def _at_limit(channel: Channel) -> float:
-    """Return the share of samples that are at the limit, or at an extreme value for three samples in a row."""
+    """Return the share of samples that are at the limit of the column, or at its extreme value for three samples in a
+    row."""
     size = np.abs(channel.values)
     limit = channel.limit if channel.limit is not None else float(size.max())
     at = size >= limit * (1 - 1e-9)

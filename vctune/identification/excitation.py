@@ -1,4 +1,4 @@
-"""Propose a multisine that would reduce the uncertainty of the numbers: lines, duration, amplitude (README, section
+"""Propose a multisine that would reduce the uncertainty of the parameters: lines, duration, amplitude (README, section
 5)."""
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from vctune.identification.motion.signals import position_noise
 from vctune.identification.response.physics import antiresonance_hz, compliances
 
 LINES = 60
-"""Number of lines, spaced evenly on a logarithmic axis. A fit of seven numbers needs no more lines."""
+"""Number of lines, spaced evenly on a logarithmic axis. A fit of seven parameters needs no more lines."""
 NEAR = 24
 """Number of additional lines within 10 % of a resonance, and also within 10 % of an antiresonance."""
 HIGHEST = 0.2
@@ -24,7 +24,7 @@ LONGEST = 8.0
 """Longest period, s."""
 PEAK = 1.0
 """Greatest force, as a share of the logs' greatest force. Half this force might not overcome the friction. The speed
-never exceeds that of the logs."""
+never exceeds the greatest speed of the logs."""
 SPREAD = 0.005
 """Target for the relative standard deviation of a line."""
 PERIODS = (5, 60)
@@ -42,7 +42,7 @@ class Excitation:
     periods : number of periods to record; the evaluation omits the first one
     peak, speed : greatest force, N, and predicted root mean square speed, m/s
     spread : predicted relative standard deviation of the worst line
-    reasons : the numbers that the multisine would determine better
+    reasons : the parameters that the multisine would determine better
     """
 
     force: Floats
@@ -60,7 +60,7 @@ def excitation(identified: Identified) -> Excitation:
 
     Parameters
     ----------
-    identified : the identification so far
+    identified : the identified device with its box and its recordings
     """
     device, T = identified.device, float(identified.device.sample_time)
     low = min(max(float(device.damping / device.mass) / (2 * pi), 8 / LONGEST), 0.1 * HIGHEST / T)
@@ -86,7 +86,7 @@ def excitation(identified: Identified) -> Excitation:
 
 
 def _lines(identified: Identified, low: float, period: int, T: float) -> Floats:
-    """Return the numbers of the excited lines, with more of them near resonance and antiresonance."""
+    """Return the indices of the excited lines. More lines lie near resonance and antiresonance."""
     resolution = 1 / (period * T)
     spread = np.exp(np.linspace(np.log(low), np.log(HIGHEST / T), LINES))
     places = [spread]
@@ -107,7 +107,7 @@ def _wave(lines: Floats, period: int) -> Floats:
 
 
 def _scale(identified: Identified, force: Floats, motor: Floats, hertz: Floats) -> float:
-    """Return the amplitude of the wave: the greatest that the device reached in the logs."""
+    """Return the amplitude of the wave, which exceeds neither the greatest force nor the greatest speed of the logs."""
     forces, speeds = [], []
     for study in identified.records:
         recording = study.recording
@@ -129,7 +129,7 @@ def _noise(identified: Identified) -> float:
 
 
 def _reasons(identified: Identified) -> tuple[str, ...]:
-    """Return the numbers that the multisine would determine better, each with its half-width."""
+    """Return the parameters that the multisine would determine better, each with its half-width."""
     reasons = [
         f"{bounded.key}: within {bounded.share:.0%}, by {bounded.limit}"
         for bounded in identified.bounds

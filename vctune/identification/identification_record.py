@@ -103,7 +103,7 @@ def _excitation_record(excitation: Excitation) -> ExcitationRecord:
 
 
 def _friction_record(identified: Identified) -> FrictionRecord | None:
-    """Return the friction with six digits as a record; None if none was identified."""
+    """Return the friction with six digits as a record; None if no friction was identified."""
     if identified.friction is None:
         return None
     friction = identified.friction
@@ -113,7 +113,7 @@ def _friction_record(identified: Identified) -> FrictionRecord | None:
 
 
 def _recording_record(study: RecordStudy) -> RecordingRecord:
-    """Return the record of a recording by the kind of its study."""
+    """Return the record of a recording. The kind of its study determines the contents."""
     if study.motion is not None:
         return _any_motion_record(study, study.motion)
     if study.servo is not None:
@@ -230,7 +230,7 @@ def _servo_record(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
 
 
 def _derived(fit: ResponseFit, units: Units) -> list[NumberRecord]:
-    """Return the numbers that describe a structure: both masses, the stiffness and the resonance."""
+    """Return the quantities that describe a structure, such as both masses, the stiffness and the resonance."""
     structure = fit.device.structure
     low = antiresonance_hz(fit.device)
     if structure is None or low is None:

@@ -1,4 +1,5 @@
-"""Identify a device, its box, and the source of each number from recordings. This is the main path of the package."""
+"""Identify a device, its box, and the source of each parameter from recordings. This is the main path of the
+package."""
 
 from __future__ import annotations
 
@@ -39,17 +40,17 @@ SAME_SAMPLE_TIME = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """A device, with the uncertainty of its numbers.
+    """A device, with the uncertainty of its parameters.
 
     Attributes
     ----------
     name : name of the device
     device : device at the centre of the box
-    bounds : the box, one interval for each number
-    unmodelled : points (Hz, radius) of a disc that covers what no device of the box explains; empty if the recordings
-        show only slow motion
-    distances : relative distance of each line or band from the nearest device of the box, for each recording that has
-        them
+    bounds : the box, one interval for each parameter
+    unmodelled : points (Hz, radius) of a disc that covers the part of the response that no device of the box explains;
+        empty if the recordings show only slow motion
+    distances : relative distance of each line or band from the nearest device of the box, for each recording with lines
+        or bands
     friction : friction for the simulation; None if none was found
     force_noise : standard deviation of the noise in a sample of the sensed force, N; None if no force was recorded
     records : one study for each recording
@@ -89,7 +90,7 @@ def identify(recordings: Sequence[Recording], log_map: LogMap, name: str, progre
     Raises
     ------
     InputError
-        If a recording cannot be used or has no information, or if the sample times differ.
+        If a recording cannot be used or does not determine the device, or if the sample times differ.
     """
     times = [check(recording, log_map.document.sample_time, servo=log_map.servo) for recording in recordings]
     T = times[0]
@@ -119,7 +120,7 @@ def identify(recordings: Sequence[Recording], log_map: LogMap, name: str, progre
 
 
 def _same_sample_time(recordings: Sequence[Recording], times: Sequence[float]) -> None:
-    """Refuse recordings whose sample times differ by more than the clocks of two runs do."""
+    """Refuse recordings whose sample times differ by more than the clocks of two runs can differ."""
     for recording, T in zip(recordings, times, strict=True):
         if abs(T / times[0] - 1) > SAME_SAMPLE_TIME:
             message = f"was sampled every {T:g} s, and {recordings[0].source} every {times[0]:g} s; identify them apart"
@@ -137,7 +138,7 @@ def _device(bounds: Sequence[Bounded], log_map: LogMap, T: float) -> Device:
 
 
 def _servo(bounds: Sequence[Bounded], log_map: LogMap, T: float, studies: Sequence[RecordStudy]) -> Device:
-    """Return the servo at the centre of the box. Its order is the likeliest one over all recordings."""
+    """Return the servo at the centre of the box. The order of the servo is the likeliest order over all recordings."""
     value = {bounded.key: bounded.value for bounded in bounds}
     servo_studies = [study.servo for study in studies if study.servo is not None]
     command: Literal["velocity", "position"] = "position" if servo_studies[0].servo_log.is_position else "velocity"
@@ -158,7 +159,8 @@ def _line_distances(study: RecordStudy, device: Device, bounds: Sequence[Bounded
 def _unmodelled(
     studies: Sequence[RecordStudy], line_distances: Sequence[np.ndarray], device: Device, bounds: Sequence[Bounded]
 ) -> tuple[tuple[float, float], ...]:
-    """Return the radii of unmodelled: the envelope of the distances of all lines, and of a servo's other order."""
+    """Return the radii of unmodelled: the envelope of the distances of all lines and of the servo with the other
+    order."""
     measured = [study.measured_hz for study in studies if study.motion is None]
     pairs = list(zip(measured, line_distances, strict=True))
     pairs += [

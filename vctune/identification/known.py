@@ -29,13 +29,13 @@ def check_known(log_map: LogMap, sample_time: float) -> None:
 
     Parameters
     ----------
-    log_map : the log.toml with the numbers that the user states
+    log_map : the log.toml with the parameters that the user states
     sample_time : T, s
 
     Raises
     ------
     InputError
-        If a number is impossible; the error names its line and key.
+        If a parameter is impossible; the error names its line and key.
     """
     raw: dict[str, Any] = toml.parse(log_map.text, log_map.source) if log_map.text else {}
     device = raw.get("device", {}) | {"sample_time": sample_time}
@@ -50,19 +50,20 @@ def check_known(log_map: LogMap, sample_time: float) -> None:
 
 
 def known_actuator(log_map: LogMap) -> Actuator | None:
-    """Return the actuator that the user states; None without one."""
+    """Return the actuator that the user states; None if the user states no actuator."""
     stated = log_map.document.device.actuator
     return None if stated is None else Actuator(stated.bandwidth_hz, stated.order)
 
 
 def known_sensor(log_map: LogMap) -> ForceSensor | None:
-    """Return the force sensor that the user states; None without one."""
+    """Return the force sensor that the user states; None if the user states no force sensor."""
     sensor: ForceSensor | None = stated_parts(log_map.document.device).get(SENSOR)
     return sensor
 
 
 def velocity_estimate(log_map: LogMap) -> VelocityEstimate:
-    """Return the source of the firmware's velocity: the difference of positions, unless the user states another."""
+    """Return the source of the firmware's velocity: the difference of positions, unless the user states another
+    source."""
     stated = log_map.document.device.velocity
     if stated is None:
         return VelocityEstimate("difference")

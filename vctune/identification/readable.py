@@ -1,4 +1,4 @@
-"""Reduce a box to the part that a problem file can state, or refuse the log. The message states the reason."""
+"""Reduce a box to the part that a problem file can state, or refuse the log with a message that states the reason."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vctune.document.text.errors import InputError
 from vctune.identification.box import Bounded
 
 LIGHTER = 1 - 1e-3
-"""Greatest permitted mass of a handle, relative to the least mass of the device."""
+"""Greatest permitted mass of the handle, relative to the least mass of the device."""
 
 
 def readable(bounds: Sequence[Bounded], recording: Recording, sample_time: float) -> tuple[Bounded, ...]:

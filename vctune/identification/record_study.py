@@ -1,6 +1,6 @@
 """Study one recording.
 
-If it has a force but no command, the study fits both roles of the force (README, section 1).
+If the recording has a force but no command, the study fits both roles of the force (README, section 1).
 """
 
 from __future__ import annotations
@@ -36,15 +36,16 @@ at least 5 for the noise of a closed loop, and hundreds for multisines."""
 
 @dataclass(frozen=True, slots=True)
 class RecordStudy:
-    """A recording and its result, one of three kinds of study.
+    """A recording and the result of one of three kinds of study.
 
     Attributes
     ----------
     recording : the recording; a force without a command has the role that the fit gave it
     sample_time : T, s
-    motion, periodic, servo : study of any motion, of a periodic excitation, or of a servo; the other two are None
+    motion, periodic, servo : study of any motion, of a periodic excitation, or of a servo; exactly one of the three is
+        not None
     remarks : remarks on the recording
-    alike : study with the other role of the force, if it explains the recording equally well
+    alike : estimates of the delay with the other role of the force, if that role explains the recording equally well
     """
 
     recording: Recording
@@ -93,7 +94,7 @@ class RecordStudy:
 
     @property
     def estimates(self) -> list[Estimate]:
-        """Return the estimates of the numbers in a problem file."""
+        """Return the estimates of the parameters that a problem file states."""
         if self.servo is not None:
             return self.servo.estimates(self.recording.name)
         if self.motion is not None:
@@ -101,7 +102,7 @@ class RecordStudy:
         else:
             assert self.periodic is not None
             estimates = periodic_estimates(self.periodic, self.recording.name, self.sample_time)
-        # two roles that explain the recording alike differ in the delay, which includes both
+        # if two roles explain the recording equally well, the interval of the delay includes the delays of both roles
         least = DELAY_FLOOR * self.sample_time if self.alike else 0.0
         return [
             _at_least(estimate, least) if estimate.key == "delay" else estimate
@@ -110,7 +111,7 @@ class RecordStudy:
 
 
 def _at_least(estimate: Estimate, least: float) -> Estimate:
-    """Return an estimate whose excess is at least a number on both sides."""
+    """Return an estimate whose excess is at least `least` on both sides."""
     below, above = estimate.excess
     return replace(estimate, excess=(max(below, least), max(above, least)))
 
@@ -152,7 +153,7 @@ def record_study(recording: Recording, T: float, log_map: LogMap) -> RecordStudy
 
 
 def _clearly_better(best: RecordStudy, other: RecordStudy) -> bool:
-    """Return whether chi2 decides between two roles. The function treats a model error as noise of the same size."""
+    """Return whether chi2 decides between two roles. The function treats model error as if it were noise."""
     (least, dof), (more, _) = best.sharp_chi2, other.sharp_chi2
     return log(more / least) > min(log(HALF), EVIDENCE * 2 * max(1.0, least) / dof)
 
@@ -164,7 +165,7 @@ def _commanded(recording: Recording) -> Recording:
 
 
 def _attempt(recording: Recording, T: float, log_map: LogMap) -> RecordStudy | InputError:
-    """Return the study of a recording, or the reason why the recording has none."""
+    """Return the study of a recording, or the error that states why the study failed."""
     try:
         return _studied(recording, T, log_map)
     except InputError as error:
@@ -188,8 +189,8 @@ def _studied(recording: Recording, T: float, log_map: LogMap) -> RecordStudy:
 def _force_role_text(
     recording: Recording, studies: Mapping[str, RecordStudy], best: str, equal_roles: Sequence[str]
 ) -> str:
-    """Return the text of the remark on the role of a force: the residual of each role, and the role that the study
-    uses."""
+    """Return the text of the remark on the role of a force. The text states the residual of each role, and the role
+    that the study uses."""
     results = [
         f"as a {role} {study.residual_share:.3%} of it is left, chi2/dof {study.sharp_chi2[0]:.4g}"
         for role, study in studies.items()

@@ -1,4 +1,4 @@
-"""Make remarks on what the recordings do not show, and on what the file states instead (README, section 8)."""
+"""Make remarks on properties of the device that the recordings do not show (README, section 8)."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from vctune.identification.record_study import RecordStudy
 from vctune.identification.response.periodic_study import PeriodicStudy
 
 WEAK_SHARE = 0.5
-"""Relative half-width above which a remark calls a delay poorly determined: its greatest value is then more than three
-times its least one."""
+"""Relative half-width above which a remark calls a delay poorly determined. The greatest value of the delay is then
+more than three times its least value."""
 LEAST_RADII = 2
 """Least number of frequencies between which the radii of unmodelled can be interpolated."""
 
 
 def remarks_on_gaps(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], log_map: LogMap) -> list[Note]:
-    """Return the remarks of the studies, and remarks on what the recordings do not show.
+    """Return the remarks of the studies, and remarks on properties of the device that the recordings do not show.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def remarks_on_gaps(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], l
             "write [device.velocity] from in a log.toml"
         )
         remarks.append(Note("remark-assumed-velocity", text))
-    # a fit of motion has one lag: what the user states of the actuator or of the delay is not part of it
+    # a fit of motion has one lag, which excludes the actuator and the delay if the user states them
     lag_not_in_delay = known_actuator(log_map) is not None or log_map.document.device.delay is not None
     in_motion = any(study.motion is not None for study in studies)
     if in_motion and "actuator.bandwidth_hz" not in keys and not lag_not_in_delay:
@@ -82,7 +82,7 @@ def _remarks_on_servo(studies: Sequence[RecordStudy], log_map: LogMap) -> list[N
 
 
 def _remarks_on_lines(study: RecordStudy, periodic: PeriodicStudy) -> list[Note]:
-    """Return remarks on the lines of a periodic excitation: the highest one, and numbers that the file leaves out."""
+    """Return remarks on a periodic excitation: on its highest line, and on parameters that the file leaves out."""
     remarks = [_highest_line(periodic.measured.position.omega[-1] / (2 * pi), f"{study.recording.name}: ")]
     if periodic.lag is not None and not periodic.lag_significant:
         samples = periodic.lag[0] / study.sample_time

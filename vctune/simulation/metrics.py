@@ -15,14 +15,14 @@ from vctune.simulation.run import Traces
 TURNING_POINT = 0.1
 """Share of the travel at each end that counts as a turning point; also the share of the greatest speed that counts as
 near zero. The hand gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`).
-With half this share, the ripple would include a part of these 6 %. With twice this share, it would miss a part of the
-stroke. Either share changes the ripple only slightly."""
+With half this share, the ripple would include a part of these 6 %. With twice this share, the ripple would miss a part
+of the stroke. The ripple changes only slightly with half or twice this share."""
 N_POSITIONS = 400
 """Number of positions at which the code compares loading and unloading. A figure shows fewer positions. Half as many
-positions still follow the curves; twice as many add nothing."""
+positions still follow the curves. Twice as many positions give the same results."""
 SATURATED = 1 - 1e-9
-"""Share of the limit above which a force counts as at the limit. It allows for rounding. Half or twice the allowance
-gives the same samples."""
+"""Share of the limit above which a force counts as at the limit. The difference from 1 allows for rounding. The code
+finds the same samples with half or twice this allowance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Fit:
     Attributes
     ----------
     value : felt value
-    asked : value in the environment
+    asked : value of the parameter in the environment
     standard_error : standard error of the value, from the residual
     """
 
@@ -45,7 +45,7 @@ class Fit:
 class Metrics:
     """The measures of a run.
 
-    If the run has several cycles, the code omits the first one. A measure that does not exist is None.
+    If the run has several cycles, the measures omit the first cycle. A measure that does not exist is None.
 
     Attributes
     ----------
@@ -54,13 +54,14 @@ class Metrics:
     fits : felt values of the environment's mass, damping and stiffness; for free motion the felt damping
     offset : force of the fit at the origin, N
     residual : root mean square of the force around the fit, N
-    ripple : greatest minus least force around the fit where the handle's speed is below a tenth of its greatest, N
+    ripple : greatest minus least force around the fit while the handle's speed is below a tenth of its greatest speed,
+        N
     handle_energy : work of the hand on the handle, J
     environment_energy : energy absorbed by the environment, J
     motor_energy : work of the commanded motor force on the device, J; None for a servo
-    handle_deficit, environment_deficit : greatest energy that handle and environment have returned beyond what they
-        took, J, as by a passivity observer
-    peak_motor : greatest |u|, the command, N; for a commanded velocity m/s, for a commanded position m
+    handle_deficit, environment_deficit : greatest excess of the energy that handle and environment have returned over
+        the energy that they have received, J, as a passivity observer computes it
+    peak_motor : greatest magnitude of the command u, N; for a commanded velocity m/s, for a commanded position m
     saturated : share of the samples at the actuator's limit
     peak_force : greatest |f_h|, N
     """

@@ -24,8 +24,8 @@ from vctune.simulation.scene import Scene
 
 DIVERGENCE = 1e3
 """A run has diverged if the distance of the handle from the position at which the hand aims exceeds this multiple of
-the hand's travel. No stable loop comes near this distance. An unstable loop passes half and twice this distance within
-a few samples."""
+the hand's travel. No stable loop comes near this distance. An unstable loop needs only a few samples from half to twice
+this distance."""
 POSITION = 0
 """Column of the handle's position in the records (`vctune.simulation.mechanics.step.columns`)."""
 
@@ -39,15 +39,17 @@ class Traces:
     time : time of the samples, s
     intended : intended motion x_i of a hand that never re-grips, m; a hand that has re-gripped aims at x_i plus its
         grip
-    position, velocity : motion of the handle, m, m/s; without a spring between them also that of the motor
+    position, velocity : motion of the handle, m, m/s; without a spring between handle and motor, also the motion of the
+        motor
     force : f_h, the hand's force on the handle, N
     reference, desired : x_e and v_e of the rendered environment, m, m/s
     environment_force : f_e, N
     motor : u, the command: a force, N; for a servo a velocity, m/s, or a position, m
     sensed : f_s, the force that the firmware reads, N: the sensed f_h with noise, for a servo after its filter and with
         the force of its own spring
-    diverged : time, s, at which the run diverged and the traces end; None if it did not diverge
-    motor_position, motor_velocity : motion of the firmware's encoder, m, m/s; None if it moves like the handle
+    diverged : time, s, at which the run diverged and the traces end; None if the run did not diverge
+    motor_position, motor_velocity : motion of the motor, which carries the encoder, m, m/s; None if motor and
+        handle move alike
     """
 
     time: Floats
@@ -173,7 +175,8 @@ def traces_of(scene: Scene, recorded: Floats, intended: Floats, aims: Floats, *,
     intended : intended position at each of these samples, m
     aims : position at which the hand aims at each of these samples, m
     diverged : whether the run diverged (`has_diverged`). The traces then end at the last sample at which the handle was
-        within one travel of its aim. If there is no such sample, they end at the last one within `DIVERGENCE` travels
+        within one travel of its aim. If there is no such sample, they end at the last sample within `DIVERGENCE`
+        travels
     """
     T, began = scene.device.sample_time, None
     if diverged:

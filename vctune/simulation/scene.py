@@ -62,14 +62,14 @@ class Equilibrium:
 
 
 def equilibrium(scene: Scene) -> Equilibrium:
-    """Return the equilibrium at the start of the motion: all springs, from the hand's to the environment's, in series.
+    """Return the equilibrium at the start of the motion, with all springs from hand to environment in series.
 
-    A servo starts where hand and environment are in equilibrium, and its own spring is relaxed there. The scene starts
-    at rest, with three exceptions:
+    A servo starts at the position at which hand and environment are in equilibrium. The servo's own spring is relaxed
+    at this position. The scene starts at rest, with three exceptions:
 
-    - Without a position gain, no force of the motor balances the hand. The handle starts where hand and environment
-      are in equilibrium.
-    - A hand without stiffness does not balance the environment. The handle starts at the begin of the motion.
+    - Without a position gain, no force of the motor balances the hand. The handle starts at the position at which hand
+      and environment are in equilibrium.
+    - A hand without stiffness does not balance the environment. The handle starts at the beginning of the motion.
     - A regular PID with K_i > 0 starts with an empty integral, which then grows with the position error.
     """
     at_rest = _at_rest(scene)

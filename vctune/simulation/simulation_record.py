@@ -33,7 +33,7 @@ from vctune.version import __version__
 
 TOLERANCE = 1.5e-3
 """Share of the plotted range by which a thinned curve may differ from the original. This share is less than the width
-of a line. Half this share would give more points in simulation.json and the same picture. With twice this share,
+of a line. Half this share would give more points in simulation.json, but no visible difference. With twice this share,
 corners begin to show in print."""
 
 
@@ -49,7 +49,7 @@ def simulation_record(
     file : the problem and its text
     gains, coupling : the design, SI units
     simulated : the experiments
-    controller : name of the firmware that ran instead of the design's own; None without one
+    controller : name of the external firmware; None if the design's own firmware ran
     """
     also: dict[str, Any] = {} if controller is None else {"controller": controller}
     device = file.problem.device
@@ -71,7 +71,7 @@ def simulation_record(
 
 
 def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
-    """Return every trace by a name made of experiment, run and quantity, as in "spring/design/force"."""
+    """Return all traces by name. A name consists of experiment, run and quantity, as in "spring/design/force"."""
     return {
         f"{result.experiment.name}/{name}/{field.name}": values
         for result in simulated
@@ -83,7 +83,7 @@ def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
 
 
 def _experiment(simulated: Simulated, device: Device, coupling: AnyCoupling) -> ExperimentRecord:
-    """Return the record of an experiment, with curves thinned to the same tolerance."""
+    """Return the record of an experiment, with curves thinned to a tolerance."""
     experiment, pid = simulated.experiment, simulated.experiment.baseline
     least_share, runs = simulated.least_virtual, {"baseline": simulated.baseline, "design": simulated.design}
     quantity, cycle = axis(experiment.environment), 2 * stroke_time(experiment.operator)
@@ -121,7 +121,7 @@ def _experiment(simulated: Simulated, device: Device, coupling: AnyCoupling) -> 
 
 
 def quiet_stiffness(device: Device, experiment: Experiment) -> float:
-    """Return the greatest stiffness of a wall that comes to rest on an impedance display's encoder steps, N/m.
+    """Return the greatest stiffness of a wall at which an impedance display with an encoder comes to rest, N/m.
 
     The stiffness is min(2 b/T, 2 f_C/q) by Abbott and Okamura, because friction must absorb the energy that an encoder
     step supplies.
@@ -157,7 +157,7 @@ def _run(run: Run, curve: list[list[float]]) -> RunRecord:
 def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:
     """Return position or velocity, and the force over it.
 
-    If there are several cycles, the function omits the first one.
+    If the run has several cycles, the function omits the first cycle.
     """
     first = int(np.searchsorted(traces.time, cycle * (1 - 1e-9)))
     first = first if len(traces.time) - first > 1 else 0

@@ -23,8 +23,8 @@ class Run:
     ----------
     traces : the recorded samples
     metrics : measures of the run; None if the run diverged
-    mode : fastest growing mode of the linear sampled loop of device, firmware, hand and environment; the run is stable
-        if its radius is below 1
+    mode : fastest growing, or slowest decaying, mode of the linear sampled loop of device, firmware, hand and
+        environment; the run is stable if its radius is below 1
     """
 
     traces: Traces
@@ -40,10 +40,10 @@ class Simulated:
     ----------
     experiment : description of the experiment
     baseline, design : the two runs; baseline is None if the experiment states no regular PID
-    least_virtual : least share of the baseline's virtual mass and damping with which its loop is stable; 0 if it is
-        stable with almost nothing; None without a baseline, or if no tried share is stable
+    least_virtual : least share of the baseline's virtual mass and damping with which its loop is stable; 0 if the loop
+        is stable with almost no virtual mass and damping; None without a baseline, or if no tried share is stable
     difference : difference between the commands of an external firmware and the design's; None without an external
-        firmware. `design.mode` is that of the design's own firmware in either case
+        firmware. `design.mode` always refers to the design's own firmware
     """
 
     experiment: Experiment
@@ -68,16 +68,16 @@ def simulate(
     ----------
     problem : problem with the device
     gains, coupling : the design
-    experiment : an experiment of the problem, or any other
+    experiment : the experiment, from the problem or from elsewhere
     progress : function that receives the current stage as text, such as "wall, design 40%"
-    controller : an external firmware to run; None for the design's own
-    tolerance : greatest permitted difference of its commands from the design's, in their unit; None for the effect of
-        rounding
+    controller : an external firmware to run; None to run the design's own firmware
+    tolerance : greatest permitted difference between the commands of the external firmware and of the design, in the
+        unit of the command; None to permit the effect of rounding
 
     Returns
     -------
     Simulated
-        Traces in SI units and their measures; a run that diverged has no measures.
+        Traces in SI units and the measures of each run. A run that diverged has no measures.
     """
 
     def ran(scene: Scene, name: str) -> Run:

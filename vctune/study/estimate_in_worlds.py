@@ -24,13 +24,13 @@ LOOPS_AT_ONCE = 2
 """Number of designs whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache. The
 number affects only the speed."""
 DAMPINGS, FEW_SHARES, FEW_ANGLES = 24, (0.0, 0.1, 1.0), 12
-"""Number of values of b_c that the estimate tries for each cell; positions of hands in their ranges, and number of
-angles per decade, with which it compares these values. With half or twice as many values, the same cells stay
-undecided."""
+"""Number of values of b_c that the estimate tries for each cell. To compare these values, the estimate uses hands at
+these positions in their ranges, and this number of angles per decade. With half or twice as many values, the same cells
+stay undecided."""
 
 
 def worst_places(problem: Problem, points: Cells, *, few: bool = False) -> tuple[Floats, PlacesInHands]:
-    """Return 1/ratio of designs in the worst hand at the worst angle, and these places.
+    """Return 1/ratio of designs in the worst hand at the worst angle omega T, and this hand and angle as places.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def _needs(problem: Problem, loops: LoopsInHands, numbers: Floats) -> Floats:
 
 
 def need_at(problem: Problem, points: Cells, places: PlacesInHands) -> Floats:
-    """Return 1/ratio of designs, each at its own place.
+    """Return 1/ratio of designs, each at the place that belongs to it.
 
     Parameters
     ----------

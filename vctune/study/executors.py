@@ -24,12 +24,12 @@ from vctune.document.text.errors import InputError
 from vctune.version import __version__
 
 PENDING_PER_WORKER = 3
-"""Number of points that the sweep hands out for each worker in advance, so that no worker waits for its next point.
-Solving a point takes at least tens of milliseconds; handing it out takes a millisecond. With half as many points, a
-worker on another machine may have to wait. Twice as many points do not make the sweep faster."""
+"""Number of points that the sweep hands out for each worker in advance. No worker then waits for its next point.
+Solving a point takes at least tens of milliseconds; handing out a point takes a millisecond. With half as many points,
+a worker on another machine may have to wait. Twice as many points do not make the sweep faster."""
 CONNECT_SECONDS = 5
-"""Time for which vctune tries to reach the scheduler of a running Dask cluster, s. A scheduler that runs answers at
-once. With half or twice this time, vctune refuses a wrong address sooner or later."""
+"""Time for which vctune tries to reach the scheduler of a running Dask cluster, s. A running scheduler answers at once.
+This time only determines when vctune refuses a wrong address."""
 ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
     "PYTHONWARNINGS": "ignore:resource_tracker:UserWarning",
@@ -50,7 +50,7 @@ class WorkerPool:
     worker_died : exceptions that mean a dead worker
     unreachable : exceptions that mean an unreachable cluster
     renew : function to call after a worker has died. It replaces `executor` by new processes. A Dask cluster renews its
-        workers itself, and "serial" has none, so that the function does nothing there
+        workers itself, and "serial" has no workers; in both cases the function does nothing
     """
 
     executor: Executor
@@ -130,10 +130,11 @@ def _process_pool(jobs: int) -> Iterator[WorkerPool]:
 
 
 def _context() -> BaseContext:
-    """Return the start method for processes. If possible, a server that has already imported the solver starts them.
+    """Return the start method for processes. If possible, a server process that has already imported the solver starts
+    the workers.
 
-    The server passes on the environment with which it started. Without a server, this process starts the workers when
-    they are first needed.
+    The workers inherit the environment variables with which this server started. Without a server, this process starts
+    the workers when they are first needed.
     """
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return _SpawnForWorkers()

@@ -1,7 +1,7 @@
 """Prove that no coupling can render a box of environments with the gains of a cell.
 
-For each box of couplings, the proof names one hand and one angle at which the constraint fails throughout the box.
-Estimates in double precision find these places.
+For each box of couplings, the proof names one hand and one angle omega T at which the constraint fails throughout the
+box. Estimates in double precision find these hands and angles.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ NEAR_MISS = 0.97
 angle."""
 MAX_HALVINGS, MAX_BOXES = 24, 200
 """Greatest number of halvings of a box of couplings, and greatest number of boxes of a cell. A cell that needs more
-stays undecided."""
+halvings or boxes stays undecided."""
 
 
 def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
@@ -45,7 +45,7 @@ def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
     Returns
     -------
     array of bool
-        Shape (n,); True only if it is proved.
+        Shape (n,); True only if the proof succeeds.
     """
     lost = np.zeros(len(cells), bool)
     for at in by_integrator(cells):

@@ -12,7 +12,7 @@ from vctune.document.study_axes import Axis
 from vctune.document.study_file import Study
 
 DIGITS = 12
-"""Number of significant digits of the computed values. Rounding makes them equal on every machine."""
+"""Number of significant digits of the computed values. Rounding makes the values equal on every machine."""
 
 Values = tuple[float, ...]
 

@@ -29,7 +29,7 @@ from vctune.study.plane import Plane, Squares, halved
 from vctune.study.region_estimate import changes, estimate
 
 TOGETHER = 512
-"""Number of cells that the search judges together; their data fit into memory."""
+"""Number of cells that the search judges together; the data of this many cells fit into memory."""
 EASING = "coupling.mass", "coupling.drag"
 """Keys of the variables that ease the constraints as they grow."""
 
@@ -81,9 +81,9 @@ def region(
 ) -> Region:
     """Divide cells of a plane of gains until each is decided or as small as the plane's edges permit.
 
-    If b_c, m_c or b_0 are free and not on an axis, a cell is feasible if some values within their bounds suffice. The
-    constraints ease as m_c and b_0 grow, so their upper bounds decide. The search examines coarse cells before fine
-    ones, so an interrupted search has decided most of the plane.
+    If b_c, m_c or b_0 are free and not on an axis, a cell is feasible if some values within their bounds meet the
+    constraints. The constraints become easier to meet as m_c and b_0 grow, so the search uses their upper bounds. The
+    search examines coarse cells before fine ones, so an interrupted search has decided most of the plane.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def divided(
     Parameters
     ----------
     plane, squares, progress, stopped : see `region`
-    judged : function that returns the verdict on some cells, and a b_c or nan for each
+    judged : function that returns the verdict on some cells, and for each cell a b_c or nan
     across : function that returns the cells to halve in x, see `halved`
 
     Returns

@@ -75,7 +75,7 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
     Returns
     -------
     Recheck
-        The cells, divided further if they are not proved as a whole, and the gain sets that vctune still certifies.
+        The cells, divided further if not proved as a whole, and the gain sets that vctune still certifies.
     """
     if baseline.axes.x in WORLD:
         return _rendered_again(problem, baseline, progress)

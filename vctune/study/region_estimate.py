@@ -41,7 +41,8 @@ class Estimate:
 
     Attributes
     ----------
-    damping : a b_c with which the centre seems to meet the constraints of all problems; nan if there seems to be none
+    damping : a value of b_c with which the centre seems to meet the constraints of all problems; nan if no such value
+        seems to exist
     places : for each problem, the places where its constraints are hardest to meet
     missed : for each problem, whether the centre misses its constraint in hands with every b_c, shape (n,)
     """
@@ -126,7 +127,7 @@ def _changes_in_worlds(problems: Sequence[Problem], cells: Cells, axes: tuple[in
 
 
 def _missed_at(problem: Problem, numbers: Floats, places: PlacesInHands) -> Floats:
-    """Return the logarithm of the factor by which each design misses the hardest constraint, in a hand at its own
+    """Return the logarithm of the factor by which each design misses the hardest constraint in the hand of its
     place."""
     need = need_at(problem, Cells(numbers, numbers), places) * problem.stability.safety_factor
     peak, _ = _peak_of_sensitivity(problem, Gains(*numbers[:2, :, None]))

@@ -30,7 +30,8 @@ def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
     Parameters
     ----------
     problem : problem at the point
-    time_limit : time limit, s. If it cuts a point short, the row is undecided and names the limit
+    time_limit : time limit, s. If the limit ends the solution of the point early, the row is undecided and names the
+        limit
     """
     with _ONE_AT_A_TIME, limited(time_limit):
         began = perf_counter()

@@ -40,8 +40,8 @@ def key_of(problem: Problem) -> str:
 
 
 def constraints_key(problem: Problem) -> str:
-    """Return the same digest for problems that differ only in the weights of the error, and so have the same feasible
-    designs."""
+    """Return a digest that is equal for problems that differ only in the weights of the error. Such problems have the
+    same feasible designs."""
     return key_of(replace(problem, transparency=replace(problem.transparency, weights=Terms(1.0, 1.0, 1.0))))
 
 

@@ -106,7 +106,7 @@ def _row(study: Study, key: str, values: Values, content: dict[str, Any]) -> dic
 def _submit(state: _Sweep, task: Task) -> None:
     """Hand a point to the workers, unless the point has a row or a worker is already solving it.
 
-    A point that differs from an infeasible one only in the weights of the error is infeasible, too.
+    A point that differs from an infeasible point only in the weights of the error is also infeasible.
     """
     if task.key in state.rows or any(task.key == other.key for other in state.pending.values()):
         _tell(state, next(state.rows.read([task.key]), {}) if task.key in state.rows else {})
@@ -122,7 +122,8 @@ def _submit(state: _Sweep, task: Task) -> None:
 
 
 def _collect(state: _Sweep, most: int) -> None:
-    """Collect finished points until at most the given number is pending. Try points whose worker died again."""
+    """Collect finished points until at most the given number is pending. If the worker of a point died, try the point
+    again."""
     while len(state.pending) > most or (state.retries and state.pending):
         for future in wait(state.pending, return_when=FIRST_COMPLETED).done:
             task = state.pending.pop(future)

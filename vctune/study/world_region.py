@@ -1,7 +1,7 @@
 """Find the environments that given gains can render, as cells of a plane of two parameters of an environment.
 
-A cell is a box of environments. It is feasible if the claim about a box of environments is proved for it. It is
-infeasible if each of its environments puts a pole on the unit circle in some hand
+A cell is a box of environments. A cell is feasible if the claim about a box of environments is proved for it. A cell is
+infeasible if each of its environments gives the loop a pole on the unit circle in some hand
 (`vctune.proof.claims.worlds.world_cells`).
 """
 
@@ -32,7 +32,7 @@ the default hands of a linear device, the axes go from 0.2 g to 20 kg and from 0
 PERIOD = 0.01
 """Time, s, from which the plane computes the scale of a mass, damping or stiffness that is 0 for all hands."""
 GREATEST = 1e9
-"""Value that represents a mass or a stiffness without limit."""
+"""Value that represents an unlimited mass or stiffness."""
 
 
 def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:

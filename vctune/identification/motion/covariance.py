@@ -16,8 +16,8 @@ BLOCK = 1 << 16
 
 
 class Scores(Protocol):
-    """Residual times sensitivity, shape (n, p), with one row per sample or line: an array, or an object that makes
-    rows."""
+    """Residual times sensitivity, shape (n, p), with one row per sample or line. An array or an object that computes
+    its rows on demand."""
 
     @property
     def shape(self) -> tuple[int, ...]: ...
@@ -41,7 +41,7 @@ def robust_covariance(scores: Scores, information: Floats, reach: int) -> Floats
     n, p = scores.shape
     window = min(reach, n - 1) + 1
     middle = np.zeros((p, p))
-    # the products of all sums over a window, including windows beyond the ends, give Bartlett's weights
+    # products of sums over a moving window give Bartlett's weights; some windows extend beyond the ends of the rows
     for first in range(0, n + window - 1, BLOCK):
         ends = np.arange(first, min(first + BLOCK, n + window - 1)) + 1
         low, high = max(first + 1 - window, 0), min(int(ends[-1]), n)
@@ -56,7 +56,8 @@ def robust_covariance(scores: Scores, information: Floats, reach: int) -> Floats
 def least_squares(sensitivity: Floats, measured: Floats) -> Floats:
     """Return the least-squares solution, as NumPy does, but without copying a long table.
 
-    The function reduces block after block of rows to the triangle of its QR factors, which has the same least squares.
+    The function reduces the table block by block to the triangular factor of its QR decomposition. The solution for the
+    triangular factor equals the solution for the table.
 
     Parameters
     ----------
@@ -73,11 +74,13 @@ def least_squares(sensitivity: Floats, measured: Floats) -> Floats:
 
 
 def joint_factor(count: int) -> float:
-    """Return how many standard deviations cover `count` numbers together with probability `TOGETHER`; at least 2.
+    """Return the number of standard deviations with which `count` intervals hold together with probability `TOGETHER`.
+
+    The result is at least 2.
 
     Parameters
     ----------
-    count : number of numbers in the box
+    count : number of parameters in the box
     """
     probability = TOGETHER ** (1 / max(count, 1))
     low, high = 0.0, 10.0

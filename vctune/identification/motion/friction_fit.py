@@ -1,4 +1,4 @@
-"""Fit friction for the simulation: Coulomb's, and Stribeck's curve if the data show it (README, section 2)."""
+"""Fit friction for the simulation: Coulomb friction, and Stribeck's curve if the data show it (README, section 2)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ chooses the velocity of the rise from the same data."""
 TRIED = 24
 """Number of velocities that the fit tries for the curve, from a hundredth to a half of the peak speed."""
 WITHIN = 12
-"""Greatest rise of Stribeck's curve, in units of Coulomb's friction."""
+"""Greatest rise of Stribeck's curve, as a multiple of the Coulomb friction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +40,13 @@ class FrictionFound:
 
 
 def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> FrictionFound | None:
-    """Return the friction that a motion shows; None if it shows none.
+    """Return the friction that a motion shows; None if the motion shows no friction.
 
     Parameters
     ----------
     signals : signals of the recording
-    fit : fit of its motion, symmetric in both directions
-    known : delays that a fit need not find
+    fit : fit of the recording's motion, symmetric in both directions
+    known : known delays by name, s
     """
     coulomb = fit.value("coulomb")
     if coulomb <= 2 * fit.sigma("coulomb"):

@@ -2,8 +2,8 @@
 
     F(t - delay) + f_h(t + sensor) = m a + b_+ v_+ + b_- v_- + c_+ [v > 0] - c_- [v < 0]
 
-is linear in all numbers except the delays. The method of Gauss and Newton finds the delays. The same low-pass filters
-both sides and the signs of the velocity.
+This equation is linear in all parameters except the delays. The method of Gauss and Newton finds the delays. One
+low-pass filters both sides and the signs of the velocity.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ SLOW = 0.05
 """Share of the peak speed below which friction does not follow Coulomb's law and the sign of the velocity is
 unclear."""
 LEAST_KEPT = 0.3
-"""Least share of the samples away from turning points. If fewer samples are left, the fit keeps those at turning
-points."""
+"""Least share of samples that are not near turning points. If the share is lower, the fit also uses the samples near
+turning points."""
 STEPS = 60
 STRIDE = 4.0
 """Greatest change of a delay in one step, in sample times."""
@@ -43,7 +43,7 @@ class MotionFit:
 
     Attributes
     ----------
-    names : names of the numbers in the order of `values`, with the delays last
+    names : names of the parameters in the order of `values`, with the delays last
     values : estimates, SI units, shape (p,)
     covariance : covariance for correlated residuals, shape (p, p)
     cutoff_hz : cut-off of the low-pass on both sides, Hz
@@ -60,11 +60,11 @@ class MotionFit:
     force: float
 
     def value(self, name: str) -> float:
-        """Return a number by its name."""
+        """Return a parameter by its name."""
         return float(self.values[self.names.index(name)])
 
     def sigma(self, name: str) -> float:
-        """Return the standard deviation of a number by its name."""
+        """Return the standard deviation of a parameter by its name."""
         at = self.names.index(name)
         return sqrt(max(float(self.covariance[at, at]), 0.0))
 
@@ -76,9 +76,9 @@ class FittedSamples:
     Attributes
     ----------
     rows : indices of the samples among every `stride`-th sample of the log
-    step : time between two of these, s
+    step : time between two samples of `rows`, s
     measured, fitted : measured and fitted force, N
-    sensitivity : sensitivity of the fitted force to each number, shape (samples, p)
+    sensitivity : sensitivity of the fitted force to each parameter, shape (samples, p)
     """
 
     rows: NDArray[np.int64]
@@ -114,7 +114,7 @@ def motion_fit(
     Returns
     -------
     MotionFit
-        The estimates of the numbers in `names` and of the delays that are not known.
+        The estimates of the parameters in `names` and of the delays that are not known.
     FittedSamples
         The samples used in the fit.
     """
@@ -170,7 +170,8 @@ def _covariance(
 
 @dataclass(frozen=True, slots=True)
 class PlacedScores:
-    """Residual times sensitivity at every sample of the log. The object makes the rows in pieces, to save memory.
+    """Residual times sensitivity at every sample of the log. The object computes the rows block by block to save
+    memory.
 
     Attributes
     ----------
@@ -226,7 +227,8 @@ def _pushed(
 
 
 def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
-    """Return flags that mark the samples to use: those away from ends and turning points."""
+    """Return flags that mark the samples to use. Samples near the ends of the log and near turning points are not
+    used."""
     T, v = signals.sample_time, signals.velocity
     kept = np.ones(v.size, dtype=bool)
     margin = edge(cutoff_hz, 4 * T, T)
@@ -240,13 +242,13 @@ def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
 
 
 def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every: int) -> Iterator[Floats]:
-    """Yield the column that belongs to each name."""
+    """Yield the regressor of each parameter in `names`."""
     a = acceleration(signals.spectra["position"], cutoff_hz, every)
     return regressors_of(a, lambda way: filtered(signals.spectra[way], lambda w: smooth(w, cutoff_hz), every), names)
 
 
 def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[str]) -> Iterator[Floats]:
-    """Yield the regressor of each number, one after the other.
+    """Yield the regressor of each parameter.
 
     Parameters
     ----------

@@ -24,14 +24,14 @@ SEED = 1
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """An estimate of a number by another method.
+    """An estimate of a parameter by another method.
 
     Attributes
     ----------
     code : code of the method
-    name : name of the number and of the method
+    name : name of the parameter and of the method
     value : estimate, SI units
-    sigma : standard deviation of this estimate; None if the method gives none
+    sigma : standard deviation of this estimate; None if the method gives no standard deviation
     """
 
     code: Code
@@ -66,7 +66,7 @@ def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
 
 
 def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Check | None:
-    """Return the mass with the reference's motion as instrument, which is free of the loop's noise; None without one.
+    """Return the mass by instrumental variables, with the reference as instrument; None without a reference.
 
     Parameters
     ----------
@@ -104,7 +104,8 @@ class Classical:
 
 
 def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) -> Classical | None:
-    """Return the classical inverse model: filtered in both directions, central differences, decimated, white residuals.
+    """Return the classical inverse model: a filter in both directions, central differences, decimation, white
+    residuals.
 
     Parameters
     ----------

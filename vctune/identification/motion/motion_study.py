@@ -1,4 +1,4 @@
-"""Study a recording of any motion. The study fits it at several cut-offs, for each direction and for both.
+"""Study a recording of any motion with fits at several cut-offs, for each direction and for both directions.
 
 See README, section 2.
 """
@@ -31,7 +31,7 @@ log."""
 SUSPICIOUS_SHARE = 0.05
 """Relative residual of the force above which the study tests whether the user swapped two columns."""
 SIGNIFICANT = 2.0
-"""Difference between the directions, in standard deviations, above which each direction gets its own numbers."""
+"""Difference between the directions, in standard deviations, above which each direction gets its own parameters."""
 FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}
 """Range of masses of a haptic device, kg, or kg m2 if it is rotary."""
@@ -46,13 +46,13 @@ class MotionStudy:
     directional, symmetric : fits with separate friction for each direction, and with the same friction for both
     samples : samples of the directional fit
     others : directional fits at other cut-offs
-    force_noise : standard deviation of a sample of the sensed force, N; None without that column
-    checks : estimates of the mass in other ways
+    force_noise : standard deviation of a sample of the sensed force, N; None without a column of sensed force
+    checks : estimates of the mass by other methods
     classical : the classical inverse model; None if not requested
-    friction : friction for the simulation; None if there is none
+    friction : friction for the simulation; None if the recording shows no friction
     speed : root mean square speed, m/s
     position_noise : standard deviation of a position sample, m
-    chi2 : power of the residual divided by that of the encoder's noise in it
+    chi2 : power of the residual divided by the power that the encoder's noise causes in the residual
     sharp_chi2 : chi2 at the highest cut-off, where two models differ the most, and its degrees of freedom
     """
 
@@ -82,7 +82,7 @@ class MotionStudy:
         return share * self.position_noise / np.sqrt(0.5 / sample_time / (hertz[1] - hertz[0]))
 
     def estimates(self, source: str) -> list[Estimate]:
-        """Return the estimates of the numbers in a problem file."""
+        """Return the estimates of the parameters that a problem file states."""
         fit, text = self.directional, f"{source}: motion"
         found = [Estimate("mass", fit.value("mass"), fit.sigma("mass"), text, self._excess("mass"))]
         found += self._dampings(text)
@@ -92,7 +92,8 @@ class MotionStudy:
         return found
 
     def _excess(self, name: str) -> tuple[float, float]:
-        """Return how far the estimates at other cut-offs lie below and above this one, beyond their own deviations."""
+        """Return how far the estimates at other cut-offs lie below and above this estimate, beyond their own standard
+        deviations."""
         value, below, above = self.directional.value(name), 0.0, 0.0
         for fit in self.others:
             beyond = abs(fit.value(name) - value) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
@@ -101,7 +102,7 @@ class MotionStudy:
         return float(below), float(above)
 
     def _dampings(self, text: str) -> list[Estimate]:
-        """Return the estimate of the damping, or one for each direction if they differ."""
+        """Return the estimate of the damping, or one estimate for each direction if the dampings differ."""
         fit = self.directional
         ways = [fit.names.index(f"damping_{way}") for way in ("forwards", "backwards")]
         difference = fit.values[ways[0]] - fit.values[ways[1]]
@@ -148,7 +149,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         raise InputError.of(recording.source, "log-unexplained", message, key=recording.channels["position"].header)
     fits = {cutoff: motion_fit(signals, cutoff, DIRECTIONAL, delays)[0] for cutoff in usable}
     best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
-    samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # again: keeping all takes too much memory
+    samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # keeping the samples of all fits takes too much memory
     _check_explained(recording, signals, fits[best], delays)
     hand, recipe = recording.values("hand"), log_map.document.classical
     symmetric = motion_fit(signals, best, SYMMETRIC, delays)[0]
@@ -170,7 +171,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
 
 
 def _chi2(signals: Signals, fit: MotionFit) -> float:
-    """Return the power of the residual divided by that of the encoder's noise in the force."""
+    """Return the power of the residual divided by the power of the encoder's noise in the force."""
     return (fit.residual / (abs(fit.value("mass")) * acceleration_noise(signals, fit.cutoff_hz))) ** 2
 
 
@@ -217,9 +218,9 @@ def _residual_if_swapped(signals: Signals, delays: Mapping[str, float]) -> float
 
 
 def force_noise(hand: Floats) -> float:
-    """Return the standard deviation of a force sample from the third difference.
+    """Return the standard deviation of a force sample, computed from the third difference.
 
-    A hand moves too slowly to contribute to it.
+    The motion of a hand is too slow to contribute to this difference.
     """
     third = np.diff(hand, 3)
     return float(1.4826 * np.median(np.abs(third)) / sqrt(20))

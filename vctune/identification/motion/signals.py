@@ -27,8 +27,8 @@ WAYS = ("forwards", "backwards", "ahead", "back", "always")
 """Names of the regressors of friction."""
 
 ATTENUATION = 1e-4
-"""Greatest permitted share of encoder noise in the power of the acceleration. Such noise reduces the estimated mass by
-the same share."""
+"""Greatest permitted share of encoder noise in the power of the acceleration. Encoder noise reduces the estimated mass
+by this share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +38,9 @@ class Signals:
     Attributes
     ----------
     position : position, m, shape (n,)
-    command : force on the motor, commanded or measured, N; None if no such column moves
-    hand : sensed force of the hand, N; None without that column
-    reference : commanded position, m; None without that column
+    command : force on the motor, commanded or measured, N; None if there is no such column or its force is constant
+    hand : sensed force of the hand, N; None without a column of this force
+    reference : commanded position, m; None without a column of this position
     sample_time : T, s
     is_command : whether the force is a command, which is held between samples
     actuator : actuator after a held command; None if it is not known
@@ -78,11 +78,12 @@ def signals(
 
     Parameters
     ----------
-    position, force : position, m, and force, N, shape (n,); force is None if no force column moves
+    position, force : position, m, and force, N, shape (n,); force is None if there is no force column or the force is
+        constant
     sample_time : T, s
     noise : standard deviation of a position sample, m
     velocity : velocity, m/s
-    hand, reference : force of the hand, N, and commanded position, m; None without the column
+    hand, reference : force of the hand, N, and commanded position, m; None if the log has no such column
     is_command : whether the force is a command, which is held between samples
     actuator : actuator after a held command; None if it is not known
     """
@@ -114,7 +115,7 @@ def acceleration(position: Spectrum, cutoff_hz: float, every: int = 1) -> Floats
     ----------
     position : spectrum of the position about its mean, m or rad
     cutoff_hz : cut-off of the low-pass, Hz
-    every : the function returns every `every`-th sample
+    every : stride of the returned samples
     """
     return filtered(position, lambda w: -(w**2) * smooth(w, cutoff_hz), every)
 
@@ -131,9 +132,9 @@ def speed(position: Spectrum, cutoff_hz: float) -> Floats:
 
 
 def cutoffs(signals: Signals) -> list[float]:
-    """Return the cut-offs, Hz, at which the encoder's noise does not spoil the acceleration.
+    """Return the cut-offs, Hz, at which the share of the encoder's noise in the acceleration is at most `ATTENUATION`.
 
-    The highest comes first.
+    The highest cut-off comes first.
     """
     T, usable = signals.sample_time, []
     for halvings in range(7):

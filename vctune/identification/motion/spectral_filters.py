@@ -1,8 +1,8 @@
 """Filter columns in the frequency domain without phase.
 
-The same filter acts on all columns, so that none leads another.
-
-After a low-pass filter, fewer samples suffice. `stride` returns n, and every n-th sample suffices."""
+The same filter acts on all columns, so no column leads another. After a low-pass filter, every n-th sample suffices.
+`stride` returns n.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ Complex = NDArray[np.complex128]
 Response = Callable[[Floats], Any]
 """A frequency response, real or complex, as a function of omega, rad/s."""
 HIGHEST = 0.08
-"""Greatest cut-off as a share of the sampling rate. A low-pass with this cut-off reduces the Nyquist frequency to 1e-6.
-A low-pass with twice this cut-off would reduce it only to 1 %."""
+"""Greatest cut-off as a share of the sampling rate. A low-pass with this cut-off attenuates the Nyquist frequency to
+1e-6. A low-pass with twice this cut-off would attenuate it only to 1 %."""
 REACH = 1.1
-"""Reach of the kernel in units of 1/cut-off. Beyond it the kernel is less than 1e-14 of its height."""
+"""Reach of the low-pass's kernel in time, in units of 1/cut-off. Beyond this reach the kernel is less than 1e-14 of its
+height."""
 LONGEST = 64
 """Greatest permitted stride."""
 BEHIND = 1 << 16
@@ -41,7 +42,7 @@ class Spectrum:
     Attributes
     ----------
     lines : complex spectrum, shape (size // 2 + 1,)
-    samples, size : number of samples of the column without the zeros, and with them
+    samples, size : number of samples of the column without the zeros and with the zeros
     sample_time : T, s
     """
 
@@ -97,13 +98,14 @@ def stride(cutoff_hz: float, sample_time: float) -> int:
 
 
 def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
-    """Return a column after a filter. Within the kernel's reach, the ends of the column depend on more than the log.
+    """Return a column after a filter. Within the kernel's reach of its ends, the column depends on the zeros outside
+    the log.
 
     Parameters
     ----------
     column : spectrum of the column
     response : response of the filter as a function of omega, rad/s
-    every : the function returns every `every`-th sample; a power of two, at most `LONGEST`
+    every : stride of the returned samples; a power of two, at most `LONGEST`
     """
     omega = column.omega(every)
     values = np.fft.irfft(column.lines[: omega.size] * response(omega), column.size // every)
@@ -111,7 +113,7 @@ def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
 
 
 def edge(cutoff_hz: float, delay: float, sample_time: float) -> int:
-    """Return the number of samples at each end of a filtered column that depend on more than the log.
+    """Return the number of samples at each end of a filtered column that depend on the zeros outside the log.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Define the fit of a candidate structure to a response: the errors for given numbers, and the search for the least
+"""Define the fit of a candidate structure to a response: the errors for given parameters, and the search for the least
 errors."""
 
 from __future__ import annotations
@@ -21,21 +21,22 @@ Ints = NDArray[np.int64]
 FLOOR = (1e-5, 10.0)
 """Range of the model-error floor, relative to the response."""
 EVALUATIONS = 100
-"""Greatest number of evaluations in a search. A start that needs more evaluations is not worth pursuing."""
+"""Greatest number of evaluations in a search. A search that needs more evaluations from its start rarely finds the best
+fit."""
 DECADES = 5.0
-"""Greatest change of a positive number in one search, as a natural logarithm."""
+"""Greatest change of a positive parameter in one search, as a natural logarithm."""
 OUTLYING = 1.0
 """Greatest relative spread of a line that the fit uses. A line with a greater spread is noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class FitTask:
-    """A response and a candidate structure, which give the residuals of any numbers.
+    """A response and a candidate structure. Together they give the residuals for any parameters.
 
     Attributes
     ----------
-    measured, candidate, actuator : the measured response, the candidate, and the actuator in front of it
-    left_out : lines to skip; None to use all
+    measured, candidate, actuator : the measured response, the candidate structure, and the actuator before the motor
+    left_out : lines to skip; None to use all lines
     aliased : ratio of the sampled to the continuous response to the command
     """
 
@@ -46,12 +47,12 @@ class FitTask:
     aliased: Complex | float = 1.0
 
     def numbers(self, at: Floats) -> dict[str, float]:
-        """Return the numbers of the candidate that a point of the search stands for."""
+        """Return the parameters of the candidate at a point of the search."""
         by_name = zip(self.candidate.names, at, strict=True)
         return {name: float(np.exp(value)) if name in SCALED else float(value) for name, value in by_name}
 
     def outputs(self, at: Floats) -> tuple[Device, Complex, Complex]:
-        """Return the device at a point, and its responses at position and handle, m/N."""
+        """Return the device at a point of the search, and the responses of its position and its handle, m/N."""
         numbers, measured = self.numbers(at), self.measured
         omega = measured.position.omega
         device = device_of(numbers, measured.sample_time, self.actuator)
@@ -64,7 +65,7 @@ class FitTask:
         return device, motor * pushed, handle * pushed
 
     def sampled(self, at: Floats) -> FitTask:
-        """Return the task with the aliasing computed at a point. The aliasing hardly depends on the numbers."""
+        """Return the task with the aliasing computed at a point. The aliasing hardly depends on the parameters."""
         if self.measured.input == "force":
             return self
         device, omega = self.outputs(at)[0], self.measured.position.omega
@@ -78,7 +79,8 @@ class FitTask:
         return bool(np.isfinite(self.aliased).all())
 
     def errors(self, at: Floats) -> tuple[Complex, Floats, Ints]:
-        """Return the relative errors of the used lines of all outputs, their relative spreads, and their outputs."""
+        """Return the relative errors of the used lines, the relative spreads of these lines, and the outputs to which
+        they belong."""
         _, motor, handle = self.outputs(at)
         pairs: list[tuple[Complex, Lines]] = [(motor, self.measured.position)]
         if self.measured.handle is not None:
@@ -96,7 +98,7 @@ class FitTask:
 
         Parameters
         ----------
-        at : numbers of the candidate, in the form of `point`, shape (n,)
+        at : parameters of the candidate, in the form of `point`, shape (n,)
         model_errors : relative model error of each output, shape (outputs,)
         """
         errors, spread, owners = self.errors(at)
@@ -105,12 +107,13 @@ class FitTask:
 
 
 def point(numbers: Mapping[str, float], candidate: Candidate) -> Floats:
-    """Return the numbers of a candidate in the form of the search: those of `SCALED` as logarithms.
+    """Return the parameters of a candidate in the form of the search, in which the parameters of `SCALED` are
+    logarithms.
 
     Parameters
     ----------
-    numbers : numbers by name, SI units
-    candidate : candidate, which determines the numbers and their order
+    numbers : parameters by name, SI units
+    candidate : candidate, which determines the parameters and their order
     """
     return np.array([log(numbers[name]) if name in SCALED else numbers[name] for name in candidate.names])
 
@@ -120,7 +123,7 @@ def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
 
     Parameters
     ----------
-    task : the response and its candidate
+    task : the response and the candidate
     start : start in the form of `point`, shape (n,)
     model_errors : relative model error of each output, shape (outputs,)
     """
@@ -140,12 +143,12 @@ def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
 
 
 def scale_of(at: Floats, names: tuple[str, ...], measured: Response) -> Floats:
-    """Return the size of a typical change of each number, which the search uses as its unit.
+    """Return the size of a typical change of each parameter, which the search uses as unit.
 
     Parameters
     ----------
     at : point in the form of `point`, shape (n,)
-    names : names of the numbers, n of them
+    names : names of the n parameters
     measured : the response, whose frequencies and friction set the units
     """
     numbers = dict(zip(names, at, strict=True))

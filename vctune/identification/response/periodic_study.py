@@ -17,7 +17,8 @@ from vctune.identification.response.response_fit import ResponseFit
 from vctune.model.device import Device
 
 SIGNIFICANT = 3.0
-"""Significance from which a lag counts, in standard deviations. No interval of a box is wider than this."""
+"""Least significance, in standard deviations, of a lag that the file states. No interval of a box extends by more
+standard deviations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,7 @@ class PeriodicStudy:
     ----------
     measured : the averaged response
     fit, candidates : fit of the chosen structure, and fits of all structures
-    drive : lag and delay from command to force; None if only one of these was recorded
+    drive : lag and delay from command to force; None unless both command and force were recorded
     """
 
     measured: Response
@@ -58,7 +59,7 @@ class PeriodicStudy:
 
 
 def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Estimate]:
-    """Return the estimates of the numbers in a problem file, for a handle without its own damping.
+    """Return the estimates of the parameters that a problem file states, for a handle without its own damping.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Model the device in the fit of a response: its numbers for each structure, and their effect on a line."""
+"""Model the device in the fit of a response: its parameters for each structure, and their effect on a line."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Complex = NDArray[np.complex128]
 RIGID = ("mass", "damping", "coulomb", "delay")
 SPRING = ("handle_mass", "frequency_hz", "damping_ratio")
 SCALED = ("mass", "handle_mass", "frequency_hz", "lag")
-"""Names of the positive numbers. The search uses the logarithms of these numbers."""
+"""Names of the positive parameters. The search uses the logarithms of these parameters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Candidate:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the structure's numbers."""
+        """The names of the structure's parameters."""
         return (
             RIGID
             + (SPRING if self.masses == 2 else ())
@@ -55,13 +55,13 @@ class Candidate:
 
 
 def device_of(numbers: Mapping[str, float], sample_time: float, actuator: Actuator | None = None) -> Device:
-    """Return the device with given numbers.
+    """Return the device with given parameters.
 
     Parameters
     ----------
-    numbers : numbers by the names of `Candidate.names`
+    numbers : parameters by the names of `Candidate.names`
     sample_time : T, s
-    actuator : known actuator; None without one
+    actuator : known actuator; None without a known actuator
     """
     structure = None
     if "handle_mass" in numbers:
@@ -103,8 +103,8 @@ def held_compliance(device: Device, omega: Floats) -> Complex:
 
     Parameters
     ----------
-    device : device with its delay and actuator; a negative delay shifts the response by a sample and delays it by the
-        rest
+    device : device with its delay and actuator; for a negative delay, the function advances the response by a sample
+        and delays it by the remainder
     omega : frequencies, rad/s, 0 < omega <= pi/T
     """
     T = device.sample_time
@@ -114,7 +114,7 @@ def held_compliance(device: Device, omega: Floats) -> Complex:
 
 
 def antiresonance_hz(device: Device) -> float | None:
-    """Return the antiresonance of the motor, at which the handle oscillates alone on its spring, Hz; None if rigid."""
+    """Return the antiresonance of the motor, at which only the handle oscillates, Hz; None if the device is rigid."""
     if device.structure is None:
         return None
     return sqrt(mechanism(device, device.structure, FLOATS).stiffness / device.structure.handle_mass) / (2 * pi)

@@ -11,11 +11,12 @@ from vctune.document.recording import Channel, Floats, Recording
 
 Complex = NDArray[np.complex128]
 LEAST_PERIODS = 4
-"""Least number of periods. The evaluation omits the first one, and fewer periods would not show a line's variance."""
+"""Least number of periods. The evaluation omits the first period, and fewer periods would not show a line's
+variance."""
 LEAST_LINES = 8
 REPEATS = 0.9
-"""Least correlation of a column with itself one period later. Noise with a tenth of the power keeps the correlation
-above this."""
+"""Least correlation of a column with itself one period later. If the noise has at most a tenth of the power, the
+correlation stays above this value."""
 EXCITED = 0.05
 """Least amplitude of an excited line, relative to the greatest amplitude."""
 ABOVE_NOISE = 5.0
@@ -56,7 +57,7 @@ class Response:
     ----------
     period : length of a period in samples
     periods : number of averaged periods
-    input : "force" or "command", by which position and handle are divided
+    input : "force" or "command", the column by which position and handle are divided
     position, handle : responses, m/N; None if the handle was not recorded
     drive : response from command to force; None unless both were recorded
     friction : lines of a Coulomb friction of 1 N, divided by the lines of the input, 1/N
@@ -76,7 +77,7 @@ class Response:
 
 
 def response(recording: Recording, sample_time: float) -> Response | None:
-    """Return the averaged response of a recording; None if it is not periodic.
+    """Return the averaged response of a recording; None if the recording is not periodic.
 
     Parameters
     ----------
@@ -119,7 +120,7 @@ def response(recording: Recording, sample_time: float) -> Response | None:
 
 
 def find_period(values: Floats) -> int | None:
-    """Return the period of a column in samples, if it repeats at least `LEAST_PERIODS` times; else None."""
+    """Return the period of a column in samples; None unless the column repeats at least `LEAST_PERIODS` times."""
     centred = values - values.mean()
     n = centred.size
     size = 1 << (2 * n - 1).bit_length()
@@ -148,7 +149,8 @@ def _spectra(values: Floats, period: int, first: int) -> Complex:
 
 
 def _without_drift(values: Floats, period: int, first: int) -> Complex:
-    """Return the spectra of a position that drifts. The function uses the second difference, which hardly drifts."""
+    """Return the spectra of a position without its drift. The function uses the second difference, which hardly
+    drifts."""
     second = np.zeros(values.size)
     second[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
     second[-1] = second[-1 - period] if values.size > period else 0.0
@@ -159,7 +161,8 @@ def _without_drift(values: Floats, period: int, first: int) -> Complex:
 
 
 def _excited(spectra: Complex, sample_time: float, period: int) -> NDArray[np.int64]:
-    """Return the numbers of the lines that stand out from the noise and from the greatest line."""
+    """Return the indices of the excited lines: their amplitude is large enough relative to the noise and to the
+    greatest line."""
     mean = np.abs(spectra.mean(axis=0))
     noise = spectra.std(axis=0, ddof=1) / np.sqrt(len(spectra))
     numbers = np.arange(mean.size)
@@ -184,7 +187,8 @@ def _direction(position: Complex) -> Complex:
 
 
 def _rounding(channel: Channel, period: int) -> float:
-    """Return the error of a line due to rounding. The error is equal in each period, so averages do not show it."""
+    """Return the error of a line due to rounding. The error is equal in each period, so averaging does not reduce
+    it."""
     quantum = channel.quantum
     if quantum is None:
         steps = np.abs(np.diff(channel.values))

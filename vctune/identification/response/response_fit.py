@@ -21,15 +21,15 @@ START_FLOOR = 0.1
 """Model error with which the search starts. Half or twice this error leads to the same fits."""
 ROUNDS = 20
 DECISIVE_FACTOR = 2.0
-"""Factor by which a second mass must reduce chi2. Model errors of neighbouring lines are similar, and friction bends a
-response slightly everywhere. A resonance reduces chi2 by a factor of a hundred."""
+"""Factor by which a second mass must reduce chi2. Model errors of neighbouring lines are similar, and friction changes
+a response slightly at all lines. For a device with a resonance, a second mass reduces chi2 by a factor of a hundred."""
 MAX_DAMPING_RATIO = 0.5
 """Damping ratio above which a peak does not count as a resonance."""
 REGULARISATION = 1e-12
-"""Number added to the diagonal of the information matrix, whose diagonal entries are 1. A number that no line
-determines then gets a huge deviation."""
+"""Number added to the diagonal of the information matrix, whose diagonal entries are 1. A parameter that no line
+determines then gets a very large standard deviation."""
 BLOCKS = 8
-"""Number of blocks of neighbouring lines. The code omits one block at a time, so that the intervals allow for model
+"""Number of blocks of neighbouring lines. The fit omits one block at a time. The intervals therefore allow for model
 errors that extend over many lines."""
 
 
@@ -40,8 +40,8 @@ class ResponseFit:
     Attributes
     ----------
     candidate : fitted structure
-    numbers : numbers by name, SI units
-    names : names of the free numbers in the order of `covariance`
+    numbers : parameters by name, SI units
+    names : names of the free parameters in the order of `covariance`
     covariance : diagonal matrix, shape (p, p), with the larger of the variances from correlated and from independent
         residuals
     model_errors : relative model errors of position and handle with which chi2 per degree of freedom is 1; 0 where
@@ -49,7 +49,7 @@ class ResponseFit:
     chi2 : chi2 with the noise alone, per degree of freedom
     lines : number of lines of all outputs
     speed : root mean square speed of the motor, m/s
-    device : device with the fitted numbers
+    device : device with the fitted parameters
     position, handle : responses of the model at the lines, m/N
     """
 
@@ -66,7 +66,7 @@ class ResponseFit:
     handle: Complex | None
 
     def sigma(self, name: str) -> float:
-        """Return the standard deviation of a number."""
+        """Return the standard deviation of a parameter."""
         at = self.names.index(name)
         return sqrt(max(float(self.covariance[at, at]), 0.0))
 
@@ -74,9 +74,9 @@ class ResponseFit:
 def fit_response(
     measured: Response, actuator: Actuator | None = None
 ) -> tuple[ResponseFit, tuple[ResponseFit, ...]] | None:
-    """Return the simplest candidate that explains a response as well as the best one does, and all candidates.
+    """Return the fit of the simplest candidate that explains a response about as well as the best one, and all fits.
 
-    Return None if there are too few lines.
+    Return None if the response has too few lines.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def _resonates(fit: ResponseFit, measured: Response) -> bool:
 
 
 def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, model_errors: Floats) -> float:
-    """Return chi2 with the best candidate's model error, plus a penalty for each free number (Bayes's criterion)."""
+    """Return chi2 with the best candidate's model error, plus a penalty for each free parameter (Bayes's criterion)."""
     task = FitTask(measured, fit.candidate, actuator)
     at = point(fit.numbers, fit.candidate)
     residuals = task.sampled(at).residuals(at, model_errors)
@@ -119,10 +119,10 @@ def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, 
 
 
 def _fitted(measured: Response, candidate: Candidate, actuator: Actuator | None) -> ResponseFit | None:
-    """Return the fit of a candidate: its best numbers with the model errors that explain the residual.
+    """Return the fit of a candidate: its best parameters with the model errors that explain the residual.
 
-    Return None if there are too few lines, or if the search ends at a structure that is so fast that its motion over a
-    sample overflows. The function alternates between the numbers and the model errors.
+    Return None if there are too few lines, or if the search ends at a structure whose motion over a sample overflows.
+    The function alternates between fitting the parameters and fitting the model errors.
     """
     task = FitTask(measured, candidate, actuator)
     starts = [point(start, candidate) for start in _starts(measured, candidate)]
@@ -168,7 +168,8 @@ def _model_errors(task: FitTask, at: Floats) -> Floats:
 
 
 def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
-    """Return the starts of the search: the mass from the lowest lines, the spring at each peak of |omega^2 G|."""
+    """Return the starts of the search. The mass comes from the lowest lines, and the spring from each peak of |omega^2
+    G|."""
     lines = measured.position
     inertia = 1 / np.abs(lines.omega**2 * lines.ratio)
     low_lines = max(3, inertia.size // 10)
@@ -188,7 +189,8 @@ def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
 
 
 def _result(task: FitTask, at: Floats, model_errors: Floats, chi2: float) -> ResponseFit:
-    """Return the fit at a point of the search; a number without effect on the residuals has no finite interval."""
+    """Return the fit at a point of the search. A parameter without effect on the residuals gets no covariance from
+    them."""
     numbers = task.numbers(at)
     device, motor, handle = task.outputs(at)
     to_units = np.array([1 / numbers[name] if name in SCALED else 1.0 for name in task.candidate.names])
@@ -222,7 +224,8 @@ def _result(task: FitTask, at: Floats, model_errors: Floats, chi2: float) -> Res
 
 
 def _jackknife_deviations(task: FitTask, at: Floats, model_errors: Floats) -> Floats:
-    """Return the standard deviations of the point. The function omits one block of neighbouring lines at a time."""
+    """Return the standard deviations of a point by a jackknife, which omits one block of neighbouring lines at a
+    time."""
     blocks = np.array_split(np.arange(task.measured.position.omega.size), BLOCKS)
     estimates = np.array(
         [solved_from(replace(task, left_out=block), at, model_errors) for block in blocks if block.size]
@@ -231,7 +234,7 @@ def _jackknife_deviations(task: FitTask, at: Floats, model_errors: Floats) -> Fl
 
 
 def _sensitivity(task: FitTask, at: Floats, model_errors: Floats) -> Floats:
-    """Return the derivatives of the residuals; next to 0, a number that is never negative has a one-sided one."""
+    """Return the derivatives of the residuals. A nonnegative parameter near 0 gets a one-sided derivative."""
     steps = 1e-5 * scale_of(at, task.candidate.names, task.measured)
     columns = []
     for i, step in enumerate(steps):

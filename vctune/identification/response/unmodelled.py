@@ -1,4 +1,4 @@
-"""Find the disc around 1 that covers the distance between the measured response and the devices of the box.
+"""Compute the disc around 1 that covers the distance between the measured response and the devices of the box.
 
 See README, section 4.
 """
@@ -16,8 +16,8 @@ from vctune.identification.response.response import Response
 from vctune.model.device import Device
 
 TRIED = 600
-"""Number of devices of the box with which the code compares a line. On the bench data, a tenth of this number makes the
-radii 20 % larger, and ten times this number makes them 3 % smaller."""
+"""Number of devices of the box with which the code compares a line. On the data of the bench (README, section 6), a
+tenth of this number makes the radii 20 % larger. Ten times this number makes the radii 3 % smaller."""
 KNOTS = 24
 """Greatest number of frequencies at which the radius is stated."""
 SEED = 1
@@ -29,12 +29,12 @@ MARGIN = 1 + 1e-6
 def distances(device: Device, bounds: Sequence[Bounded], measured: Response, coulomb: float) -> Floats:
     """Return the relative difference of each line of the position from the nearest device of the box.
 
-    The function first subtracts Coulomb friction from the line, because it is not linear.
+    The function first subtracts the effect of Coulomb friction from the line, because Coulomb friction is not linear.
 
     Parameters
     ----------
     device : device at the centre of the box, without the parts before the recorded force
-    bounds : intervals of the box; the function skips numbers that the device lacks
+    bounds : intervals of the box; the function skips parameters that the device lacks
     measured : averaged response of a periodic recording
     coulomb : Coulomb friction, N
     """
@@ -56,7 +56,7 @@ def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
     Parameters
     ----------
     device : device at the centre
-    bounds : intervals of the box; the function skips numbers that the device lacks
+    bounds : intervals of the box; the function skips parameters that the device lacks
     """
     has = device.numbers()
     varied = [bounded for bounded in bounds if bounded.key in has]
@@ -74,8 +74,8 @@ def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
 def covered(
     device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]], omega: Floats, *, is_command: bool
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return least and greatest magnitude and phase over all responses of the file: a device of the box times 1 +
-    delta.
+    """Return least and greatest magnitude and phase over all responses that the file allows: those of a device of the
+    box times 1 + delta.
 
     Parameters
     ----------
@@ -109,7 +109,8 @@ def covered(
 
 
 def envelope(hertz: Floats, needed: Floats) -> tuple[tuple[float, float], ...]:
-    """Return a few points. The polyline through them on logarithmic axes lies above all required radii.
+    """Return a few points (Hz, radius). The polyline through these points on logarithmic axes lies above all required
+    radii.
 
     Parameters
     ----------

@@ -14,11 +14,11 @@ from vctune.identification.servo.servo_motion import Complex, positions, sampled
 PER_OCTAVE = 3
 """Number of bands per octave."""
 LOWEST = 3.0
-"""Lowest frequency of a band, in units of the log's frequency resolution."""
+"""Lower edge of the lowest band, in units of the log's frequency resolution."""
 CLEAR = 0.02
-"""Greatest relative standard deviation of a band that vctune uses."""
+"""Greatest relative standard deviation of a band's ratio. vctune does not use a band with a greater deviation."""
 HANN = 1.5
-"""Width of the window in bins."""
+"""Equivalent width of the Hann window in bins."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Bands:
     ratio : measured response divided by the fitted response
     spread : relative standard deviation of the ratio
     fitted : response of the fit, from commanded velocity to the velocity between samples
-    share : share of the motion's power in the band, root mean square
+    share : square root of the share of the motion's power that lies in the band
     """
 
     hertz: Floats
@@ -47,7 +47,7 @@ def bands(servo_log: ServoLog, fit: ServoFit) -> Bands:
     Parameters
     ----------
     servo_log : the fitted log
-    fit : the servo that explains the log best
+    fit : the fit that explains the log best
     """
     T = servo_log.sample_time
     fitted_steps = np.diff(

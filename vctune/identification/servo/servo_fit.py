@@ -17,8 +17,8 @@ BANDWIDTHS = (2e-4, 8.0)
 """Range of the low-pass's bandwidth, as shares of the sampling rate. The lags range from 800 samples to a fiftieth of a
 sample."""
 LATENCIES = (-5.0, 2.0 * MAX_DELAY_SAMPLES + 800.0)
-"""Range of the latency, in samples: a delay up to twice the greatest one, and the longest lag of `BANDWIDTHS`. An early
-clock of the log can make it negative."""
+"""Range of the latency, in samples. The upper end is twice the greatest supported delay plus the longest lag of
+`BANDWIDTHS`. The latency is negative if the clock of the log is early."""
 START_BANDWIDTHS = 24
 """Number of bandwidths from which the search starts, spaced evenly on a logarithmic axis."""
 SETTLING_LAGS = 6.0
@@ -26,7 +26,7 @@ SETTLING_LAGS = 6.0
 OTHER_BANDWIDTHS = 14
 """Number of other bandwidths at which the search looks for a better fit."""
 NOISE_ROUNDS = 2
-"""Number of alternations between fitting the noise and fitting the numbers."""
+"""Number of alternations between fitting the noise and fitting the parameters."""
 LEAST_SPAN = 8
 """Least number of rows over which a step of the motion is measured. A single row would show only the encoder's
 noise."""
@@ -35,7 +35,7 @@ DERIVATIVE_STEP = 1e-4
 MAX_SIGMA_RATIO = 1.5
 """Greatest permitted ratio of a standard deviation to the half-width that chi2 gives."""
 JOINT_INTERVALS = 2
-"""Number of intervals that must hold together: those of delay and bandwidth."""
+"""Number of intervals that must hold at the same time: the intervals of delay and bandwidth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class ServoLog:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A number with its standard deviation and the ends of its interval."""
+    """A parameter with its standard deviation and the ends of its interval."""
 
     value: float
     sigma: float
@@ -128,7 +128,7 @@ class _Task:
         return float(at[0]) * T - modes(bandwidth, self.order)[0], bandwidth
 
     def steps(self, at: Floats) -> Floats:
-        """Return the measured steps and the steps predicted from given numbers, m, shape (n, 2)."""
+        """Return the measured steps and the steps predicted from given parameters, m, shape (n, 2)."""
         predicted = positions(self.servo_log.time, self.servo_log.velocity, *self.numbers(at), self.order)
         return np.diff(np.stack([self.servo_log.position, predicted], axis=1)[self.first :], axis=0)
 
@@ -145,7 +145,7 @@ class _Task:
         )
 
     def residual(self, at: Floats) -> Floats:
-        """Return the part of the steps that given numbers leave unexplained, m."""
+        """Return the part of the steps that given parameters leave unexplained, m."""
         measured, predicted = self.steps(at).T
         return np.asarray(measured - self.gain(at) * predicted)
 
@@ -185,7 +185,7 @@ def fit_servos(servo_log: ServoLog) -> tuple[ServoFit, ServoFit]:
 
 
 def _best_numbers(servo_log: ServoLog, order: int) -> tuple[_Task, Floats]:
-    """Return the numbers of the best fit, with their noise."""
+    """Return the task with the noise of the best fit, and the parameters of this fit."""
     at = _coarse_numbers(servo_log, order)
     task = _task_near(servo_log, order, at, Noise(servo_log.rounding, 0.01 * servo_log.sample_time))
     for _ in range(NOISE_ROUNDS):
@@ -196,7 +196,7 @@ def _best_numbers(servo_log: ServoLog, order: int) -> tuple[_Task, Floats]:
 
 
 def _refined(task: _Task, at: Floats) -> tuple[_Task, Floats]:
-    """Return the task with the likeliest noise near given numbers, and the numbers that then fit best."""
+    """Return the task with the likeliest noise near given parameters, and the parameters that then fit best."""
     servo_log = task.servo_log
     noise, _ = likeliest(
         task.residual(at),
@@ -211,7 +211,7 @@ def _refined(task: _Task, at: Floats) -> tuple[_Task, Floats]:
 
 
 def _better_elsewhere(task: _Task, at: Floats) -> Floats:
-    """Return numbers at another bandwidth if they fit better. The sum of squares has several valleys."""
+    """Return parameters at another bandwidth if they fit better. The sum of squares can have several local minima."""
     best, least_sum = at, float(np.sum(task.white(at) ** 2))
     for logarithm in np.linspace(log(10 * BANDWIDTHS[0]), log(BANDWIDTHS[1] / 4), OTHER_BANDWIDTHS):
         numbers = _best_latency(task, at, logarithm)
@@ -222,7 +222,7 @@ def _better_elsewhere(task: _Task, at: Floats) -> Floats:
 
 
 def _task_near(servo_log: ServoLog, order: int, at: Floats, noise: Noise, first: int | None = None) -> _Task:
-    """Return the task near given numbers, with the rows to fit and the effect of the link's jitter on each row."""
+    """Return the task near given parameters, with the rows to fit and the effect of the link's jitter on each row."""
     lag = modes(float(np.exp(at[1])), order)[0]
     if first is None:
         first = min(ceil(max(float(at[0]), 0.0) + SETTLING_LAGS * lag) + 2, servo_log.time.size // 4)
@@ -232,8 +232,8 @@ def _task_near(servo_log: ServoLog, order: int, at: Floats, noise: Noise, first:
 
 
 def _coarse_numbers(servo_log: ServoLog, order: int) -> Floats:
-    """Return the best combination of a whole number of samples of delay and one of several bandwidths, by correlation
-    of steps."""
+    """Return the best combination of a delay in whole samples and one of several bandwidths. The function correlates
+    the measured and the predicted steps."""
     n, T = servo_log.time.size, servo_log.sample_time
     measured = np.diff(servo_log.position)
     best, least_residual = np.zeros(2), np.inf
@@ -258,7 +258,7 @@ def _coarse_numbers(servo_log: ServoLog, order: int) -> Floats:
 
 
 def _least_squares(task: _Task, at: Floats) -> Floats:
-    """Return the numbers near a start at which the whitened residual is least."""
+    """Return the parameters near a start at which the whitened residual is least."""
     from scipy.optimize import least_squares
 
     low, high = (log(share) for share in BANDWIDTHS)
@@ -267,7 +267,7 @@ def _least_squares(task: _Task, at: Floats) -> Floats:
 
 
 def _fit_with_intervals(task: _Task, at: Floats) -> ServoFit:
-    """Return the fit at its best numbers, with intervals that allow for correlated residuals."""
+    """Return the fit at its best parameters, with intervals that allow for correlated residuals."""
     servo_log, T = task.servo_log, task.servo_log.sample_time
     residual = task.residual(at)
     noise, minus_twice_log_likelihood = likeliest(
@@ -280,7 +280,8 @@ def _fit_with_intervals(task: _Task, at: Floats) -> ServoFit:
     reach = ceil(max(np.sqrt(white.size), 3 * lag))
     robust = robust_covariance(slopes * white[:, None], information, reach)
     plain = np.linalg.inv(information)
-    # convert the slope by delay and log bandwidth to one by latency: the lag decreases as the bandwidth increases
+    # convert the covariance of latency and log bandwidth to that of delay and log bandwidth: lag falls as bandwidth
+    # rises
     to_latency = np.array([[1.0, lag], [0.0, 1.0]])
     robust, plain = to_latency @ robust @ to_latency.T, to_latency @ plain @ to_latency.T
     inflation = max(1.0, float(np.max(np.diag(robust) / np.diag(plain))))
@@ -308,7 +309,8 @@ def _fit_with_intervals(task: _Task, at: Floats) -> ServoFit:
 
 
 def _residual_share(residual_motion: Floats, position: Floats, span: int) -> float:
-    """Return the root mean square residual motion over `span` rows, divided by that of the motion itself.
+    """Return the root mean square residual motion over `span` rows, divided by the root mean square motion over `span`
+    rows.
 
     Differences over `span` rows contain only the drift within the span, not the drift over the whole log.
     """
@@ -320,9 +322,8 @@ def _residual_share(residual_motion: Floats, position: Floats, span: int) -> flo
 def _intervals(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[Interval, Interval]:
     """Return intervals of delay and bandwidth.
 
-    An interval ends where the least chi2 at a given bandwidth exceeds its limit.
-
-    For a short lag, chi2 is not a parabola. A standard deviation would then give wrong ends for the bandwidth.
+    An interval ends at the bandwidth whose least chi2 over the latencies exceeds the limit. For a short lag, chi2 is
+    not a parabola. A standard deviation would then give wrong ends for the bandwidth.
     """
     T, factor = task.servo_log.sample_time, joint_factor(JOINT_INTERVALS)
     least = float(np.sum(task.white(at) ** 2))
@@ -348,7 +349,7 @@ def _interval(value: float, sigma: float, low: float, high: float, factor: float
 
 
 def _end_of_bandwidth(task: _Task, at: Floats, least: float, allowance: float, side: int, sigma: float) -> Floats:
-    """Return the numbers at one end of the bandwidth's interval: the lower one for `side` -1, the upper one for 1.
+    """Return the parameters at one end of the bandwidth's interval: the lower end for `side` -1, the upper end for 1.
 
     The function steps outwards until chi2 exceeds its least value by the allowance, and then bisects.
     """
@@ -373,12 +374,12 @@ def _end_of_bandwidth(task: _Task, at: Floats, least: float, allowance: float, s
 
 
 def _excess_chi2(task: _Task, at: Floats, least: float) -> float:
-    """Return how far chi2 at some numbers exceeds the least chi2."""
+    """Return how far chi2 at given parameters exceeds the least chi2."""
     return float(np.sum(task.white(at) ** 2)) - least
 
 
 def _best_latency(task: _Task, at: Floats, logarithm: float) -> Floats:
-    """Return the numbers with the best latency at another bandwidth, by the method of Gauss and Newton."""
+    """Return the parameters with the best latency at another bandwidth, by the method of Gauss and Newton."""
     low, high = (log(share) for share in BANDWIDTHS)
     at = np.array([at[0], min(max(logarithm, low), high)])
     for _ in range(6):

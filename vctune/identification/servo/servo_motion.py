@@ -4,8 +4,8 @@ A low-pass H with poles p_i responds to a step of the velocity command with the 
 
     S(t) = t - lag + sum r_i e^(p_i t),   H(s)/s^2 = 1/s^2 - lag/s + sum r_i/(s - p_i).
 
-A held velocity is a sum of such steps, one for each of its jumps. A position command that is interpolated linearly over
-a sample equals the held velocity that reaches it.
+A held velocity is a sum of steps, one for each of its jumps. A position command that is interpolated linearly over a
+sample is equivalent to a held velocity that reaches this position one sample later.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ Complex = NDArray[np.complex128]
 
 
 def modes(bandwidth_hz: float, order: int) -> tuple[float, complex, complex]:
-    """Return the lag, a pole, and twice the pole's residue. The response to a step is the real part of their sum.
+    """Return the lag, a pole, and a weight.
+
+    In S(t), the sum over all poles is the real part of weight e^(pole t).
 
     Parameters
     ----------
@@ -51,7 +53,7 @@ def interpolating_velocity(time: Floats, command: Floats) -> Floats:
 
 
 def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float, order: int) -> Floats:
-    """Return the positions of a servo at the instants of a log, except for its start.
+    """Return the positions of a servo at the instants of a log. The positions near the start of the log are not exact.
 
     Parameters
     ----------
@@ -72,7 +74,8 @@ def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float,
 
 
 def _decaying(jumps: Floats, factors: Complex) -> Complex:
-    """Return m with m[k] = factors[k - 1] m[k - 1] + jumps[k]. Each pass of the function doubles the covered span."""
+    """Return m with m[k] = factors[k - 1] m[k - 1] + jumps[k]. Each pass of the loop doubles the number of summed
+    terms."""
     m, through = jumps.astype(complex), np.concatenate([[0.0], factors])
     span = 1
     while span < m.size and np.abs(through).max() > 1e-17:

@@ -1,9 +1,9 @@
-"""Model the noise of a servo's log, which comes from an encoder and from a link with jitter.
+"""Model the noise of a servo's log, which comes from an encoder and from a communication link with jitter.
 
-The steps of the position have a banded covariance. An encoder's noise r affects two successive steps. A command arrives
-early or late by a random time with deviation q. A velocity command thereby shifts the position permanently by q times
-the jump of the velocity. A position command shifts the position by q times the speed, for that sample only. The lag of
-the servo spreads these shifts over several samples.
+The steps of the position have a banded covariance. A sample's encoder noise with deviation r affects two successive
+steps. A command arrives early or late by a random time with deviation q. A velocity command thereby shifts the position
+permanently by q times the jump of the velocity. A position command shifts the position by q times the speed, for that
+sample only. The lag of the servo spreads these shifts over several samples.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LEAST_WINDOWS = 10
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviations of an encoder's and of a link's noise.
+    """Standard deviations of the encoder's noise and of the link's delay.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ def exposure(velocity: Floats, *, is_position: bool, late: int, lag: float) -> F
     velocity : commanded velocity in each row, m/s
     is_position : whether the command is a position
     late : delay of the servo in rows
-    lag : lag of its low-pass in rows
+    lag : lag of the servo's low-pass in rows
     """
     from scipy.signal import lfilter
 
@@ -77,7 +77,7 @@ def whitened(steps: Floats, noise: Noise, exposed: Floats, *, is_position: bool)
 def likeliest(
     steps: Floats, near: Noise, least: float, T: float, exposed: Floats, *, is_position: bool
 ) -> tuple[Noise, float]:
-    """Return the noise that makes the steps likeliest, and -2 log of that likelihood.
+    """Return the noise that makes the steps likeliest, and -2 log likelihood for this noise.
 
     Parameters
     ----------
@@ -107,9 +107,9 @@ def likeliest(
 def jitter(residual: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
     """Return the standard deviation of a link's delay, s.
 
-    Return 0 if it is less than three of its own deviations from 0.
+    Return 0 if the estimate is less than three of its own standard deviations from 0.
 
-    The lag of the servo spreads the effect of a late command, so the function sums over several lags.
+    The lag of the servo spreads the effect of a late command, so the function sums the steps over several lags.
 
     Parameters
     ----------

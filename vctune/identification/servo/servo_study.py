@@ -29,24 +29,25 @@ DECISIVE_GAIN = 10.0
 MAX_RESIDUAL_SHARE = 0.5
 """Relative residual of the motion above which vctune refuses a log."""
 GAIN_RANGE = (0.8, 1.25)
-"""Permitted range of the ratio of a servo's motion to its command. Outside this range, the unit or the axis is
-wrong."""
+"""Permitted range of the ratio of a servo's motion to its command. A ratio outside this range indicates a wrong unit or
+a wrong axis."""
 SIGNIFICANT = 4.0
-"""Significance, in standard deviations, with which a gain differs from 1 or a servo yields."""
+"""Significance, in standard deviations, above which a gain differs from 1 or a servo yields."""
 LEAST_YIELDING_SHARE = 0.005
-"""A servo's yielding to the force matters if it causes more than this share of the motion."""
+"""Least share of the motion that follows the force if vctune reports that the servo yields."""
 LATENCY, JITTER = Note("limit-latency", "a delay and a lag are alike in this motion"), Note("limit-jitter", "jitter")
 
 
 @dataclass(frozen=True, slots=True)
 class Yielding:
-    """The part of a servo's motion that follows the force on it.
+    """The part of a servo's motion that follows the force on the servo.
 
     Attributes
     ----------
     compliance, mobility : m/N and m/(N s), each with its standard deviation
-    share : root mean square share of the motion that follows the force, for the more significant of the two
-    significant : whether each of the two is significant
+    share : root mean square share of the motion that follows the force, by compliance or by mobility, whichever is
+        significant and larger
+    significant : whether the compliance and the mobility are significant
     """
 
     compliance: tuple[float, float]
@@ -87,11 +88,11 @@ class ServoStudy:
 
     @property
     def chi2(self) -> float:
-        """The power of the residual divided by that of the encoder's noise, per row."""
+        """The power of the residual divided by the power of the encoder's noise, per row."""
         return self.chi2_of(self.fit, Noise(self.fit.noise.encoder, 0.0))
 
     def chi2_of(self, fit: ServoFit, noise: Noise) -> float:
-        """Return the power of a fit's residual divided by that of a noise, per row.
+        """Return the power of a fit's residual divided by the power of a given noise, per row.
 
         Parameters
         ----------
@@ -102,7 +103,7 @@ class ServoStudy:
         return float(np.mean(white**2))
 
     def estimates(self, source: str) -> list[Estimate]:
-        """Return the estimates of the numbers in a problem file."""
+        """Return the estimates of the parameters that a problem file states."""
         estimates = []
         for fit in self.fits:
             text = f"{source}: order {fit.order}"
@@ -132,8 +133,8 @@ def likelier_order(studies: Sequence[ServoStudy]) -> int:
 def _estimate(key: str, interval: Interval, source: str, jitter: float) -> Estimate:
     """Return an interval as an estimate.
 
-    `excess` states how far the interval extends beyond `joint_factor(JOINT_INTERVALS)` standard deviations, below and
-    above, plus the jitter.
+    The `excess` of the estimate consists of two parts: the distance by which the interval extends beyond
+    `joint_factor(JOINT_INTERVALS)` standard deviations, below and above, and the jitter.
     """
     half_width = joint_factor(JOINT_INTERVALS) * interval.sigma
     beyond = (
@@ -151,14 +152,14 @@ def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
 
     Parameters
     ----------
-    recording : checked recording of position and command; it needs a force as well to show whether the servo yields
+    recording : checked recording of position and command; only a recording with a force as well shows whether the servo
+        yields
     sample_time : sample time of the servo's commands, s
 
     Returns
     -------
     ServoStudy
-        Fits of both orders in SI units: the one that explains the log better, the other, and whether the log decides
-        between them.
+        Fits of both orders in SI units, and whether the log decides between the orders.
 
     Raises
     ------
@@ -191,7 +192,7 @@ def _deviation(values: Floats) -> float:
 
 
 def _servo_log(recording: Recording, T: float) -> ServoLog:
-    """Return the columns of a recording that the fit needs, with the least noise that the encoder's rounding allows."""
+    """Return the columns of a recording that the fit needs, and the least noise that the encoder's rounding permits."""
     position, logged = recording.channels["position"], recording.values("time")
     time = np.asarray(np.arange(position.values.size) * T if logged is None else logged, dtype=np.float64)
     command = recording.channels[commanded(recording)].values

@@ -16,10 +16,11 @@ from vctune.identification.servo.servo_study import ServoStudy
 from vctune.model.device import Device
 
 RIDGE = 40
-"""Number of servos with the same latency as the fit that the code tries in addition to random ones. A slow motion
-cannot distinguish these."""
+"""Number of servos with the latency of the fit that the code tries in addition to random servos. A slow motion cannot
+distinguish servos with equal latency."""
 BEYOND = 40
-"""Number of frequencies up to Nyquist at which the code compares a servo of the other order with the box."""
+"""Number of frequencies up to the Nyquist frequency at which the code compares a servo of the other order with the
+box."""
 
 
 def response_of(device: Device, omega: Floats) -> Complex:
@@ -48,7 +49,7 @@ def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy
 
 
 def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> tuple[Floats, Floats]:
-    """Return frequencies up to Nyquist, Hz, and, at each, the distance from the box to a servo of the other order.
+    """Return frequencies up to the Nyquist frequency, Hz, and the distance of a servo of the other order from the box.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy
 
 
 def tried_servos(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> list[Device]:
-    """Return servos of the box. Some of them have the latency of a log's fit.
+    """Return servos of the box. Some of these servos have the latency of a log's fit.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def _latency(fit: ServoFit) -> float:
 
 
 def _nearest(devices_of_box: Sequence[Device], omega: Floats, measured: Complex) -> Floats:
-    """Return the relative distance of a response from the nearest of some servos, at each frequency."""
+    """Return the relative distance of a response from the nearest of the given servos, at each frequency."""
     distance = np.full(omega.size, np.inf)
     for device in devices_of_box:
         distance = np.minimum(distance, np.abs(measured / response_of(device, omega) - 1))

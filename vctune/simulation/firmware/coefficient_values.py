@@ -11,16 +11,16 @@ from vctune.model.gains import AnyCoupling, Coupling, SpringDamper
 
 
 def exact(decimal: float) -> Fraction:
-    """Return the decimal that a float prints as, as a fraction."""
+    """Return the printed decimal of a float as a fraction."""
     return Fraction(repr(float(decimal)))
 
 
 def coupling_coefficients(
     coupling: AnyCoupling | None, sample_time: float, smoothing: float | None = None, low_passes: int = 0
 ) -> dict[str, float]:
-    """Return the coefficients of a coupling. Those of an admittance display follow the trapezoidal rule.
+    """Return the coefficients of a coupling. The coupling of an admittance display follows the trapezoidal rule.
 
-    `coupling_of` inverts this.
+    `coupling_of` is the inverse of this function.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def coupling_coefficients(
 
 
 def coupling_of(coefficients: dict[str, float], sample_time: float) -> AnyCoupling:
-    """Return the coupling that has given coefficients, up to the rounding of its numbers.
+    """Return the coupling that has given coefficients, up to the rounding of its parameters.
 
     Parameters
     ----------

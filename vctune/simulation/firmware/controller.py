@@ -28,7 +28,7 @@ from vctune.simulation.firmware.operations import Arithmetic
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """The numbers of the firmware.
+    """The parameters of the firmware.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class State:
     integral : integral of the position error, m s
     measured : position at the previous sample, m
     filtered, twice_filtered : velocity after the first and after the second low-pass, m/s
-    inertia : force of the environment's mass, N; only the trapezoidal rule needs it
+    inertia : force of the environment's mass, N; only the trapezoidal rule needs this force
     smoothed, twice_smoothed : v_e after the first and after the second low-pass, m/s; for an impedance display
     ahead : v_e of the next sample, m/s; for a mass by explicit Euler
     late_1 to late_10 : forces of the environment, N, that act 1 to 10 samples later; for a late environment
@@ -113,7 +113,8 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The command and f_e, N. The command is the motor's force, N, or a servo's velocity, m/s, or position, m."""
+    """The command, and the environment's force f_e, N. The command is the motor's force, N, or a servo's velocity, m/s,
+    or position, m."""
 
     given: Number
     environment: Number
@@ -127,7 +128,7 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
 
     Parameters
     ----------
-    law : the numbers of the firmware
+    law : the parameters of the firmware
     state : state of the firmware after the previous sample
     measurement : measurement at this sample
     ops : arithmetic of state and measurement
@@ -154,7 +155,7 @@ _REMEMBERED = tuple(field.name for field in fields(State))
 
 
 def parts_of(law: Law) -> Parts:
-    """Return the parts of a firmware with a given law."""
+    """Return the parts that a firmware with a given law has."""
     rendered = law.environment
     return Parts(
         quantised=law.position_resolution > 0,

@@ -18,12 +18,12 @@ from vctune.simulation.firmware.expression import Expression, Symbol, Term, choi
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A name in the firmware with its symbol, quantity and meaning.
+    """A quantity of the firmware: its name, symbol, unit and meaning.
 
     Attributes
     ----------
     name, symbol : name in code, and symbol in formulas
-    of : quantity that determines the unit (`vctune.model.numbers.units`); "" for a dimensionless number
+    of : kind of quantity, which determines the unit (`vctune.model.numbers.units`); "" if dimensionless
     meaning : meaning, in the words of a linear device
     """
 
@@ -51,7 +51,8 @@ class Parts:
 
     Attributes
     ----------
-    quantised : whether the firmware rounds the encoder's position; a real encoder rounds it itself
+    quantised : whether the firmware rounds the position to the encoder's steps; a real encoder rounds the position
+        itself
     difference : True if the velocity is the backward difference of the position, False if a sensor measures it
     low_passes : number of low-passes of the velocity, 0 to 2
     coupling : whether there is a virtual coupling
@@ -196,7 +197,7 @@ def encoded_position(parts: Parts) -> Term:
 def estimate(parts: Parts) -> Iterator[Equation]:
     """Yield the estimates of the motion: position, and the velocity for the law.
 
-    A servo has no such equations, because the vendor's loop handles its motion.
+    A servo has no such equations, because the vendor's loop controls its motion.
     """
     if parts.command != "force":
         return
@@ -236,10 +237,10 @@ def _middle() -> Equation:
 
 
 def _pulled(parts: Parts) -> Iterator[Equation]:
-    """Yield the force of spring and damper between handle and tool, without the share of the new v_e.
+    """Yield the force of spring and damper between handle and tool, without the part that depends on the new v_e.
 
-    The spring acts between positions, so that no sum of velocities drifts. x_e lags the position that determines the
-    spring's force by T/2 v_e.
+    The spring acts between positions, because a sum of velocities would drift. x_e lags the position that determines
+    the spring's force by T/2 v_e.
     """
     yield _middle()
     apart: Expression = _now("velocity")
@@ -258,8 +259,8 @@ def _pulled(parts: Parts) -> Iterator[Equation]:
 def environment(parts: Parts) -> Iterator[Equation]:
     """Yield the built-in environment: v_e with resistance v_e + f_e = drive, and f_e.
 
-    Mass and spring follow backward Euler, or the lossless trapezoidal rule. Backward Euler stays passive and damps
-    motions that are too fast for the sample time, so that a wall may be arbitrarily stiff.
+    Mass and spring follow backward Euler, or the lossless trapezoidal rule. Backward Euler keeps the environment
+    passive and damps motions that are too fast for the sample time. A wall may therefore be arbitrarily stiff.
     """
     if parts.late or parts.ahead:
         yield from _late_environment(parts) if parts.late else _explicit_environment()
@@ -308,7 +309,8 @@ def _late_environment(parts: Parts) -> Iterator[Equation]:
     """Yield an environment whose force acts some samples later.
 
     The next velocity of a mass by explicit Euler gives the force of the mass. The firmware knows this velocity one
-    sample early, so it delays the force by one sample less. With a lateness of one sample, the force acts at once.
+    sample early, so it delays the force by one sample less. If the environment is late by one sample, the force acts at
+    once.
     """
     inertia_delay = parts.late - 1 if parts.explicit else parts.late
     inertia_acts_at_once = parts.mass and inertia_delay == 0
@@ -340,7 +342,7 @@ def _late_environment(parts: Parts) -> Iterator[Equation]:
 
 
 def _contact() -> Equation:
-    """Return the equation of the force of spring and damper at the velocity of this sample."""
+    """Return the equation of the environment's spring and damper force at the velocity of this sample."""
     spring = _now("stiffness") * (_now("middle") - _now("zero")) + _now("slope") * _now("desired")
     return _new("contact", "f_0", "force", "force of spring and damper", spring)
 
@@ -353,9 +355,9 @@ def law(parts: Parts) -> Iterator[Equation]:
     """Yield the coupling, the reference, and the law K_v + K_p/s on the velocity error, with its limit.
 
     x_e and the coupling follow the trapezoidal rule. An impedance at omega then equals the continuous impedance at
-    (2/T) tan(omega T/2). The rule therefore does not reduce Re Z_c, on which the certificate depends. Where the limit
-    acts, x_e stays as near to the handle as the limit permits, and the integral stays within its range, so that nothing
-    winds up.
+    (2/T) tan(omega T/2). The rule therefore does not reduce Re Z_c, on which the certificate depends. While the limit
+    acts, x_e stays as near to the handle as the limit permits, and the integral stays within its range. Neither
+    integrator therefore winds up.
 
     An impedance display has no such law: its command is the coupling's force plus the damping force of K_v. The command
     of a servo is v_e or x_e.

@@ -1,7 +1,7 @@
 """Represent the right-hand sides of the firmware's equations as data.
 
-Expressions run on plain floats, on CasADi's symbols, and in C. The order of the operations is always the same, so that
-doubles agree to the last bit.
+Expressions run on plain floats, on CasADi's symbols, and in C. The order of the operations is always the same. Results
+in double precision therefore agree to the last bit.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Operator = Literal["+", "-", "*", "/", "negative", "minimum", "maximum", "floor"
 
 
 class Expression:
-    """An operand."""
+    """The base class of symbols and operations, which are the operands of an operation."""
 
     __slots__ = ()
 
@@ -96,7 +96,7 @@ def floor(a: Term) -> Operation:
 
 
 def choice(above: Term, limit: Term, yes: Term, no: Term) -> Operation:
-    """Return the term `yes` if `above` exceeds `limit`, else the term `no`.
+    """Return the term `yes` if `above` exceeds `limit`, and the term `no` otherwise.
 
     Parameters
     ----------

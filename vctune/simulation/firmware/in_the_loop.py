@@ -29,7 +29,7 @@ design's own commands. replay.c uses the same factor."""
 
 
 class Controller(Protocol):
-    """A firmware that the simulation calls for each sample. `precision` is the precision of its numbers."""
+    """A firmware that the simulation calls for each sample. `precision` is the precision of its arithmetic."""
 
     @property
     def precision(self) -> Precision: ...
@@ -61,7 +61,7 @@ class Difference:
 
     @property
     def passes(self) -> bool:
-        """Whether the commands equal the design's, except for rounding."""
+        """Whether the commands of firmware and design agree, except for rounding."""
         return isfinite(self.force) and self.force <= self.tolerance
 
 
@@ -79,7 +79,8 @@ def run_in_the_loop(
     scene : device, operator, friction and the design's own firmware
     controller : the firmware
     progress : function that receives the share of the finished samples
-    tolerance : greatest permitted difference of a command, in its unit; None for the effect of rounding
+    tolerance : greatest permitted difference of a command, in the unit of the command; None to permit the effect of
+        rounding
 
     Returns
     -------

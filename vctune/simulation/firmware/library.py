@@ -17,7 +17,7 @@ from vctune.simulation.scene import Scene, equilibrium
 
 LIBRARY = "vctune_controller.so"
 MOST_BYTES = 1_000_000
-"""Greatest memory of a controller in bytes. A library that asks for more memory is not a controller."""
+"""Greatest memory of a controller in bytes. A library that requires more memory is not a controller."""
 
 PRECISIONS: dict[int, Precision] = {4: "single", 8: "double"}
 """Precision of numbers, by their size in bytes."""
@@ -29,8 +29,8 @@ class CompiledController:
     Attributes
     ----------
     path : path of the library
-    problem_sha256 : digest of the problem for which it was made
-    precision : precision of its numbers
+    problem_sha256 : digest of the problem for which the controller was made
+    precision : precision of the controller's arithmetic
     """
 
     def __init__(self, path: Path) -> None:

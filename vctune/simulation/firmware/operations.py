@@ -35,7 +35,7 @@ class Arithmetic(Protocol):
         """
 
     def where(self, condition: Number, yes: Number, no: Number) -> Number:
-        """Return one number if a condition holds, and another if not. The caller evaluates both numbers.
+        """Return `yes` if a condition is true, and `no` otherwise. The caller evaluates both numbers.
 
         Parameters
         ----------

@@ -31,7 +31,7 @@ class Start:
 
     Attributes
     ----------
-    environment : its environment
+    environment : the rendered environment
     limit : greatest force, N; None without a limit
     position, reference : position of the motor from the encoder, and x_e, both m
     """
@@ -43,7 +43,7 @@ class Start:
 
 
 def exported_parts(law: Law) -> Parts:
-    """Return the parts of the firmware that an export has: any built-in environment, no encoder, a limited force."""
+    """Return the parts of an exported firmware: any built-in environment, no encoder, a limited force."""
     of = parts_of(law)
     return Parts(
         difference=of.difference,
@@ -55,7 +55,7 @@ def exported_parts(law: Law) -> Parts:
 
 
 class SteppedFirmware:
-    """A firmware with its state. It rounds the result of every operation to one precision."""
+    """A firmware with its state. The object rounds the result of every operation to one precision."""
 
     def __init__(self, parts: Parts, coefficients: Mapping[str, float], start: Start, precision: Precision) -> None:
         """Set the firmware up before the first sample.
@@ -65,7 +65,7 @@ class SteppedFirmware:
         parts : parts of the firmware; the encoder provides its positions
         coefficients : coefficients of the controller, by their names in `equations.COEFFICIENTS`
         start : environment and start values
-        precision : precision of every number; the function first rounds the coefficients to it
+        precision : precision of the arithmetic; the function first rounds the coefficients to this precision
         """
         self._number = number = NUMBERS[precision]
         blocks = (equations.estimate, equations.drive, equations.environment, equations.law)

@@ -3,8 +3,9 @@
 The parts are an actuator, a handle on a spring, a servo, and a force sensor with a low-pass or with a delay that is not
 a whole number of samples. Everything except friction is linear. Without friction, matrix exponentials give the exact
 motion (`transition`). With friction, the only approximation is that the friction's force is constant over a step
-(`assembly_friction`). A device that moves as one mass, with a force sensed at a sample, belongs to `rigid_motion`. A
-servo follows its command: the hand does not affect its rates, and the hand's force follows from the motion.
+(`assembly_friction`). The module `rigid_motion` treats a device that moves as one mass and whose force is sensed at a
+sample. A servo follows its command. The hand does not affect the servo's rates, and the hand's force follows from the
+motion.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from vctune.simulation.mechanics.rigid_motion import Transition, exponential_les
 from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
-"""Inputs of the states. The inputs are the held command that has arrived (a force, or a servo's velocity), the force of
-the friction, the force that the hand's spring and damper would have with the handle at rest at 0, N, and three
-derivatives of that force."""
+"""Inputs of the states. "command" is the held command that has arrived (a force, or a servo's velocity), and "friction"
+is the force of the friction. "push" is the force, N, that the hand's spring and damper would exert on a handle at rest
+at 0. The last three inputs are derivatives of "push"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,12 +72,12 @@ class Assembly:
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """The time at which the sensor takes the force that the firmware reads.
+    """The time at which the sensor samples the force that the firmware reads.
 
     Attributes
     ----------
     whole_samples : number of whole samples before the reading
-    instant : time since the previous sample, s; None if the force is taken at the sample itself
+    instant : time since the previous sample, s; None if the sensor samples the force at the firmware's sample
     """
 
     whole_samples: int
@@ -84,9 +85,9 @@ class Sensing:
 
 
 def sensing(scene: Scene) -> Sensing:
-    """Return the time at which the sensor takes the force.
+    """Return the time at which the sensor samples the force.
 
-    If a command arrives at this time, the force is the one just before.
+    If a command arrives at this time, the sensor samples the force just before the command acts.
     """
     T, early = scene.device.sample_time, timing(scene).early
     whole, fraction = split_delay(scene.device.sensing.delay, T)
@@ -231,8 +232,8 @@ def _units(names: tuple[str, ...], force: float, command: float, sample_time: fl
 def transition(scene: Scene, moving: Assembly) -> Transition:
     """Return the exact transition of an assembly without friction over one sample.
 
-    If the force is sensed between samples, the sensed value is an additional number after the states. It does not
-    affect them.
+    If the force is sensed between samples, the sensed value is an additional element after the states. This value does
+    not affect the states.
 
     Parameters
     ----------

@@ -1,12 +1,13 @@
 """Integrate friction on the motor of a device with parts by fixed steps, which are exact for the bristles and for the
 linear parts.
 
-Over a step, the code holds the friction's force at its mean for bristles that follow the motor's mean velocity w. All
-other parts are linear and move exactly (`assembly`); w is the motor's mean velocity under the held force. The friction
-takes the work F h w from the motor, and the bristles receive the same work. So no step creates energy, for any h, any
-stiffness of the parts and any prediction. Neither a fast actuator nor a stiff handle makes this step stiff. The step
-approximates only the variation of the friction within a step, to second order. For a motion that is faster than a step,
-such as a hand's mass on a nearly rigid handle, the step gives the mean over the step, to first order.
+Over a step, the code holds the friction force F at its mean. The mean is computed for bristles that follow the motor's
+mean velocity w. All other parts are linear and move exactly (`assembly`); w is the motor's mean velocity under the held
+force. Over a step of length h, the friction takes the work F h w from the motor, and the bristles receive this work. No
+step therefore creates energy, for any h, any stiffness of the parts and any predicted velocity. Neither a fast actuator
+nor a stiff handle makes this step stiff. The step approximates only the variation of the friction within a step, to
+second order. If a motion is faster than a step, the step gives the mean of this motion over the step, to first order.
+An example is the motion of a hand's mass on a nearly rigid handle.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from vctune.simulation.mechanics.intended_motion import Floats
 
 @dataclass(frozen=True, slots=True)
 class AssemblyState:
-    """States and inputs of an assembly, with 0 for the friction's force, and the bristles' deflection z [m]."""
+    """States and inputs of an assembly, and the bristles' deflection z [m]. The input of the friction force is 0."""
 
     values: list[Number]
     z: Number

@@ -4,8 +4,8 @@ With the bristles' deflection z, the rate a(v) = stiffness |v|/g(v) and Stribeck
 
     dz/dt = v - a(v) z,   F = stiffness z + damping(v) dz/dt,   g = coulomb + (stiction - coulomb) e^{-(v/v_s)^2}.
 
-With a constant damping, LuGre friction may return energy at speed. The model returns no energy if damping <= 4 g/|v|.
-The code therefore uses damping(v) = damping/(1 + damping |v|/(4 coulomb)).
+With a constant damping, LuGre friction can return energy at high speed. The model returns no energy if damping <= 4
+g/|v|. The code therefore uses damping(v) = damping/(1 + damping |v|/(4 coulomb)).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.simulation.firmware.operations import Arithmetic
 
 SERIES_BELOW = 0.01
-"""Argument at which phi_2 changes from its series to its formula, whose subtraction loses a factor 2/y. At this
-argument both are correct to 2e-14. At half this argument, the formula's rounding error doubles. At twice this argument,
-the remainder of the series of five terms is 6e-13."""
+"""Argument y at which the code changes from the series of phi_2 to its formula. The subtraction in the formula
+increases the rounding error by a factor of 2/y. At this argument both are correct to 2e-14. At half this argument, the
+formula's rounding error doubles. At twice this argument, the remainder of the series of five terms is 6e-13."""
 
 
 def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[Number, Number]:
@@ -81,7 +81,7 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
     """Advance by several steps of length h [s] under the force push(t) [N], where t [s] counts from the beginning.
 
     The midpoint rule (theta = 1/2) is of second order, Euler's rule (theta = 1) of first order. The code evaluates the
-    bristles' rate at a velocity that the previous step predicts. In the first step, a trial predicts it.
+    bristles' rate at a velocity that the previous step predicts. In the first step, a trial step predicts the velocity.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
     push : function that returns the force of motor and hand, N, at a time since the beginning, s
     h : length of a step, s
     steps : number of steps
-    theta : point of a step at which its forces are evaluated, 1/2 to 1
+    theta : point of a step at which the forces are evaluated, 1/2 to 1
 
     Returns
     -------
@@ -120,11 +120,12 @@ def slide_step(
 
     Return the new state and the step's velocity w = v + theta (v_new - v).
 
-    The function takes rate and damping at the predicted velocity, and w as constant over the step. The motion of the
-    bristles is then exact: with y = a h, their mean deflection is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1
+    The function evaluates rate and damping at the predicted velocity, and assumes that w is constant over the step. The
+    motion of the bristles is then exact: with y = a h, their mean deflection is phi_1 z + phi_2 h w, phi_1 = (1 -
+    e^-y)/y, phi_2 = (1
     - phi_1)/y. The friction is linear in w, and the function solves the momentum balance for w. The bristles receive
-    exactly the work that friction does at the velocity w. So no step creates energy, for any h, any stiffness and any
-    prediction.
+      exactly the work that friction does at the velocity w. No step therefore creates energy, for any h, any stiffness
+      and any predicted velocity.
 
     Parameters
     ----------
@@ -134,7 +135,7 @@ def slide_step(
     foreseen : predicted velocity at which the friction's rate is evaluated, m/s
     push : force of motor and hand, N
     h : length of the step, s
-    theta : point of the step at which its forces are evaluated, 1/2 to 1
+    theta : point of the step at which the forces are evaluated, 1/2 to 1
     ops : arithmetic of state, velocity and force
 
     Returns
@@ -156,7 +157,7 @@ class BristleStep:
     Attributes
     ----------
     rate : a(v), 1/s
-    time : h phi_1, the time in which z at its initial rate would change as much as in the step, s
+    time : h phi_1, s; at its initial rate, z would take this time to change as much as it changes in the step
     stiffness, slope : coefficients of the mean force, N/m and N s/m
     """
 

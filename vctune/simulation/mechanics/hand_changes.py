@@ -1,7 +1,7 @@
 """Simulate a hand that changes during a run: its damping alternates, or it regrips the handle.
 
-The hand changes just after the firmware samples the force. A sample at a change still has the old hand; the motion
-after it has the new hand.
+The hand changes just after the firmware samples the force. A sample at a change still contains the force of the old
+hand. The new hand acts on the motion after this sample.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class HandChanges:
     Attributes
     ----------
     every : number of samples from one change to the next; 0 if the hand does not change, or changes at given samples
-    changes_at : samples at which the hand changes, increasing; empty if it has a dwell time
+    changes_at : samples at which the hand changes, in ascending order; empty if the hand has a dwell time
     alternates : whether the hand's damping changes
     regrips : whether the hand regrips the handle at each change
     """
@@ -43,7 +43,7 @@ class HandChanges:
         return sample > 0 and self._until(sample) > self._until(sample - 1)
 
     def hands(self, sample: int) -> tuple[int, int]:
-        """Return the index of the hand whose force is sampled, and of the hand from then on."""
+        """Return the index of the hand whose force is sampled, and the index of the hand after this sample."""
         if not self.alternates:
             return 0, 0
         return self._until(max(sample - 1, 0)) % 2, self._until(sample) % 2
@@ -71,7 +71,8 @@ def hand_changes(scene: Scene) -> HandChanges:
 
 
 def scenes_of_hands(scene: Scene) -> tuple[Scene, Scene]:
-    """Return a scene with its hand at the start, and the scene with the hand of every other interval."""
+    """Return two scenes: with the hand of the first interval between changes, and with the hand of the second
+    interval."""
     other = scene.operator.other_damping
     return scene, scene if other is None else replace(scene, operator=replace(scene.operator, damping=other))
 
@@ -89,13 +90,13 @@ def steps_of_hands(scene: Scene, build: Callable[[Scene, Scene], Any]) -> dict[t
 
 
 def after_sample(advance: OneSample, inputs: Floats, grip: float, *, regrips: bool) -> tuple[Floats, Floats, float]:
-    """Return state and record after a sample, and the position at which the hand holds from then on.
+    """Return state and record after a sample, and the position at which the hand then holds the handle.
 
     Parameters
     ----------
     advance : the step from the state before
     inputs : inputs of the intended motion, for a hand that holds at 0
-    grip : where the hand holds, m
+    grip : position at which the hand holds the handle, m
     regrips : whether the hand regrips the handle at this sample
     """
     held_inputs = held_at(inputs, grip)

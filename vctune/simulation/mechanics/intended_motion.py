@@ -13,8 +13,8 @@ from vctune.model.experiment import Operator
 Floats = NDArray[np.float64]
 RAMP = 0.1
 """Share of a stroke's time that the hand takes at each end to gain or lose speed. Half this share doubles the
-acceleration, and the force on the hand's mass becomes noticeable. Twice this share leaves less of the stroke at
-constant speed."""
+acceleration, and the force that accelerates the hand's mass becomes noticeable. With twice this share, less of the
+stroke has constant speed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Compute the motion of a rigid device and the hand between two samples, without friction (model/README.md, section 7).
 
-Matrix exponentials give the exact motion. Devices with an actuator, a handle on a spring or a low-pass of the force
-sensor belong to `assembly`.
+Matrix exponentials give the exact motion. The module `assembly` treats devices with an actuator, a handle on a spring
+or a low-pass of the force sensor.
 """
 
 from __future__ import annotations

@@ -26,14 +26,14 @@ from vctune.simulation.scene import Scene, baseline_scene
 
 STANDING = 1e-6
 """Distance from 1 within which an eigenvalue belongs to a position without a restoring force, not to an oscillation.
-The numerical error of a double eigenvalue is the square root of rounding, 1e-8. Half or twice this distance only
-matters for a mode that lasts a million samples."""
+The numerical error of a double eigenvalue is the square root of rounding, 1e-8. The results with half or twice this
+distance differ only for a mode that lasts a million samples."""
 DECADES = 4
 """Number of decades, up and down from the file's virtual mass and damping, in which the code searches for a stable
-share. Half or twice as many decades change no result within the range."""
+share. The results within the range are the same with half or twice as many decades."""
 BISECTIONS = 30
 """Number of bisections of half a decade, down to 1e-9. Half as many bisections leave 4e-5, which sometimes shows in the
-fourth digit. Twice as many reach rounding errors."""
+fourth digit. Twice as many bisections reach rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +45,8 @@ class Mode:
 
 
 def linear_scenes(scene: Scene) -> list[Scene]:
-    """Return a scene without friction, quantisation, limit and noise; with a wall, one scene in contact and one
-    away."""
+    """Return a scene without friction, quantisation, limit and noise. If the environment is a wall, return two scenes:
+    in contact with the wall, and away from it."""
     law = replace(scene.law, position_resolution=0.0, limit=None)
     rendered = law.environment
     environments = [replace(rendered, wall=False)]
@@ -71,8 +71,8 @@ def fastest_mode(scene: Scene) -> Mode:
     """Return the mode that decides whether hand, device and environment oscillate together.
 
     If the hand has a dwell time, the mode belongs to one period of the changes. The growth is still per sample. The
-    frequency is that of the mode's repetition from period to period. If the hand changes at given times, the
-    function examines each of its hands alone and returns the mode that grows most.
+    frequency is the frequency at which the mode repeats from period to period. If the hand changes at given times, the
+    function examines each of the two hands separately and returns the mode that grows most.
     """
     T, changes = scene.device.sample_time, hand_changes(scene)
     if changes.every == 0:
@@ -85,7 +85,8 @@ def fastest_mode(scene: Scene) -> Mode:
 
 
 def _period_matrix(scene: Scene, changes: HandChanges) -> Floats:
-    """Return the matrix over state and grip from one change of the hand to the next, or to the one after that."""
+    """Return the matrix over state and grip from one change of the hand to the next change, or to the change after
+    it."""
     with interrupt_deferred():
         steps = steps_of_hands(scene, lambda now, then: build(now, then=then))
 
@@ -132,7 +133,7 @@ def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> floa
     Returns
     -------
     float or None
-        The factor; 0 if the loop is stable with almost nothing, None if no tried factor is stable.
+        The factor; 0 if the loop is stable with almost no virtual mass and damping, None if no tried factor is stable.
     """
 
     def stable(share: float) -> bool:

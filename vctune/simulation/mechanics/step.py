@@ -1,9 +1,9 @@
 """Compile one sample of a scene into a function, assembled from the parts of the scene. This module imports casadi.
 
 `run` and `scene_stability` call the function with the scene's own firmware. `firmware/in_the_loop` calls it around an
-external firmware. In a sample, the firmware reads the sensors and runs, and the device moves for a sample time under
-the forces that have arrived. Friction, quantisation, saturation, filters, the coupling and a device's parts add
-operations to the function only if the scene has them.
+external firmware. In each sample, the firmware reads the sensors and computes a command. Then the device moves for one
+sample time under the forces that have arrived. Friction, quantisation, saturation, filters, the coupling and a device's
+parts add operations to the function only if the scene has them.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from vctune.simulation.mechanics.stretches import SYMBOLS, Stretch, fixed_steps,
 from vctune.simulation.scene import Scene
 
 SAMPLES_PER_CALL = 1024
-"""Number of samples per call of the compiled function. Progress and Ctrl-C wait for the end of a call. Half or twice as
-many samples take the same time."""
+"""Number of samples per call of the compiled function. Progress and Ctrl-C wait for the end of a call. The time per
+sample is equal with half or twice as many samples per call."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
 """Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. In a record, x and v belong to the handle, and f_s
 is the force that the firmware reads: the sensed f_h, for a servo after its filter and with the force of its own
@@ -45,16 +45,16 @@ spring."""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
 """Additional recorded columns if motor and handle move differently."""
 ANSWER = ("reference", "desired", "environment_force", "motor")
-"""Columns that a firmware outputs. An open step takes them as inputs after `INPUT_NAMES`."""
+"""Columns that a firmware outputs. An open step takes these columns as inputs after `INPUT_NAMES`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
     """A compiled step, advance(state, inputs) -> (state, record), and its state at the start of the motion.
 
-    The state contains x, v and the other moving parts, z if there is friction, and the force sensed within the last
-    sample if there is one. The state also contains the firmware's state, the commands and sensed forces that are still
-    delayed, and the force behind a servo's filter of the sensed samples if there is one.
+    The state contains x, v, the states of the other moving parts, and z if there is friction. The state also contains
+    the firmware's state, and the commands and sensed forces that are still delayed. If the device has them, the state
+    contains the force sensed within the last sample, and the force after a servo's filter of the sensed samples.
     """
 
     advance: Any
@@ -72,7 +72,7 @@ class OpenStep:
 
     The function sense(state, inputs) -> (position, velocity, force) returns the firmware's input. The function
     advance(state, inputs) -> (state, record) takes the firmware's output, `ANSWER`, after its other inputs. The state
-    is that of a `Step` without the firmware's part, and `start` is the state at the start of the motion.
+    equals the state of a `Step` without the firmware's part. `start` is the state at the start of the motion.
     """
 
     sense: Any
@@ -87,13 +87,13 @@ def build(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = Non
     ----------
     scene : the scene of the run
     stretch : function that integrates the friction; not used without friction
-    then : the scene with the hand from this sample on; the next sample is the first to sense its force. None if the
-        hand does not change
+    then : the scene with the changed hand, which acts from this sample on; the next sample is the first to sense its
+        force. None if the hand does not change
 
     Returns
     -------
     Step
-        In SI units. Its inputs are `INPUT_NAMES`, its record has the columns of `columns`.
+        The step in SI units. Its inputs are `INPUT_NAMES`, and its record has the columns of `columns`.
     """
     wired = sample_symbols(scene, len(INPUT_NAMES))
     memory = {field.name: ca.SX.sym(field.name) for field in fields(State)}
@@ -154,7 +154,7 @@ def _compiled(scene: Scene, stretch: Stretch, wired: SampleSymbols, firmware: _F
     record += [motion.motor.x, motion.motor.v] if scene.device.structure is not None else []
     commands, forces = [firmware.answer[-1], *wired.commands], [motion.sensed, *wired.unread]  # the newest first
     state = ca.vertcat(body, *firmware.memory, *wired.commands, *wired.unread, *wired.filtered)
-    # the oldest command and the oldest force have served
+    # the oldest command and the oldest force are no longer needed
     kept = ca.vertcat(*firmware.kept, *commands[:-1], *forces[:-1], *wired.filtered_after)
     *_, late, early = acting(scene, commands)  # u[k-N] and u[k-N-1] of `Timing`
     start = [

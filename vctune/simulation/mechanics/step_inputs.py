@@ -19,11 +19,11 @@ INTENDED, INTENDED_VELOCITY, NEXT_INTENDED, NEXT_INTENDED_VELOCITY, NOISE, REGRI
 
 
 def held_at(inputs: Floats, grip: float) -> Floats:
-    """Return the inputs of a hand that holds at a grip, from those of a hand that holds at 0.
+    """Return the inputs of a sample for a hand whose grip is not at 0.
 
     Parameters
     ----------
-    inputs : inputs of one sample
+    inputs : inputs of the sample for a hand that holds at 0
     grip : position at which the hand holds, m
     """
     shifted = inputs.copy()

@@ -38,12 +38,12 @@ class SampleSymbols:
     begin : state of the scene at rest
     mechanism : moving parts; None for a single mass
     body : states of the moving parts (position and velocity first), then z if there is friction, then the force sensed
-        within the last sample if the sensor takes it between samples
+        within the last sample if the sensor samples the force between the firmware's samples
     inputs : inputs of the step
     commands : commands of past samples that have not acted completely, the newest first
-    unread : forces of past samples that the sensor has taken and the firmware has not read, the newest first
-    filtered, filtered_after : force behind the filter of the sensed samples, before and after this sample; empty
-        without a filter
+    unread : past forces that the sensor has sampled and the firmware has not read, the newest first
+    filtered, filtered_after : force after the filter of the sensed samples, before and after this sample; empty without
+        a filter
     motion : values at the sample
     measurement : values that the firmware reads
     """
@@ -61,7 +61,7 @@ class SampleSymbols:
 
 
 def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
-    """Return the symbols of a scene, and what the firmware reads: the delayed force of the sensor, with its noise.
+    """Return the symbols of a scene, and the firmware's input: the delayed force of the sensor, with its noise.
 
     The filter y += a (x - y) of a servo acts on this force. A servo's own spring adds its force after the filter. This
     spring is relaxed at the start.
@@ -73,8 +73,8 @@ def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
     """
     sensor, mechanism, begin = sensing(scene), assembly(scene), equilibrium(scene)
     body, inputs = ca.SX.sym("body", len(at_rest(scene, mechanism, begin))), ca.SX.sym("inputs", input_count)
-    # with the new command, those of N whole samples of delay, and one more that ends within a sample; a servo moves
-    # from one position to the next, and thus needs the position before that one
+    # past commands that still act: one for each whole sample of delay, and one that ends within a sample; a servo that
+    # interpolates between positions also needs the position before
     count = timing(scene).whole_samples + (2 if _interpolates(scene) else 1)
     commands = [ca.SX.sym(f"u{age}") for age in range(count)]
     unread = [ca.SX.sym(f"f{age}") for age in range(sensor.whole_samples)]
@@ -111,7 +111,7 @@ def _interpolates(scene: Scene) -> bool:
 def acting(scene: Scene, commands: list[Any]) -> list[Any]:
     """Return the held values of commands, one for each sample, the newest first as the commands are.
 
-    A position command becomes the velocity from the previous position, so that the oldest position has no value.
+    A position command becomes the velocity from the previous position, so the oldest position has no value.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def _motion_at_sample(scene: Scene, mechanism: Assembly | None, body: Any, input
     handle = Slide(applied(mechanism.position, values), applied(mechanism.velocity, values), 0.0)
     force = applied(mechanism.force, values)
     sensed = force if mechanism.sensed is mechanism.force else applied(mechanism.sensed, values)
-    # a sensor that takes the force between samples left it in the body's last state
+    # if the sensor samples the force between the firmware's samples, this force is the body's last state
     return SampleValues(motor, handle, force, sensed if sensing(scene).instant is None else body[-1])
 
 

@@ -24,8 +24,8 @@ large in half the time. With twice as many steps, the error is a quarter in twic
 (results/work-precision.csv)."""
 LEAST_STEPS, MOST_STEPS = 4, 256
 """Least and greatest number of steps in a sample. The least number resolves a motion that crosses Stribeck's curve
-within a sample, even with soft bristles. Bristles that need more than the greatest number are stiffer than a hand can
-feel. Half or twice either number takes half or twice the time."""
+within a sample, even with soft bristles. Bristles that need more than the greatest number of steps are stiffer than a
+hand can feel. The simulation time is proportional to the number of steps."""
 
 
 class _SymbolArithmetic:
@@ -47,7 +47,8 @@ Stretch = Callable[[Scene, Friction, float, float], Any]
 """Function that returns the function (body, motor, push) -> body, which integrates the motion over part of a sample.
 Its arguments are a scene, its friction, the start of that part, s, and its length, s."""
 MIDPOINT = 0.5
-"""Point of a fixed step at which its forces are evaluated; the rule is of second order (`friction.slide`)."""
+"""Point of a fixed step at which the forces are evaluated. With the midpoint, the rule is of second order
+(`friction.slide`)."""
 
 
 def default_substeps(scene: Scene, friction: Friction) -> int:
@@ -80,7 +81,7 @@ def fixed_steps(
     scene, friction : scene with the moving masses, and its friction
     begin, length : start of the part within the sample, and its length, s
     substeps : number of steps per sample; None for `default_substeps`
-    theta : point of a step at which its forces are evaluated, see `friction.slide`; not used for an `assembly`
+    theta : point of a step at which the forces are evaluated, see `friction.slide`; not used for an `assembly`
     """
     share = length / scene.device.sample_time
     count = max(1, ceil((substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))
