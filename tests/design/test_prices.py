@@ -73,7 +73,7 @@ def test_multipliers_of_a_search_that_did_not_converge_are_no_prices():
     left = replace(found, polished=stopped, prices=None)
     assert active(left) == []
     assert with_prices(left).prices is None
-    assert record_of(file, left).limits == ["not known: the search stopped before it converged"]
+    assert record_of(file, left).limits == ["not known: the search ended without multipliers"]
 
 
 SOLVED_AGAIN = {

@@ -62,7 +62,6 @@ def test_a_problem_states_its_walls() -> None:
         ({"environment": {**BOX, "walls": True, "corner_hz": 400.0}}, "write at most 318.31"),
         ({"environment": {**BOX, "walls": 1}}, "environment.walls"),
         ({"stability": {"criterion": "both"}}, "allows any passive hand"),
-        ({"device": {**WHEEL["device"], "display": "impedance"}}, "walls are not proved on an impedance display"),
     ],
 )
 def test_what_is_not_proved_is_refused(tables: dict[str, object], said: str) -> None:

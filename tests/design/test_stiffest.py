@@ -12,6 +12,7 @@ from vctune.analysis.hardest_hands import needs_in_worlds
 from vctune.api.solving import solve
 from vctune.design.prepared import prepare
 from vctune.design.search.in_worlds.force_scale import forbidden_scale
+from vctune.design.search.in_worlds.known_places import least_scale
 from vctune.design.search.in_worlds.stiffest import stiffest
 from vctune.design.search.scan import scan
 from vctune.design.verdict.judge import Status, judge
@@ -159,3 +160,41 @@ def test_a_hand_of_a_witness_joins_the_search() -> None:
             place.hand.numbers.values(), hands.low.numbers.values(), hands.high.numbers.values(), strict=True
         ):
             assert low - 1e-12 <= x <= high + 1e-12
+
+
+@pytest.mark.slow
+def test_walls_of_the_arm_cost_little() -> None:
+    """The coupling for walls is softer than that for springs by less than 2 %."""
+    softer, stiffer = (solve(parse_problem(text, "arm.toml", "arm")) for text in (f"{ARM}walls = true\n", ARM))
+    couplings = []
+    for found in (softer, stiffer):
+        assert found.status is Status.CERTIFIED
+        assert found.judgement is not None
+        assert isinstance(found.judgement.coupling, SpringDamper)
+        couplings.append(found.judgement.coupling.stiffness)
+    assert softer.judgement is not None
+    assert softer.judgement.in_walls is not None
+    assert 0.98 < couplings[0] / couplings[1] < 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(16))
+def test_random_displays_render_walls(seed: int) -> None:
+    """The design is certified, and a stiffer coupling of the same shape is not certified or is beyond a bound."""
+    problem = random_display(seed)
+    assert problem.worlds is not None
+    if problem.worlds.high.stiffness == np.inf:
+        return
+    walled, linear = (solve(replace(problem, worlds=replace(problem.worlds, walls=walls))) for walls in (True, False))
+    assert walled.status is Status.CERTIFIED
+    assert walled.judgement is not None
+    assert linear.judgement is not None
+    assert linear.judgement.error <= walled.judgement.error * (1 + 1e-3) < 1.3 * linear.judgement.error
+
+
+def test_the_least_scale_is_found_above_a_gap() -> None:
+    """Softer couplings may fail, too: the first range that suffices counts."""
+    assert least_scale(lambda x: 3.0 < x < 8.0, 1.0, 1e6) == pytest.approx(3.0, rel=1e-3)
+    assert least_scale(lambda x: True, 2.0, 1e6) == 2.0
+    assert least_scale(lambda x: False, 2.0, 1e6) == np.inf
+    assert least_scale(lambda x: x > 1.5, 2.0, 2.0) == 2.0

@@ -118,14 +118,15 @@ def judged(seed: int, count: int) -> dict[str, int]:
     return found
 
 
-@pytest.mark.parametrize(("seed", "count"), [(5, 6), pytest.param(20, 200, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "count"), [(7, 40)])
 def test_verdicts_on_late_environments_agree_with_eigenvalues(seed: int, count: int) -> None:
     """None is wrong, both kinds of verdict occur, and few are undecided."""
     found = judged(seed, count)
     assert found["wrong"] == 0
-    assert found["proved"] > count / 5
-    assert found["refuted"] > count / 5
-    assert found["undecided"] <= count / 20
+    assert found["proved"] > count / 4
+    assert found["refuted"] > count / 10
+    assert found["undecided"] <= count / 15
 
 
 def walled(rng: np.random.Generator) -> Case:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 from vctune.analysis.demands import sampled_span, transparency_error
 from vctune.design.variables import Point
@@ -12,6 +12,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands, Problem
 from vctune.model.transparency import TERMS, TermName, Terms
+from vctune.model.worlds import Worlds
 from vctune.proof.claims.whole_samples import beside_whole_sample, next_to_whole_samples, reaching_whole_sample
 from vctune.proof.device_box import DeviceBox, device_box, in_longer_hands, moved_as_one
 
@@ -141,7 +142,7 @@ def with_corner(posed: Posed, corner: float) -> Posed:
     corner : w_c, rad per unit of the problem's time
     """
 
-    return _in_worlds(posed, corner=corner)
+    return in_worlds(posed, lambda worlds: replace(worlds, corner=corner))
 
 
 def by_resistance(posed: Posed) -> Posed:
@@ -151,13 +152,21 @@ def by_resistance(posed: Posed) -> Posed:
     ----------
     posed : prepared problem with a box of environments
     """
-    return _in_worlds(posed, resistive=True)
+    return in_worlds(posed, lambda worlds: replace(worlds, resistive=True))
 
 
-def _in_worlds(posed: Posed, **changes: Any) -> Posed:
+def in_worlds(posed: Posed, change: Callable[[Worlds], Worlds]) -> Posed:
+    """Return a copy of a posed problem with other environments.
+
+    Parameters
+    ----------
+    posed : prepared problem with a box of environments
+    change : function from the environments of the problem to the other environments
+    """
+
     def changed(problem: Problem) -> Problem:
         assert problem.worlds is not None
-        return replace(problem, worlds=replace(problem.worlds, **changes))
+        return replace(problem, worlds=change(problem.worlds))
 
     problem, *parts = changed(posed.problem), posed.cases, posed.hand_cases, posed.objective
     cases, hand_cases, objective = (tuple(map(changed, part)) for part in parts)

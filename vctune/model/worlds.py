@@ -74,6 +74,12 @@ class Worlds:
         return replace(self, walls=False, corner=None)
 
     @property
+    def by_real_part(self) -> Worlds:
+        """The same environments without walls, on time and by the trapezoidal rule, of which a search requires only the
+        condition on the real part."""
+        return Worlds(self.low, self.high, resistive=True)
+
+    @property
     def lossless(self) -> bool:
         """Whether masses and springs are the lossless ones of section 18, which step by the trapezoidal rule and run on
         time."""

@@ -19,7 +19,7 @@ from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.in_walls import corner_of
 from vctune.design.nlp.ipopt import NEAR_SIDE, numbers_of, solve
 from vctune.design.nlp.nlp_structure import nlp_structure
-from vctune.design.prepared import Posed, by_resistance, with_device
+from vctune.design.prepared import Posed, by_resistance, in_worlds, with_device
 from vctune.design.result import Polished, Round
 from vctune.design.search.in_worlds.stiffest import Stiffest, stiffest
 from vctune.design.search.scan import ScanResult
@@ -154,14 +154,17 @@ def _stiffest(posed: Posed, start: Start, found: Stiffest | None, tightening: fl
     """Return the stiffest coupling of an impedance display with the multipliers of the places that limit it."""
     if found is None:
         return None
-    values, alone = point(found.gains, found.coupling), by_resistance(posed)
-    working_set = WorkingSet(in_hand=found.places)
-    free = coordinates(posed.problem, integrator=False)
+    values, worlds = point(found.gains, found.coupling), posed.problem.worlds
+    assert worlds is not None
+    alone, working_set = in_worlds(posed, lambda each: each.by_real_part), WorkingSet(in_hand=found.places)
+    free = coordinates(alone.problem, integrator=False)
     structure = nlp_structure(
         alone, free, working_set, MAX_PANELS if posed.problem.device.structure else PANELS, integrator=False
     )
     box = _box(free, values, NEAR)
     solution = solve(structure, numbers_of(alone, structure, free, values, box, working_set, tightening))
+    if worlds.walls:  # the multipliers belong to the linear environments alone
+        solution = replace(solution, converged=False)
     rounds = [Round(sum(working_set.sizes()), solution)]
     return Polished(start, values, found.error, structure, working_set, solution, tightening, rounds)
 

@@ -33,8 +33,8 @@ from vctune.model.transparency import TermName
 Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
-UNKNOWN_LIMITS = "not known: the search stopped before it converged"
-"""Text that replaces the active constraints if the search stopped early."""
+UNKNOWN_LIMITS = "not known: the search ended without multipliers"
+"""Text that replaces the active constraints if the search stopped early, or if it does not solve an NLP."""
 
 
 SAME_PLACE = 1.05

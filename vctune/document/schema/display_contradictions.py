@@ -63,6 +63,7 @@ def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
                 )
     else:
         yield from _meaningless(raw, OF_ADMITTANCE, 'device.display = "impedance"')
+        yield from _unproved_in_time(raw)
         yield from _unproved_impedance(device)
 
 
@@ -94,6 +95,17 @@ def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
         raw, "device", "servo", "stiffness"
     ):
         yield ("operator",), "no hand of it pushes, so that nothing is fed back; give one of its ranges a positive max"
+
+
+def _unproved_in_time(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the environments of section 20, for which no search finds the coupling of an impedance display."""
+    table = raw.get("environment")
+    if isinstance(table, dict) and (table.get("rule", "trapezoid") != "trapezoid" or table.get("late", 0) != 0):
+        key = "late" if table.get("late", 0) != 0 else "rule"
+        yield (
+            ("environment", key),
+            "an impedance display is designed for environments by the trapezoidal rule that are on time; leave it out",
+        )
 
 
 def _unproved_impedance(device: dict[str, Any]) -> Iterator[Contradiction]:

@@ -6,12 +6,15 @@ single frequencies fall between these windows. The scales 1/k_c that an environm
 greatest of them covers all windows. This search therefore takes the scale from the closed form, and exchanges hands
 instead of frequencies. It minimises the error over b_c/k_c and K_v in a few hands, adds the hands that forbid more at
 the answer, and repeats.
+
+For walls there is no such closed form. The search then evaluates the reserve of increasing scales (`known_places`). In
+each round, the multiplier for walls has the corner that is best for the answer of the round before.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from math import exp, inf, log
 
@@ -19,9 +22,12 @@ import numpy as np
 
 from vctune.analysis.demands import sensitivity_maxima
 from vctune.analysis.extrema import Floats
+from vctune.analysis.in_hands import RatioInHand
+from vctune.analysis.in_walls import corner_of
 from vctune.analysis.loops_in_hands import angles, loops_in_hands
 from vctune.design.prepared import Posed, with_device
 from vctune.design.search.in_worlds.force_scale import forbidden_scale
+from vctune.design.search.in_worlds.known_places import KnownPlaces, least_scale
 from vctune.design.search.shapes import coupling_of, scale_limits, shape_of, time_constants
 from vctune.design.search.stabilise import stable
 from vctune.design.search.start import Start
@@ -35,6 +41,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
 ROUNDS = 12
@@ -63,11 +70,20 @@ FIRST_STEP, NEXT_STEP, LAST_STEP = 0.4, 0.05, 2e-5
 
 @dataclass(slots=True)
 class _InHands:
-    """A device, the box of its hands, and the hands for which the search computes the coupling."""
+    """A device, the box of its hands, and the hands for which the search computes the coupling.
+
+    Attributes
+    ----------
+    problem : problem of the device
+    hands : the box
+    known : hands in which the search evaluates the closed form
+    at_walls : places at which the search evaluates walls; None without walls
+    """
 
     problem: Problem
     hands: Hands
     known: list[Hand] = field(default_factory=list)
+    at_walls: KnownPlaces | None = None
 
     @property
     def device(self) -> Device:
@@ -77,10 +93,11 @@ class _InHands:
 
 @dataclass(frozen=True, slots=True)
 class _Law:
-    """K_v with the time constant b_c/k_c of the coupling."""
+    """K_v with the time constant b_c/k_c of the coupling, and the corner of the multiplier for walls."""
 
     gains: Gains
     time_constant: float
+    corner: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,32 +137,72 @@ def stiffest(
     sets = []
     for device, case in cases.items():
         assert case.hands_met is not None
-        own = [at.hand for at in witnesses if at.hand is not None and at.device.modelled == device]
-        sets.append(_InHands(case, case.hands_met, list(dict.fromkeys([*case.hands_met.corners, *own]))))
+        there = [at for at in witnesses if at.device.modelled == device]
+        own = [at.hand for at in there if at.hand is not None]
+        at_walls = KnownPlaces(case.device, case.hands_met) if case.worlds is not None and case.worlds.walls else None
+        if at_walls is not None and own:
+            at_walls.add([RatioInHand(0.0, at.omega, at.hand) for at in there if at.hand is not None])
+        sets.append(_InHands(case, case.hands_met, list(dict.fromkeys([*case.hands_met.corners, *own])), at_walls))
     reserve = posed.problem.stability.safety_factor * (1 + max(tightening, RESERVE))
     law = _Law(start.gains, shape_of(start.coupling)[0])
+    design: AnyCoupling | None = start.coupling
     for number in range(ROUNDS):
+        law = _with_corner(posed, law, design)
         law, error = _least_error(posed, sets, law, reserve, FIRST_STEP if number == 0 else NEXT_STEP)
         if not error < incumbent:
             return None
-        known = max(float(_in_each(one, stacked(one.known), law)[0].max()) for one in sets)
-        joined = False
+        joined = _join_linear(sets, law)
+        design = _design(posed, sets, law, reserve)
         for one in sets:
-            scale, _, hands = _hardest(one, law)
-            new = [hand for x, hand in zip(scale, hands, strict=True) if x > (1 + ENOUGH) * known]
-            one.known += [hand for hand in new if hand not in one.known]
-            joined |= bool(new)
+            if one.at_walls is not None and design is not None:
+                lacking = one.at_walls.lacking(law.gains, design, _met(one.problem, law), (1 - ENOUGH) * reserve)
+                if lacking:
+                    one.at_walls.add(lacking)
+                joined |= bool(lacking)
         if not joined:
             break
     found = _design(posed, sets, law, reserve)
     return None if found is None else Stiffest(law.gains, found, error, _places(sets, law))
 
 
+def _join_linear(sets: Sequence[_InHands], law: _Law) -> bool:
+    """Add the hands that forbid greater scales than the known hands; return whether there are any."""
+    known, joined = max(float(_in_each(one, stacked(one.known), law)[0].max()) for one in sets), False
+    for one in sets:
+        scale, _, hands = _hardest(one, law)
+        new = [hand for x, hand in zip(scale, hands, strict=True) if x > (1 + ENOUGH) * known]
+        one.known += [hand for hand in new if hand not in one.known]
+        joined |= bool(new)
+    return joined
+
+
+def _met(problem: Problem, law: _Law) -> WorldsMet:
+    """Return the environments with the corner of a law, if they include walls."""
+    worlds = problem.worlds
+    assert worlds is not None
+    return WorldsMet(replace(worlds, corner=law.corner), problem.stability.safety_factor)
+
+
+def _with_corner(posed: Posed, law: _Law, design: AnyCoupling | None) -> _Law:
+    """Return a law with the best corner of the multiplier for walls at a design."""
+    worlds = posed.problem.worlds
+    if worlds is None or not worlds.walls or design is None:
+        return law
+    return replace(law, corner=worlds.corner or corner_of(posed.problem, law.gains, design))
+
+
 def _design(posed: Posed, sets: Sequence[_InHands], law: _Law, reserve: float) -> AnyCoupling | None:
     """Return the stiffest coupling of a shape within its bounds; None if there is none."""
-    least = reserve * max(float(_in_each(one, stacked(one.known), law)[0].max()) for one in sets)
     low, high = (float(limit) for limit in scale_limits(posed.problem, np.array(law.time_constant)))
-    scale = max(least, low)
+    scale = max(reserve * max(float(_in_each(one, stacked(one.known), law)[0].max()) for one in sets), low)
+    if scale > 0 and any(one.at_walls is not None for one in sets):
+
+        def suffices(scale: float) -> bool:
+            coupling = coupling_of(posed.problem, scale, law.time_constant, 0.0)
+            places = ((one.at_walls, _met(one.problem, law)) for one in sets)
+            return all(at is None or at.suffices(law.gains, coupling, met, reserve) for at, met in places)
+
+        scale = least_scale(suffices, scale, high)
     return coupling_of(posed.problem, scale, law.time_constant, 0.0) if 0 < scale <= high else None
 
 
@@ -182,7 +239,7 @@ def _time_constants(posed: Posed) -> tuple[float, float]:
 
 
 def _law(z: Floats, own: Coordinate | None, law: _Law) -> _Law:
-    return _Law(Gains(own.to_x(float(z[1])), 0.0) if own else law.gains, exp(float(z[0])))
+    return _Law(Gains(own.to_x(float(z[1])), 0.0) if own else law.gains, exp(float(z[0])), law.corner)
 
 
 def _error(posed: Posed, sets: Sequence[_InHands], law: _Law, reserve: float) -> float:
