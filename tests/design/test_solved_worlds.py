@@ -111,7 +111,6 @@ def test_a_box_without_limits_is_no_box() -> None:
         ({"stability": {"criterion": "both"}}, "allows any passive hand"),
         ({"stability": {"criterion": "passive"}}, "allows any passive hand"),
         ({"uncertainty": {"unmodelled": [[1.0, 0.1]]}}, "is not proved with [environment]"),
-        ({"device": HANDLE, "environment": {"stiffness": {"max": 2e3}, "walls": True}}, "walls are not proved on an"),
         ({"device": HANDLE, "environment": {"stiffness": {"max": 2e3}, "rule": "implicit"}}, "by the trapezoidal rule"),
         ({"device": HANDLE, "environment": {"stiffness": {"max": 2e3}, "late": 1}}, "that are on time"),
         ({"device": HANDLE, "stability": {"criterion": "both"}}, "allows any passive hand"),

@@ -448,7 +448,7 @@ def test_a_check_says_in_which_hands(tmp_path):
     assert "in every hand of 0 to 0.5 kg, 0 to 30 N s/m, 0 to 3000 N/m up to Nyquist" in good.stdout
     assert "Hz, safety" not in good.stdout  # the band of passive hands is none of its own
     assert poor.returncode == ExitCode.FAILED and "in the hand of 0 kg, 0 N s/m, 3000 N/m" in poor.stdout
-    for repair in ("coupling.mass = ", "operator.damping.min = ", "operator.stiffness.max = "):
+    for repair in ("coupling.drag = ", "operator.damping.min = ", "operator.stiffness.max = "):
         assert repair in poor.stdout
     assert "band_hz" not in poor.stdout
 

@@ -290,25 +290,29 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
     hand.
     """
     polished: Polished | None = optimum
-    tightening, witnesses, sharpened = TIGHTENING, WorkingSet(), 0
+    tightening, witnesses, sharpened, judged = TIGHTENING, WorkingSet(), 0, list[Judgement]()
     for _ in range(PROOF_ROUNDS + NEW_HANDS):
         if polished is None or sharpened == PROOF_ROUNDS:
             return
         digits = DIGITS + MORE_DIGITS * sharpened
         values = rounded(prepared.problem, prepared.units.to_si(polished.values), digits)
-        given = with_corner(prepared.given, values[CORNER]) if len(values) > CORNER else prepared.given
-        judgement = judge_posed(given, *design_of(values))
-        yield polished, judgement
-        for claim, outcome in judgement.certificate.outcomes.items():
-            points = witnesses.points(CLAIMS[claim].quantity)
-            if points is not None:
-                _collect(points, outcome, prepared, judgement if claim == "walls" else None)
-        known = _new_hand(prepared, judgement, witnesses, tightening)
-        if by_scale(prepared.problem) or not known:
-            sharpened += 1
-            tightening *= SHARPENING
-        if _undecided(judgement) or by_scale(prepared.problem):
-            tightening = max(tightening, DECIDABLE)
+        law = design_of(values)
+        found = sum(_new_hand(prepared, law, judgement, witnesses, tightening) for judgement in judged)
+        if not found:  # else the hands near the witnesses of earlier judgements already refute this design
+            given = with_corner(prepared.given, values[CORNER]) if len(values) > CORNER else prepared.given
+            judgement = judge_posed(given, *law)
+            yield polished, judgement
+            judged += [judgement] if judgement.certificate.demands.walls_met is None else []
+            for claim, outcome in judgement.certificate.outcomes.items():
+                points = witnesses.points(CLAIMS[claim].quantity)
+                if points is not None:
+                    _collect(points, outcome, prepared, judgement if claim == "walls" else None)
+            known = _new_hand(prepared, law, judgement, witnesses, tightening)
+            if by_scale(prepared.problem) or not known:
+                sharpened += 1
+                tightening *= SHARPENING
+            if _undecided(judgement) or by_scale(prepared.problem):
+                tightening = max(tightening, DECIDABLE)
         again = partial(polish, prepared.scaled, scanned=scanned, tightening=tightening, witnesses=witnesses)
         polished = again(_start_at(polished), demands=polished.working_set) or again(optimum.start)
 
@@ -319,9 +323,24 @@ def _start_at(polished: Polished) -> Start:
     return Start(*design_of(polished.values), polished.error, corner=corner)
 
 
-def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, tightening: float) -> bool:
+def _new_hand(
+    prepared: Prepared,
+    law: tuple[Gains, AnyCoupling],
+    judgement: Judgement,
+    witnesses: WorkingSet,
+    tightening: float,
+) -> bool:
     """Add the worst hand near the hand of a witness, if it requires more than the tightening provides; return whether
-    it did."""
+    it did.
+
+    Parameters
+    ----------
+    prepared : prepared problem
+    law : the design whose worst hand the function looks for
+    judgement : judgement that names the witnesses, of this design or of an earlier one
+    witnesses : working set, to which the function adds the hand
+    tightening : relative tightening of the constraints
+    """
     problem, outcomes = prepared.problem, judgement.certificate.outcomes
     found = False
     demands = judgement.certificate.demands
@@ -330,7 +349,6 @@ def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, t
         if problem.hands_met is None or outcome.hand is None or not outcome.witness:
             continue
         device = outcome.device or problem.device
-        law = judgement.gains, judgement.coupling
         worst = least_ratio_near(device, problem.hands_met, *law, outcome.witness, outcome.hand, met)
         if worst.ratio < problem.stability.safety_factor * (1 - tightening):
             there = replace(outcome, witness=worst.omega, hand=worst.hand)

@@ -248,8 +248,18 @@ def _doubled(less_one: Block, square: Block, times: int) -> Block:
     total = np.moveaxis(less_one.entries, (0, 1), (-2, -1)) + np.eye(n)
     quarter = np.moveaxis(square.entries, (0, 1), (-2, -1)) / 4
     for k in range(times):
-        total = total + 4.0**k * quarter @ np.linalg.inv(total)
+        total = total + 4.0**k * quarter @ _inverted(total)
     return Block(np.moveaxis(total, (-2, -1), (0, 1)), nonzero, less_one.ops)
+
+
+def _inverted(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the inverses of matrices, shape (..., n, n). The inverse of a singular matrix is nan."""
+    try:
+        return np.linalg.inv(matrices)
+    except np.linalg.LinAlgError:
+        regular = np.linalg.matrix_rank(np.nan_to_num(matrices)) == matrices.shape[-1]
+        safe = np.where(regular[..., None, None], matrices, np.eye(matrices.shape[-1]))
+        return np.where(regular[..., None, None], np.linalg.inv(safe), np.nan)
 
 
 @cache

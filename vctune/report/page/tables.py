@@ -75,8 +75,8 @@ def _device(problem: Problem) -> list[Line]:
 
 def _own_loop(device: Device) -> list[Line]:
     estimate = device.velocity
-    known = "measured" if estimate is None or estimate.source == "measured" else "difference of the position"
-    return [Line("velocity is", known), Line("hold", device.hold)]
+    known = "measured" if estimate is None or estimate.source == "measured" else "from the position"
+    return [Line("velocity", known), Line("hold", device.hold)]
 
 
 def _servo(servo: Servo) -> list[Line]:
