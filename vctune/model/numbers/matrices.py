@@ -258,8 +258,9 @@ def _inverted(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:
         regular = np.linalg.matrix_rank(np.nan_to_num(matrices)) == matrices.shape[-1]
-        safe = np.where(regular[..., None, None], matrices, np.eye(matrices.shape[-1]))
-        return np.where(regular[..., None, None], np.linalg.inv(safe), np.nan)
+        inverses = np.linalg.inv(np.where(regular[..., None, None], matrices, np.eye(matrices.shape[-1])))
+        inverses[~regular] = np.nan
+        return inverses
 
 
 @cache
