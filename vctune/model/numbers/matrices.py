@@ -255,12 +255,12 @@ def _doubled(less_one: Block, square: Block, times: int) -> Block:
 def _inverted(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the inverses of matrices, shape (..., n, n). The inverse of a singular matrix is nan."""
     try:
-        return np.linalg.inv(matrices)
+        inverses: NDArray[np.float64] = np.asarray(np.linalg.inv(matrices), float)
     except np.linalg.LinAlgError:
         regular = np.linalg.matrix_rank(np.nan_to_num(matrices)) == matrices.shape[-1]
-        inverses = np.linalg.inv(np.where(regular[..., None, None], matrices, np.eye(matrices.shape[-1])))
+        inverses = np.asarray(np.linalg.inv(np.where(regular[..., None, None], matrices, np.eye(matrices.shape[-1]))))
         inverses[~regular] = np.nan
-        return inverses
+    return inverses
 
 
 @cache
