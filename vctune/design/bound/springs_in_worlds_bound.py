@@ -140,6 +140,7 @@ def _negative(x: Interval) -> Interval:
     return Interval(-x.high, -x.low)
 
 
+@np.errstate(all="ignore")
 def _first_positive(square: Interval, slope: Interval, constant: Interval) -> Floats:
     """Return a lower bound of the p >= 0 at which a quadratic is positive; inf if it is positive for no p."""
     a, b, c = (each.high + ROUNDING * each.size for each in (square, slope, constant))
