@@ -33,7 +33,7 @@ from vctune.study.region import Kind, Region
 from vctune.study.region_check import Recheck
 from vctune.study.region_record import Design
 
-MESH = 48
+MESH, STEPS = 48, 8
 
 
 def region_figure(problem: Problem, region: Region, designs: Sequence[Design], marked: Design | None = None) -> Figure:
@@ -116,13 +116,11 @@ def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colo
 
 def _contours(axes: Axes, problem: Problem, region: Region) -> None:
     """Draw contours of the least error of any feasible coupling, where gains are proved feasible."""
-    check_time()
-    prepared, (marks, gains) = prepare(problem), _mesh(region.plane)
-    K_v, K_p, *_ = prepared.units.to_dimensionless((gains.velocity, gains.position, 0.0, 0.0, 0.0))
-    with np.errstate(all="ignore"):
-        errors = least_errors(prepared.scaled, Gains(K_v, K_p)) * prepared.units.error
-    check_time()
-    sound = np.isfinite(errors) & _feasible(region)[np.ix_(marks, marks)]
+    marks, gains = _mesh(region.plane)
+    feasible = _feasible(region)[np.ix_(marks, marks)]
+    if feasible.sum() < 4:
+        return
+    sound = np.isfinite(errors := _least_errors(problem, gains)) & feasible
     if sound.sum() < 4:
         return
     levels = np.unique([float(f"{level:.2g}") for level in np.quantile(errors[sound], (0.02, 0.1, 0.3, 0.6, 0.9))])
@@ -131,6 +129,20 @@ def _contours(axes: Axes, problem: Problem, region: Region) -> None:
     axes.clabel(drawn, fmt="%g", fontsize=8)
     if any(drawn.allsegs):
         axes.plot([], [], color=INK, linewidth=0.8, label="least error")
+
+
+def _least_errors(problem: Problem, gains: Gains) -> NDArray[np.float64]:
+    """Return the least error of any feasible coupling at each node of a mesh, step by step within the time limit."""
+    prepared, found = prepare(problem), []
+    numbers = prepared.units.to_dimensionless((gains.velocity, gains.position, 0.0, 0.0, 0.0))
+    K_v, K_p = (np.asarray(each) for each in numbers[:2])
+    along_K_v = int(K_v[0, 0] == K_v[-1, 0])
+    with np.errstate(all="ignore"):
+        for part in zip(*(np.array_split(each, STEPS, axis=along_K_v) for each in (K_v, K_p)), strict=True):
+            check_time()
+            found.append(least_errors(prepared.scaled, Gains(*part)))
+    check_time()
+    return np.concatenate(found, axis=along_K_v) * prepared.units.error
 
 
 def _mesh(plane: Plane) -> tuple[NDArray[np.intp], Gains]:
