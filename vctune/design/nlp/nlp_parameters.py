@@ -184,8 +184,8 @@ class Table:
 
     Attributes
     ----------
-    layout : names of its rows
-    columns : number of its columns
+    layout : names of the table's rows
+    columns : number of the table's columns
     """
 
     layout: Layout

@@ -87,7 +87,7 @@ class BenchRecord(Document):
 
 
 class EntryRecord(Part):
-    """The text of a guide about a name, in Markdown. In the list of all names, the text is empty."""
+    """The text of a guide about a name, in Markdown. The list of all names contains this record with an empty text."""
 
     kind: Literal["code", "key", "term", "claim"]
     name: str

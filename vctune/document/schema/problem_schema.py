@@ -98,8 +98,9 @@ class WorldStiffnessTable(Table):
 class WorldsTable(Table):
     """The environments that the device renders, mass s + damping + stiffness/s.
 
-    With this table, the claims hold for every environment of this box in every hand of [operator]. Without it, they
-    hold for every environment that is passive as it runs, including tools of a gram and walls of any stiffness.
+    With this table, the claims hold for every environment within these ranges, in every hand of [operator]. Without
+    this table, they hold for every environment that is passive as it runs in the firmware, including tools of a gram
+    and walls of any stiffness.
     """
 
     mass: WorldMassTable = Field(default_factory=WorldMassTable)

@@ -98,7 +98,7 @@ def hands_figure(
 ) -> Drawing:
     """Draw Re Z_c against the R of the worst hands, their ratio, and a map of the greatest R/Re Z_c of each hand.
 
-    The map has the axes mass and stiffness. It is left out unless both have a range.
+    The axes of the map are mass and stiffness. The function draws no map if one of them has no range.
 
     Parameters
     ----------

@@ -39,9 +39,9 @@ SAMPLES_PER_CALL = 1024
 """Number of samples per call of the compiled function. Progress and Ctrl-C wait for the end of a call. The time per
 sample is equal with half or twice as many samples per call."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
-"""Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. In a record, x and v belong to the handle, and f_s
-is the force that the firmware reads: the sensed f_h, for a servo after its filter and with the force of its own
-spring."""
+"""Columns that a simulation records at each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. In a record, x and v belong to
+the handle. f_s is the force that the firmware reads, which is the sensed f_h. For a servo, f_s is this force after the
+servo's filter, plus the force of the servo's own spring."""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
 """Additional recorded columns if motor and handle move differently."""
 ANSWER = ("reference", "desired", "environment_force", "motor")

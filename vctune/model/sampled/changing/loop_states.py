@@ -56,7 +56,7 @@ class LoopStates(NamedTuple):
 
     Attributes
     ----------
-    names : names of zeta
+    names : names of the entries of zeta
     staying : number of leading states that hardly change over a sample
     change : zeta[k+1]; for the leading states, zeta[k+1] - zeta[k]
     push, seen : n numbers each

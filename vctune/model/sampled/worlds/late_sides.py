@@ -4,7 +4,7 @@ The search uses a set that is greater than the polygon of the environments z^-n 
 contains each of these environments with any additional damping, which acts on time. If -Y is never in this set, the
 loop is stable without further proof, because it is stable with infinite damping, v_e = 0. The sides of the set are the
 sides of the polygon whose normal has a positive real part, and two sides along the real axis. Masses that step by
-explicit Euler on time do not tolerate any damping. For them the search uses the polygon itself.
+explicit Euler on time do not tolerate any damping. For these masses, the search uses the polygon itself.
 """
 
 from __future__ import annotations
