@@ -40,7 +40,8 @@ def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
     ----------
     problem : problem of one device with a box of environments
     cells : n cells of designs
-    free : which variables may have another value at each point of a cell; all of them belong to the coupling
+    free : flags of the variables that may have a different value at each point of a cell; all of them belong to the
+        coupling
 
     Returns
     -------
