@@ -136,8 +136,8 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     ----------
     design : device, gains and coupling, in SI units
     demands : constraints on the design's device; the band may be (0, inf) for hold "lag" without delay
-    box : box of devices around the design's own; the prover proves each claim for all of them; None for the design's
-        own device
+    box : box of devices around the design's own device; the prover proves each claim for all of them; None for the
+        design's own device
 
     Returns
     -------

@@ -23,7 +23,7 @@ from vctune.proof.engine.boxes import Cells, Integers, Values
 
 
 def by_integrator(cells: Cells) -> list[Integers]:
-    """Return the cells with K_p > 0 and those with K_p = 0, where the law has no integrator."""
+    """Return the indices of the cells with K_p > 0, and of the cells with K_p = 0, where the law has no integrator."""
     # row 1 is K_p in `KEYS` and in `SPRING_KEYS`
     parts = np.flatnonzero(cells.high[1] > 0), np.flatnonzero(cells.high[1] == 0)
     return [at for at in parts if len(at)]

@@ -1,8 +1,8 @@
 """The margins of the claims: functions that must be positive, each written once for every arithmetic.
 
 In sampled loops, s = sin(theta/2) and z = e^{j theta}. model/README.md defines C, D, N, Z_2, y and A H in sections 2
-and 12, F and F_0 in section 7, and rho in section 14. A limp hand has no stiffness. Next to rest its F vanishes with
-K_p = 0 unless the code divides it by rho.
+and 12, F and F_0 in section 7, and rho in section 14. A limp hand has no stiffness. With K_p = 0, F in a limp hand
+vanishes next to rest unless the code divides it by rho.
 """
 
 from __future__ import annotations
@@ -359,7 +359,7 @@ def margins_in_worlds(
 def met_by_environment(
     plant: AnyPlantInHand, design: Design, theta: Number, share: Number, ops: Arithmetic
 ) -> tuple[Offered, Seen, Number]:
-    """Return the impedance that an environment meets: that of the coupling, that of the loop, and the coupling's share.
+    """Return the impedances that an environment meets, of the coupling and of the loop, and the coupling's share.
 
     The coupling of an impedance display is a part of its loop (model/README.md, section 18).
 
@@ -569,8 +569,8 @@ def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
 def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
     """Return a curve that has the zeros of D and no pole to the right of the imaginary axis.
 
-    The curve is D, or j omega D with an integrator; a handle on a spring multiplies it by (k + j omega c) and a
-    positive number. It is real and positive at omega = 0.
+    The curve is D, or j omega D with an integrator. For a handle on a spring, the curve also has the factor
+    (k + j omega c) and a positive factor. The curve is real and positive at omega = 0.
 
     Parameters
     ----------
@@ -621,8 +621,8 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
 def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
     """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2 with P = dF/dK_p. Neither depends on K_p.
 
-    Both results are regular at theta = 0, where F and F_0 are those of the velocity loop alone, times 1 - e^{-j theta}.
-    Where the first result is not 0, F is not 0 for any K_p.
+    For F and F_0, the function uses the velocity loop alone, times 1 - e^{-j theta}. Both results are regular at
+    theta = 0. Where the first result is not 0, F is not 0 for any K_p.
 
     Parameters
     ----------

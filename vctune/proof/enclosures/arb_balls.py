@@ -135,7 +135,7 @@ def ball_or_inf(decimal: float) -> Number:
 def as_series(constant: arb) -> arb_series:
     """Return a ball as a power series with three terms.
 
-    Multiplying two of these is faster than multiplying one by a ball.
+    Multiplying two such series is faster than multiplying a series by a ball.
     """
     return arb_series([constant], 3)
 

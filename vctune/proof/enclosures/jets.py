@@ -19,7 +19,7 @@ The errors of exp and expm1 are relative to the value; those of sin and cos are 
 divides by x, the error of sin is also relative to the value. Near the other zeros, only the reduction of the argument
 must be correct.
 
-NumPy evaluates these functions by the C library, or by Intel's SVML on processors with AVX-512. The GNU C library
+NumPy evaluates these functions with the C library, or with Intel's SVML on processors with AVX-512. The GNU C library
 states 1 unit for each of them ("Known Maximum Errors in Math Functions" in its manual) and 2 units for its vector
 variants. NumPy states at most 4 for SVML (numpy/numpy, pull request 19478), less than 1 for the high-accuracy
 variants that replaced them (24006), and its own tests require 1 (umath-validation-set-*.csv). Eight units are twice
@@ -117,7 +117,7 @@ class Jet:
         Returns
         -------
         Jet
-            Its value, and the slopes of x times f'.
+            The value of f, with the slopes of x times f'.
         """
         return Jet(value, _scaled(self.slopes, derivative))
 
@@ -133,8 +133,8 @@ def variables(values: Sequence[Enclosure], varied: Sequence[bool]) -> list[Enclo
     Returns
     -------
     list of Enclosure or Jet
-        n numbers. A jet has one slope for each variable that varies, in their order. A variable that does not vary
-            remains an enclosure.
+        n numbers. A jet has one slope for each variable that varies, in the order of the variables. A variable that
+        does not vary remains an enclosure.
     """
     order = {index: place for place, index in enumerate(i for i, varies in enumerate(varied) if varies)}
     one = Enclosure(1.0)

@@ -2,8 +2,8 @@
 point method.
 
 The search runs in floats. A storage function has a few hundred coefficients, and its inequality has a few dozen small
-matrices. For these, Newton's method on the logarithms of the determinants takes 0.05 s. A solver of semidefinite
-programs would be one more dependency.
+matrices. For a problem of this size, Newton's method on the logarithms of the determinants takes 0.05 s. A solver of
+semidefinite programs would be one more dependency.
 """
 
 from __future__ import annotations

@@ -151,7 +151,7 @@ def stored(storage: Storage, device: Device, hand: Hand) -> Matrix:
     ----------
     storage : storage function in decimals
     device : device of the storage's box
-    hand : the hand; its damping is that of the last sample
+    hand : the hand, with its damping at the last sample
     """
     shares = weights(storage.box, device, hand, decimal)
     used = [(share, term) for share, term in zip(shares, storage.terms, strict=True) if not nothing(share)]

@@ -1,4 +1,4 @@
-"""Hands near a resonance with the device, in coordinates along the resonance (README.md, section 10).
+"""Hands near a resonance with the device, in coordinates along the resonance (proof/README.md, section 10).
 
 A hand with little damping resonates with the device on the surface theta = T sqrt(K/(m + M)). Across this surface a
 margin changes within a relative distance that is a fraction of the damping ratio. Boxes of mass, stiffness and angle
@@ -76,7 +76,7 @@ class Resonance:
         """Return a test that leaves boxes of `HAND` near the resonance to the boxes of `ROWS`.
 
         The test reports such a box as proved; `in_range` and `margins` then prove it in the relative stiffness. If the
-        border of the resonance's range crosses a box, the test halves the box until its parts lie inside or outside.
+        border of the resonance's range crosses a box, the prover halves the box until its parts lie inside or outside.
 
         Parameters
         ----------
