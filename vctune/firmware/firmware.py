@@ -82,7 +82,7 @@ def firmware(
     Parameters
     ----------
     file : the problem
-    gains, coupling : the design
+    gains, coupling : the design, SI units
     precision : precision of the firmware; for single precision, the function rounds every coefficient and proves the
         rounded ones
     corner : corner of the multiplier that proves walls, rad/s; None for the best corner

@@ -40,6 +40,8 @@ REALS = (
     ("start_position", "position", "parameter", "where the motor starts"),
     ("start_reference", "position", "parameter", "where the environment starts"),
 )
+"""The real variables: name, quantity, causality and meaning. `COMMANDS` supplies the quantity and meaning of the
+command."""
 DIMENSIONS = {
     "linear": {
         "position": 'm="1"',

@@ -101,7 +101,7 @@ def vectors_text(replays: list[Replay], units: Units, commanded: Commanded) -> s
 
     Parameters
     ----------
-    replays : the replays
+    replays : the replays of all experiments
     units : units of the device, for the names of the columns
     commanded : quantity in the last column
     """

@@ -78,8 +78,8 @@ class Certificate:
 
     @property
     def proved_ratio(self) -> float | None:
-        """A proved lower bound of Re Z_c / R on the band, for a stable loop. It is the required ratio, or 1 if only the
-        claim without the factor is proved; None without a proof."""
+        """A proved lower bound of Re Z_c / R on the band, for a stable loop: the required ratio, or 1 if only the claim
+        without the factor is proved; None without a proof."""
         stability = (self.outcomes[claim] for claim in STABILITY if claim in self.outcomes)
         if any(outcome.verdict is not Verdict.PROVED for outcome in stability):
             return None

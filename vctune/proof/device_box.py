@@ -20,7 +20,7 @@ DIRECTION = "unmodelled.phase"
 
 @dataclass(frozen=True, slots=True)
 class DeviceBox:
-    """Every device whose uncertain parameters lie between those of two devices.
+    """All devices whose uncertain parameters lie between the parameters of two devices.
 
     Attributes
     ----------

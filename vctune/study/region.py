@@ -190,7 +190,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     ----------
     problems : problems with the stated delay and with delays on both sides of a whole sample; a feasible cell meets the
         constraints of all problems
-    plane, squares : the cells
+    plane, squares : the plane and its cells
 
     Returns
     -------

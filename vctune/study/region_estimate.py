@@ -147,8 +147,8 @@ def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *,
     Parameters
     ----------
     problems : problems, all of whose constraints must be met
-    cells : n cells
-    axes : rows of the cells
+    cells : n cells of designs
+    axes : indices of two variables among the rows of the cells
     free : whether each cell may have its own b_c
 
     Returns

@@ -34,7 +34,7 @@ def region_record(
     Parameters
     ----------
     file : the problem and its text
-    region : the result
+    region : the region
     designs : proved gain sets that belong to the record
     rendered : whether the cells are environments, which the only listed design renders
     """

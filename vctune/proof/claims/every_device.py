@@ -171,7 +171,7 @@ def _whatever_phase(robust: RobustDesign, margin: Margin, low: float, high: floa
         return margin(omega, {**values, name: values[name] / omega})
 
     shortest = least[row, 0]
-    # the phase omega delay over one full turn, the second turn, so that no delay is 0
+    # the phase omega delay covers one full turn; this is the second turn, so that no delay is 0
     least[row], greatest[row] = 2 * pi * (1 - NEAR), 4 * pi * (1 + NEAR)
     boxes = over_band(robust.names, least, greatest, band_of(low, high, STEP))
     found = _proved(positive(of_phase, robust.values), boxes, max_boxes)

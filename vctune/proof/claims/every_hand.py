@@ -515,7 +515,7 @@ def sides_of_rectangles(ends: Ends, pairs: Sequence[tuple[str, str]]) -> list[En
 
 
 def _at_both_ends(ends: Ends, name: str) -> Ends:
-    """Return two columns for each column: one with a row at its least number and one with it at its greatest."""
+    """Return two columns for each column: one with the given row at its least number, one with it at its greatest."""
     twice = {key: (np.tile(low, 2), np.tile(high, 2)) for key, (low, high) in ends.items()}
     at = np.concatenate(ends[name])
     return {**twice, name: (at, at)}

@@ -274,7 +274,7 @@ def fails_in_hands(demands: Demands, cells: Cells, at: PlacesInHands) -> Flags:
     ----------
     demands : constraints with hands
     cells : n cells of designs, either all with K_p > 0 or all with K_p = 0
-    at : n places
+    at : place of each cell: an angle omega T, rad, and a hand
 
     Returns
     -------

@@ -228,7 +228,7 @@ def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number,
     plant : a device without a hand, over one sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
-    radius : greatest |delta| at theta
+    radius : greatest |delta| at theta, dimensionless
     ops : arithmetic of the other arguments
 
     Returns
@@ -368,7 +368,7 @@ def met_by_environment(
     plant : the device in the hand
     design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    share : y, from 1/safety_factor to 1
+    share : share y of the coupling, from 1/safety_factor to 1
     ops : arithmetic of the other arguments
     """
     loop, coupling = loop_in_hand(plant, theta, ops), design.coupling
@@ -556,7 +556,7 @@ def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
     ----------
     design : design; only its device and its gains matter
     omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of both
+    ops : arithmetic of the other arguments
 
     Returns
     -------
@@ -576,7 +576,7 @@ def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
     ----------
     at : the device at omega >= 0
     gains : K_v and K_p in numbers of the arithmetic
-    ops : arithmetic of both
+    ops : arithmetic of the other arguments
 
     Returns
     -------

@@ -33,7 +33,7 @@ class LowerBound:
     Attributes
     ----------
     bound : lower bound of all values over the box; -inf if no bound is known
-    estimate : approximate value at `at`
+    estimate : approximate value of the polynomial at `at`
     at : approximate position of the minimum, each row between -1 and 1, shape (k, n)
     cost : amount by which each row lowers the bound, shape (k, n)
     """

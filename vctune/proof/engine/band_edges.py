@@ -68,7 +68,7 @@ def edge_in_hertz(edge: float, *, upper: bool) -> float:
 
     Parameters
     ----------
-    edge : rad/s, > 0
+    edge : edge of the band, rad/s, > 0
     upper : whether this is the upper edge; the function rounds an upper edge down and a lower edge up
 
     Returns

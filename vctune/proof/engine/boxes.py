@@ -260,7 +260,7 @@ def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes
     Returns
     -------
     Boxes
-        n m boxes; the owner of each is its cell. The rows of the hand come before those of the cell.
+        n m boxes; the owner of each is its cell. The rows of the hand come before the rows of the cell.
     """
     low, high = (
         np.vstack((np.tile(np.array([*hand.by_key.values()], float)[:, None], len(cells)), edge))

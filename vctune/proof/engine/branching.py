@@ -58,7 +58,7 @@ class Proofs:
 
     Attributes
     ----------
-    names : names of the rows of the points
+    names : names of the rows of `failing` and `open`
     proved : whether the claim holds on all boxes of an owner, shape (owners,)
     failing : a point at which the claim fails, shape (rows, owners); nan if the prover found none
     open : a point of a box that the prover left open, shape (rows, owners); nan if there is none

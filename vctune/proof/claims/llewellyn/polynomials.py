@@ -32,7 +32,7 @@ class Conditions:
 
     Attributes
     ----------
-    linear : A
+    linear : A, the left-hand side of the condition
     squared : A^2 - factor^2 B
     roots : frequencies where `squared` changes its sign or touches 0, rad/s, > 0, in ascending order
     """
