@@ -24,8 +24,8 @@ number of boxes and about the same time. The additional precision serves designs
 than an optimum rounded to decimals."""
 SMALL = 0.1
 """Argument below which the code computes (1 - sinc x)/x^2 by its series with an enclosed remainder. With half this
-argument, the subtraction in the closed form would lose another factor 4 of the precision. With twice this argument, the
-remainder would be 2e-25 instead of 3e-29."""
+argument, the subtraction in the closed form would lose another factor of 4 of the precision. With twice this argument,
+the remainder would be 2e-25 instead of 3e-29."""
 
 
 class _BallArithmetic:

@@ -422,7 +422,7 @@ def _beyond(x: Enclosure, table: Table) -> NDArray[np.bool_]:
 
 
 def _cosine(x: Enclosure) -> Enclosure:
-    """Return an enclosure of a cosine, clipped to [-1, 1]; all of [-1, 1] where the enclosure is nan."""
+    """Return an enclosure of a cosine, clipped to [-1, 1]. Where the enclosure is nan, the result is [-1, 1]."""
     return between(np.fmax(x.mid - x.rad, -1.0), np.fmin(x.mid + x.rad, 1.0))
 
 

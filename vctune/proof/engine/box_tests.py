@@ -311,7 +311,7 @@ def _wide(boxes: Boxes) -> bool:
 
 
 def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
-    """Return a result after which the prover halves the boxes that are not proved in frequency; no box fails."""
+    """Return a result after which the prover halves every unproved box in frequency. No box fails."""
     cost = np.zeros_like(boxes.low)
     cost[0] = 1.0
     none = np.zeros(len(boxes), bool)

@@ -53,7 +53,7 @@ def coupling_of(values: Values) -> AnyCoupling:
 class Cells:
     """Boxes of designs, [low, high] in each number of a design, as arrays of shape (numbers, cells).
 
-    If the edges of a cell coincide, it is a single design.
+    If the edges of a cell coincide, the cell is a single design.
     """
 
     low: Floats

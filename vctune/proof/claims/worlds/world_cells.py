@@ -203,9 +203,9 @@ class Witnesses:
 def refuted_in_worlds(design: Design, demands: Demands, cells: WorldCells, witnesses: Witnesses) -> Flags:
     """Return the boxes of environments in which no member leaves a design stable in the witness's hand.
 
-    Each of these environments, with some additional damping, has a pole on the unit circle. The ends of such a box
-    bound what all members have in common, so a box may have a least value above its greatest value: every value in
-    between then belongs to all members.
+    With each of these environments and some additional damping, the loop has a pole on the unit circle. The ends of
+    such a box bound what all members have in common, so a box may have a least value above its greatest value: every
+    value in between then belongs to all members.
 
     Parameters
     ----------
