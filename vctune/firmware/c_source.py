@@ -16,15 +16,15 @@ from vctune.simulation.firmware.equations import COEFFICIENTS, COMMANDS, INPUTS,
 from vctune.simulation.firmware.expression import Symbol
 
 BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")
-"""Names of the coefficients of a built-in environment."""
+"""The names of the coefficients of a built-in environment."""
 LIMITING = ("limit", "position_reach")
-"""Names of the coefficients of a limited force. Impedance displays and servos have no `position_reach`, because their
-firmware has no integrator that could wind up."""
+"""The names of the coefficients that limit the force. Impedance displays and servos have no `position_reach`, because
+their firmware has no integrator that could wind up."""
 SYSTEM = {
     "linear": "SI units; of a rotary device kg m^2, N m and rad in place of\n * kg, N and m.",
     "rotary": "SI units of a rotary device: kg m2, N m and rad; its\n * force is a torque, its mass an inertia.",
 }
-"""Remark on units in the head of a C header, by the motion of the device."""
+"""The remark on units in the head of the C header, for a linear and for a rotary device."""
 GAINS = "velocity_gain", "position_gain"
 WIDTH = 118
 """Greatest width of a line of C, characters."""
@@ -42,12 +42,12 @@ def c_source(firmware: Firmware) -> dict[str, str]:
 
 
 def rendered_template(name: str, variables: dict[str, Any]) -> str:
-    """Return a text of the folder templates/ with its variables filled in.
+    """Fill in the variables of a template in the folder templates/, and return the text.
 
     Parameters
     ----------
-    name : name of the template without .j2
-    variables : variables of the template
+    name : file name of the template without .j2
+    variables : value of each variable of the template, by its name
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -63,7 +63,7 @@ def rendered_template(name: str, variables: dict[str, Any]) -> str:
 
 
 def names_and_numbers(firmware: Firmware) -> dict[str, Any]:
-    """Return the data of a design for the templates, except for the equations."""
+    """Return the variables that describe a design in the templates, except for the equations."""
     double = firmware.precision == "double"
     top = "\n".join(f" * {line}".rstrip() for text in statement(firmware) for line in comment(text) or [""])
     T, numbers = firmware.device.sample_time, (*astuple(firmware.coupling), *astuple(firmware.gains))
@@ -130,7 +130,7 @@ def _start_head(firmware: Firmware) -> str:
 
 
 def _law_comment(firmware: Firmware) -> str:
-    """Return comments on the last equations of a step."""
+    """Return the comment on the last equations of a step."""
     if not firmware.parts.limit:
         return f"The coupling, and the {firmware.parts.command} that the servo is to follow."
     return "The force against the coupling." if firmware.parts.spring else "The law on the velocity error."
@@ -153,7 +153,10 @@ def _defined(firmware: Firmware, constants: list[tuple[str, float, str, str]]) -
 
 
 def _code(firmware: Firmware) -> dict[str, Any]:
-    """Return the equations of a design as C, by the blocks of the templates."""
+    """Return the variables of the templates that contain C: the equations, the fields of structs and the start values.
+
+    They also contain the numbers of operations in a step.
+    """
     blocks, step = _blocks(firmware.parts), ("estimate", "drive", "law")
     kept = [name for name in state_names(firmware) if name != "desired"]
     names = _names(firmware, blocks)
@@ -176,7 +179,7 @@ def _code(firmware: Firmware) -> dict[str, Any]:
 
 
 def state_names(firmware: Firmware) -> list[str]:
-    """Return the names of a firmware's state variables, without those of an environment's mass."""
+    """Return the names of a firmware's state variables, except for the force of an environment's mass."""
     return [name for name in equations.remembered(firmware.parts) if name != "inertia"]
 
 
@@ -188,13 +191,13 @@ def limiting(firmware: Firmware) -> tuple[str, ...]:
 
 
 def inputs_of(firmware: Firmware) -> list[Quantity]:
-    """Return the inputs of a firmware."""
+    """Return the inputs that a firmware's equations use."""
     used_names = _used(_blocks(firmware.parts))
     return [quantity for quantity in INPUTS if quantity.name in used_names]
 
 
 def reads_of(firmware: Firmware) -> list[str]:
-    """Return the inputs of a firmware, by the field names of the measurement."""
+    """Return the names of the measurement's fields that a firmware reads."""
     return [_short(quantity) for quantity in inputs_of(firmware)]
 
 

@@ -70,7 +70,7 @@ def _written(
     number: Callable[[float], str],
     called: Callable[[str, list[str]], str],
 ) -> str:
-    """Return a term as text. Operands whose precedence is lower than that of their operator get parentheses."""
+    """Return a term as text. An operand gets parentheses if it binds less tightly than its operator."""
     if isinstance(term, Symbol):
         return name(term)
     if not isinstance(term, Operation):
@@ -118,6 +118,6 @@ def comment(text: str, width: int = 110) -> list[str]:
 
 
 def _bracketed(text: str, term: Term, binding: int) -> str:
-    """Return an operand, in parentheses if its precedence is lower than that of the operator around it."""
+    """Return an operand, in parentheses if it binds less tightly than the operator around it."""
     precedence = HOLDING.get(term.operator, 9) if isinstance(term, Operation) else 9
     return f"({text})" if precedence < binding else text

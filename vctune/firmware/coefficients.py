@@ -39,9 +39,9 @@ def controller_record(firmware: Firmware) -> dict[str, Any]:
     Returns
     -------
     dict
-        Each quantity with symbol, unit and meaning. A program must evaluate the equations from first to last.
-        `before.NAME` is the
-            value of NAME after the previous sample; `choice(a, b, c, d)` is c if a > b, else d.
+        The object states the symbol, the unit and the meaning of each quantity. A program must evaluate the equations
+        from first to last. `before.NAME` is the value of NAME after the previous sample; `choice(a, b, c, d)` is c if
+        a > b, else d.
     """
     units = firmware.units
     coefficients = {

@@ -33,9 +33,9 @@ class Firmware:
 
     Attributes
     ----------
-    record : record of the exported design; in single precision, of the design with rounded constants
+    record : record of the exported design; in single precision, the record of the design with rounded constants
     device : the certified device
-    gains, coupling : the decimals of the design
+    gains, coupling : the design before rounding
     parts : parts of the firmware, with all built-in environments, and with a limit if the firmware commands a force
     precision : precision of the firmware's arithmetic
     coefficients : coefficients of the controller as the firmware uses them, by their names in
@@ -82,7 +82,7 @@ def firmware(
     Parameters
     ----------
     file : the problem
-    gains, coupling : the design
+    gains, coupling : the design, SI units
     precision : precision of the firmware; for single precision, the function rounds every coefficient and proves the
         rounded ones
     corner : corner of the multiplier that proves walls, rad/s; None for the best corner
@@ -130,7 +130,7 @@ def controller_coefficients(coefficients: dict[str, float], command: Commanded) 
     Parameters
     ----------
     coefficients : coefficients of a complete firmware, by their names
-    command : kind of the firmware's command
+    command : quantity that the firmware commands: "force", "velocity" or "position"
     """
     of_law: tuple[str, ...] = ("velocity_gain", "position_gain")
     of_coupling: tuple[str, ...] = ("coupling_step", "coupling_decay")

@@ -25,7 +25,7 @@ OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """Date of every file in the archive. A constant date gives the same bytes for the same design."""
 ABSENT_OF_SERVO = ("position", "velocity", "limit", "start_position")
-"""Names of variables that the FMU of a servo lacks: the motor's motion and the limit of its force."""
+"""The names of the variables that the FMU of a servo lacks: the motor's motion and the limit of its force."""
 REALS = (
     ("position", "position", "input", "position of the motor"),
     ("velocity", "speed", "input", "velocity of the motor"),
@@ -40,6 +40,8 @@ REALS = (
     ("start_position", "position", "parameter", "where the motor starts"),
     ("start_reference", "position", "parameter", "where the environment starts"),
 )
+"""The real variables: name, quantity, causality and meaning. `COMMANDS` supplies the quantity and meaning of the
+command."""
 DIMENSIONS = {
     "linear": {
         "position": 'm="1"',
@@ -58,7 +60,7 @@ DIMENSIONS = {
         "stiffness": 'kg="1" m="2" s="-2" rad="-1"',
     },
 }
-"""Dimensions of the units, by the motion of the device."""
+"""The dimension of each quantity's unit, for a linear and for a rotary device."""
 BOOLEANS = (
     ("wall", "whether damping and stiffness only push, towards negative positions"),
     ("trapezoidal", "whether the environment follows the trapezoidal rule, not backward Euler; then it is no wall"),
@@ -100,7 +102,7 @@ def fmu(firmware: Firmware) -> bytes:
     Raises
     ------
     InputError
-        If there is no C compiler, or this machine does not run 64-bit Linux.
+        If there is no C compiler, if it cannot compile the sources, or if this machine does not run 64-bit Linux.
     """
     sources = {**c_source(firmware), "vctune_fmu.c": rendered_template("vctune_fmu.c", _given(firmware))}
     packed: dict[str, str | bytes] = {
@@ -132,7 +134,7 @@ def _guid(firmware: Firmware) -> str:
 
 
 def _given(firmware: Firmware) -> dict[str, Any]:
-    """Return the variables of the templates of an FMU."""
+    """Return the variables of the template of vctune_fmu.c."""
     absent = [
         {
             "name": name,

@@ -94,7 +94,7 @@ def _stepped(hands: HandsRecord) -> str:
 
 
 def _mechanics(device: Device, units: Units) -> str:
-    """Return the device in words."""
+    """Describe a device in words."""
     servo = device.servo
     listed = ", ".join(
         f"{units.translated(part.label)} ({_numbers(getattr(device, key))})"

@@ -52,7 +52,7 @@ def replays(file: ProblemFile, replays: Firmware, progress: Callable[[str], None
     Parameters
     ----------
     file : the problem
-    replays : the design as firmware; the function simulates its decimals in double precision
+    replays : the design as firmware; the function simulates the design before rounding, in double precision
     progress : function that receives the current stage
 
     Returns
@@ -101,7 +101,7 @@ def vectors_text(replays: list[Replay], units: Units, commanded: Commanded) -> s
 
     Parameters
     ----------
-    replays : the replays
+    replays : the replays of all experiments
     units : units of the device, for the names of the columns
     commanded : quantity in the last column
     """
@@ -133,7 +133,7 @@ def greatest_difference(firmware: Firmware, replays: list[Replay]) -> float:
 
 
 def commands(firmware: Firmware, replay: Replay) -> Floats:
-    """Return the commands of a firmware in its own precision for an experiment's measurements.
+    """Return the commands that a firmware computes from an experiment's measurements in its own precision.
 
     Parameters
     ----------

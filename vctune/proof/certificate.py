@@ -78,8 +78,8 @@ class Certificate:
 
     @property
     def proved_ratio(self) -> float | None:
-        """A proved lower bound of Re Z_c / R on the band, for a stable loop. It is the required ratio, or 1 if only the
-        claim without the factor is proved; None without a proof."""
+        """A proved lower bound of Re Z_c / R on the band, for a stable loop: the required ratio, or 1 if only the claim
+        without the factor is proved; None without a proof."""
         stability = (self.outcomes[claim] for claim in STABILITY if claim in self.outcomes)
         if any(outcome.verdict is not Verdict.PROVED for outcome in stability):
             return None
@@ -136,8 +136,8 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     ----------
     design : device, gains and coupling, in SI units
     demands : constraints on the design's device; the band may be (0, inf) for hold "lag" without delay
-    box : box of devices around the design's own; the prover proves each claim for all of them; None for the design's
-        own device
+    box : box of devices around the design's own device; the prover proves each claim for all of them; None for the
+        design's own device
 
     Returns
     -------

@@ -15,19 +15,19 @@ from vctune.model.parts import UNCERTAIN, Unmodelled
 from vctune.model.problem import Uncertainty
 
 DIRECTION = "unmodelled.phase"
-"""Key of the direction of a response at the edge of the disc, rad."""
+"""The key of the direction of a response at the edge of the disc, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceBox:
-    """Every device whose uncertain parameters lie between those of two devices.
+    """All devices whose uncertain parameters lie between the parameters of two devices.
 
     Attributes
     ----------
     nominal : the device with its stated numbers
-    low, high : devices with the least and the greatest values. These are decimals inside the stated range, and at most
-        two units in the last place from its ends. If the responses are not known exactly, both devices have a response
-        at the edge of the disc (proof/README.md, section 9)
+    low, high : devices with the least and the greatest values of the parameters. Each value is a decimal inside the
+        stated range, and at most two units in the last place from an end of the range. If the responses are not known
+        exactly, both devices have a response at the edge of the disc (proof/README.md, section 9)
     """
 
     nominal: Device
@@ -126,7 +126,7 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
 
 
 ADDED = ("mass", "damping")
-"""Keys of the parameters of a rigid device that add to the same parameters of a hand: mass and damping."""
+"""The keys of the parameters of a rigid device that add to the same parameters of a hand: mass and damping."""
 
 
 def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
@@ -141,14 +141,14 @@ def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
 
 
 def felt_with_hand(box: DeviceBox) -> tuple[str, ...]:
-    """Return which of the device's mass and damping are uncertain and enter the sensed force affinely. Here the sum of
-    the device's and the hand's value is held fixed. The result is empty for an impedance display, a structure or a
-    servo.
+    """Return which of the device's mass and damping are uncertain and, for a given sum with the hand's value, enter
+    the sensed force affinely.
 
-    The motion of a rigid admittance display depends on the sum of its mass and the hand's mass, and on the sum of both
-    dampings. Its sensor measures the force of the motor minus m a + b v. For a given motion this force is affine in the
-    device's own m and b. A margin that is affine in m and b is least where, in each sum, the value of the device or the
-    value of the hand is at an end of its range.
+    The result is empty for an impedance display, a structure or a servo. The motion of a rigid admittance display
+    depends on the sum of its mass and the hand's mass, and on the sum of both dampings. Its sensor measures the force
+    of the motor minus m a + b v. For a given motion this force is affine in the device's own m and b. A margin that is
+    affine in m and b is least where, in each sum, the value of the device or the value of the hand is at an end of its
+    range.
 
     Parameters
     ----------
@@ -196,11 +196,11 @@ def late_as_one(box: DeviceBox) -> bool:
 
 
 SUMMED = ("servo.delay", "force_sensor.delay")
-"""Keys of the two delays of which only the sum matters."""
+"""The keys of the two delays that matter only through their sum."""
 
 
 def in_one_delay(box: DeviceBox) -> DeviceBox:
-    """Return a box with the same sums of both delays. In it the sensor's delay has its least value.
+    """Return a box with the same sums of both delays, in which the sensor's delay has its least value.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ class Question:
 
     @property
     def robust(self) -> RobustDesign | None:
-        """The design with its box of devices; None for a single device, or without both feedback and unmodelled
+        """The design with its box of devices; None for a single device, or if there are neither feedback nor unmodelled
         dynamics.
 
         Without feedback, every mechanism is passive, so no box of devices is needed. A response within a disc need not
@@ -158,7 +158,7 @@ PROVERS: dict[ClaimId, Prover] = {
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:
-    """Prove that the poles are stable for the device without a hand and in its least operator's hand."""
+    """Prove that the poles are stable for the device without a hand and in the hand of its least operator."""
     boxes = 0
     for device in design.device.loops:
         outcome = prove_poles(device, design.gains)

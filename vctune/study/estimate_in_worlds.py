@@ -1,4 +1,4 @@
-"""Estimate the hands and angles in which a box of environments is hardest to render, for cells of gains."""
+"""Estimate in which hands and at which angles a box of environments is hardest to render, for cells of gains."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ stay undecided."""
 
 
 def worst_places(problem: Problem, points: Cells, *, few: bool = False) -> tuple[Floats, PlacesInHands]:
-    """Return 1/ratio of designs in the worst hand at the worst angle omega T, and this hand and angle as places.
+    """For each design, return 1/ratio in the worst hand at the worst angle omega T, and this hand and angle as a place.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def worst_places(problem: Problem, points: Cells, *, few: bool = False) -> tuple
 
     Returns
     -------
-    need : shape (n,); a design meets the constraint if need times the safety factor is at most 1
+    need : 1/ratio, shape (n,); a design meets the constraint if need times the safety factor is at most 1
     places : n angles, each with a hand
     """
     assert problem.hands_met is not None
@@ -64,7 +64,7 @@ def _needs(problem: Problem, loops: LoopsInHands, numbers: Floats) -> Floats:
 
 
 def need_at(problem: Problem, points: Cells, places: PlacesInHands) -> Floats:
-    """Return 1/ratio of designs, each at the place that belongs to it.
+    """Return 1/ratio of each design at its own place.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def need_at(problem: Problem, points: Cells, places: PlacesInHands) -> Floats:
 
 
 def best_damping(problems: Sequence[Problem], cells: Cells) -> Floats:
-    """Return for each cell the damping b_c of the coupling that is best at the cell's centre.
+    """For each cell, return the damping b_c of the coupling that is best at the cell's centre.
 
     Parameters
     ----------

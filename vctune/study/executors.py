@@ -49,8 +49,8 @@ class WorkerPool:
     max_pending : greatest number of points that are handed out and not yet solved
     worker_died : exceptions that mean a dead worker
     unreachable : exceptions that mean an unreachable cluster
-    renew : function to call after a worker has died. It replaces `executor` by new processes. A Dask cluster renews its
-        workers itself, and "serial" has no workers; in both cases the function does nothing
+    renew : function to call after a worker has died. The function replaces `executor` with new processes. A Dask
+        cluster renews its workers itself, and "serial" has no workers; in both cases the function does nothing
     """
 
     executor: Executor

@@ -16,13 +16,14 @@ from vctune.model.problem import Problem, Range
 from vctune.study.study_table import Table
 
 EXPONENTS = np.arange(-6, 7) / 2
-"""Number of decades over which the weight of |Z_c|/Z_0 varies relative to the weights of the loop's two terms."""
+"""Exponents k of the factors 10^k that multiply the weight of |Z_c|/Z_0. The weights of the loop's two terms stay the
+same."""
 POSITIONS, DECADES = 24, 4
 """Number of values of K_p, and number of decades below the upper bound at which they start if K_p may be 0."""
 EDGES = 41
 DIGITS = 5
 OWN = "error_with_own_weights"
-"""Name of the error if each row has its own weights. These errors cannot be compared between rows."""
+"""The name of the error's column if each row has its own weights. These errors cannot be compared between rows."""
 
 
 def terms_study(document: dict[str, Any], problem: Problem) -> Study:
@@ -47,7 +48,7 @@ def terms_study(document: dict[str, Any], problem: Problem) -> Study:
         _list("transparency.weights.coupling", weights),
         _list(
             "gains.position", _values(problem.bounds.position)
-        ),  # varies first: most infeasible points then repeat one
+        ),  # varies fastest: an infeasible K_p is then found once
     )
     return Study("terms", document, axes, problem)
 
@@ -89,14 +90,14 @@ def _list(key: str, values: list[float]) -> Axis:
 
 
 def terms_front(table: Table) -> Table:
-    """Return the designs for which no other design is better in all three terms, sorted by |Z_c|/Z_0."""
+    """Return the designs that no other design dominates in the three terms, sorted by |Z_c|/Z_0."""
     costs = np.column_stack([table.numbers[f"{term}_term"] for term in ("admittance", "tracking", "coupling")])
     front = _front(table, costs, by=2)
     return replace(front, numbers={OWN if name == "error" else name: each for name, each in front.numbers.items()})
 
 
 def band_front(table: Table) -> Table:
-    """Return the designs for which no other design is better in both error and upper band edge.
+    """Return the designs that no other design dominates in error and upper band edge, sorted by error.
 
     The error grows with the edge.
     """

@@ -40,7 +40,8 @@ def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
     ----------
     problem : problem of one device with a box of environments
     cells : n cells of designs
-    free : which variables may have another value at each point of a cell; all of them belong to the coupling
+    free : flags of the variables that may have a different value at each point of a cell; all of them belong to the
+        coupling
 
     Returns
     -------
@@ -95,8 +96,8 @@ def _decided(problem: Problem, free: Flags, boxes: Boxes) -> Decided:
 
 
 def _fails(problem: Problem, cells: Cells) -> Flags:
-    """Return the cells throughout which the constraint fails. Each cell is tested at the worst place of its middle
-    design."""
+    """Return the cells throughout which the constraint fails. The function tests each cell at the place that is worst
+    for its middle design."""
     demands, middle = pose(problem).demands, _middle(cells)
     needs, places = worst_places(problem, middle)
     lost = fails_in_hands(demands, cells, places)

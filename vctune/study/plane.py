@@ -142,7 +142,7 @@ def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
     Parameters
     ----------
     problem : problem without `plane_errors` in this plane
-    x, y : dotted keys
+    x, y : dotted keys of the two variables
     levels : the side of the finest cell is 2^-levels of the plane's side
     """
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time

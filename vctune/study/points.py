@@ -35,9 +35,8 @@ def axis_values(axis: Axis) -> Values:
 def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Values]:
     """Yield n points of a Latin hypercube.
 
-    On every axis, each of n equal parts of the range contains exactly one point.
-
-    The elements of a list occur equally often, except for a difference of one.
+    On every axis, each of n equal parts of the range contains exactly one point. The elements of a list occur about
+    equally often.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ from vctune.study.region_estimate import changes, estimate
 TOGETHER = 512
 """Number of cells that the search judges together; the data of this many cells fit into memory."""
 EASING = "coupling.mass", "coupling.drag"
-"""Keys of the variables that ease the constraints as they grow."""
+"""The keys of the variables whose growth makes the constraints easier to meet."""
 
 Progress = Callable[[str], None]
 
@@ -91,8 +91,8 @@ def region(
     plane : variables of the plane, and edges of the finest cells
     squares : the first cells, shape (4, n)
     progress : function that receives the decided share of the plane
-    stopped : function that returns whether to end now, called before each `TOGETHER` cells; a time limit also ends the
-        search
+    stopped : function that returns whether to end now; the search calls it before each batch of `TOGETHER` cells. A
+        time limit also ends the search
 
     Returns
     -------
@@ -190,7 +190,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     ----------
     problems : problems with the stated delay and with delays on both sides of a whole sample; a feasible cell meets the
         constraints of all problems
-    plane, squares : the cells
+    plane, squares : the plane and its cells
 
     Returns
     -------

@@ -110,7 +110,7 @@ class RegionFinding:
 
     Attributes
     ----------
-    file : today's problem
+    file : the present problem
     again : verdicts on cells and gain sets
     warnings : warnings for the user
     seconds : duration of the check, s
@@ -146,7 +146,7 @@ def recheck_region(
 
     Parameters
     ----------
-    file : today's problem
+    file : the present problem
     baseline : path of a region.json
     progress : function that receives the current stage
 

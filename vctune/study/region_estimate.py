@@ -75,7 +75,7 @@ def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estima
 
 
 def _estimate_in_worlds(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
-    """Return `estimate` with a box of environments."""
+    """Return the result of `estimate` for problems with a box of environments."""
     damping = _damping_in_worlds(problems, cells) if free else cells.low[DAMPING].copy()
     middle, meets, places, missed = _with_damping(cells.centres(), damping), np.ones(len(cells), bool), [], []
     for problem in problems:
@@ -88,8 +88,11 @@ def _estimate_in_worlds(problems: Sequence[Problem], cells: Cells, *, free: bool
 
 
 def _damping_in_worlds(problems: Sequence[Problem], cells: Cells) -> Floats:
-    """Return for each cell a b_c for every passive environment, which needs no search; if there is none, return the
-    best b_c for the box."""
+    """For each cell, return a b_c with which the constraints seem to hold for every passive environment.
+
+    This b_c needs no search. If there is no such b_c, the function returns the b_c that is best for the box of
+    environments.
+    """
     damping = estimate([replace(problem, worlds=None) for problem in problems], cells, free=True).damping
     unmet = np.isnan(damping)
     if unmet.any():
@@ -106,7 +109,10 @@ def _with_damping(points: Cells, damping: Floats) -> Cells:
 
 @np.errstate(all="ignore")
 def _changes_in_worlds(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
-    """Return `changes` with a box of environments, at the worst places of the cells' centres."""
+    """Return the result of `changes` for problems with a box of environments.
+
+    The function computes the changes at the places that are worst for the cells' centres.
+    """
     middle = cells.centres()
     if free:
         middle = _with_damping(middle, _damping_in_worlds(problems, cells))
@@ -127,7 +133,7 @@ def _changes_in_worlds(problems: Sequence[Problem], cells: Cells, axes: tuple[in
 
 
 def _missed_at(problem: Problem, numbers: Floats, places: PlacesInHands) -> Floats:
-    """Return the logarithm of the factor by which each design misses the hardest constraint in the hand of its
+    """Return the logarithm of the factor by which each design misses its hardest constraint, in the hand of its
     place."""
     need = need_at(problem, Cells(numbers, numbers), places) * problem.stability.safety_factor
     peak, _ = _peak_of_sensitivity(problem, Gains(*numbers[:2, :, None]))
@@ -141,8 +147,8 @@ def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *,
     Parameters
     ----------
     problems : problems, all of whose constraints must be met
-    cells : n cells
-    axes : rows of the cells
+    cells : n cells of designs
+    axes : indices of two variables among the rows of the cells
     free : whether each cell may have its own b_c
 
     Returns
@@ -176,7 +182,7 @@ class _Requirement:
     ----------
     omega : frequencies of the coupling, rad/s; for an impedance display theta, rad; shape (places,)
     required : the least Re Z_c there, N s/m, or the least Re(1/Z_c)/s^2, shape (n, places)
-    place : function that makes the place of each cell for `Places` from its index of `omega`
+    place : function of one index into `omega` for each cell; it returns the place of each cell in the form of `Places`
     """
 
     omega: Floats
@@ -256,7 +262,7 @@ def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
 
 
 def _requirements(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Requirement]:
-    """Return the requirements at some gains, arrays of shape (n, 1), by the names of `Places`."""
+    """Return the requirements that gains of shape (n, 1) impose on the coupling, by the names of `Places`' fields."""
     device, factor, requirements = problem.device, problem.stability.safety_factor, {}
     if problem.passive:
         omega = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)

@@ -34,7 +34,7 @@ def region_record(
     Parameters
     ----------
     file : the problem and its text
-    region : the result
+    region : the region
     designs : proved gain sets that belong to the record
     rendered : whether the cells are environments, which the only listed design renders
     """
@@ -72,7 +72,7 @@ def region_record(
 
 
 def _of_hands(problem: Problem) -> dict[str, Any]:
-    """Return the constraint in hands; empty if the problem has no such constraint."""
+    """Return the record's fields on the constraint in hands; none if the problem has no such constraint."""
     if problem.hands_met is None:
         return {}
     low, high = asdict(problem.hands_met.low), asdict(problem.hands_met.high)

@@ -25,7 +25,9 @@ arithmetic."""
 
 
 def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
-    """Solve a point and return the values of its row, with the seconds last. The function never raises an exception.
+    """Solve a point and return the values of its row, the last of which is the duration in seconds.
+
+    The function never raises an exception.
 
     Parameters
     ----------

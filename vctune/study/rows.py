@@ -57,7 +57,7 @@ class Rows:
     Attributes
     ----------
     path, handle : path of the file, and its file descriptor
-    places : position of the first row of each key
+    places : position of the latest row of each key in the file, bytes
     dropped : number of lines that were not complete rows
     """
 

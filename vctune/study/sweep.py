@@ -162,7 +162,7 @@ def _finish(state: _Sweep, task: Task, content: dict[str, Any]) -> None:
 
 
 def _tell(state: _Sweep, content: dict[str, Any]) -> None:
-    """Report the results with a further point."""
+    """Count a further point, and report the results so far."""
     state.statuses[content.get("status", "repeated")] += 1
     if content.get("status") == Status.CERTIFIED.value:
         state.best = min(state.best, content["error"])

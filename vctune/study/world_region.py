@@ -168,7 +168,7 @@ def judged(prepared_design: Rendered, plane: Plane, squares: Squares) -> tuple[K
 
 
 def _common_ends(plane: Plane, low: Floats, high: Floats) -> WorldCells:
-    """Return for each cell the ends of its ranges that all its environments must reach.
+    """For each cell, return the ends of its ranges that all its environments must reach.
 
     An environment may have any value of a parameter that is not an axis. The function therefore swaps the ends of the
     range of this parameter.
@@ -176,7 +176,7 @@ def _common_ends(plane: Plane, low: Floats, high: Floats) -> WorldCells:
     Parameters
     ----------
     plane : plane, which determines the parameters that are axes
-    low, high : the cells
+    low, high : least and greatest mass, damping and stiffness of each cell, SI units, shape (3, n)
     """
     least, most = low.copy(), high.copy()
     least[DAMPING] = high[DAMPING] if DAMPING in plane.axes else low[DAMPING]

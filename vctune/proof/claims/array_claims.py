@@ -77,19 +77,19 @@ from vctune.proof.engine.boxes import FREQUENCY, SAMPLES_BEFORE, WHOLE_SAMPLES, 
 from vctune.proof.engine.sharing import shared
 
 SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
-"""Names of the rows for the shares of rho (model/README.md, section 14). Near theta = 0, K_p = 0 and a hand without
+"""The names of the rows for the shares of rho (model/README.md, section 14). Near theta = 0, K_p = 0 and a hand without
 stiffness, the return difference F is proportional to rho."""
 AT_REST = (FREQUENCY, STIFFNESS)
-"""Names of the two rows that both begin at 0 in a box of hands next to rest: the angle and the stiffness."""
+"""The names of the two rows that both begin at 0 in a box of hands next to rest: the angle and the stiffness."""
 
 
 WORLD_ENDS = tuple(tuple(f"{key}.{end}" for key in WORLD) for end in ("min", "max"))
-"""Names of the rows of boxes of environments: least mass, damping and stiffness, then the greatest."""
+"""The names of the rows of boxes of environments: least mass, damping and stiffness, then the greatest."""
 NO_HAND = Hand(0, 0, 0)
 LEAST_DAMPING = "least operator.damping"
-"""Name of the least damping of a box of hands (`any_spring_margins`)."""
+"""The name of the value that states the least damping of a box of hands (`any_spring_margins`)."""
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
-"""Names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)."""
+"""The names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +104,8 @@ class Claims:
     conditions_near_zero : margin near omega = 0; where it is positive, `conditions` hold
     unmodelled : margin in theta that must be positive if the device's response is not known exactly
     conditions_near_infinity : `conditions` at omega = 1/v, as a function of v; for hold "lag" without delay
-    clamped : two margins that must both be positive if the response lies within a disc and `conditions` hold at its
-        edge
+    clamped : two margins that must both be positive if the response lies within a disc and `conditions` hold at the
+        edge of the disc
     resistance : the loop's resistance, N s/m, which must be positive for every coupling
     in_hand : margins in theta; at every theta and in every hand, one of them must be positive
     above_bound : margin in theta, `OFFSET` and `SLOPE`; where it is positive, so is `in_hand` for the bound's gains
@@ -239,8 +239,9 @@ def hands_margins(
 
     Returns
     -------
-    Margin
-        Functions of theta, rad, and of values by name: the design, `HAND` and the uncertain parameters; N s/m.
+    Margins
+        Functions of theta, rad, and of values by name: the design, `HAND` and the uncertain parameters. The unit of the
+        margins is N s/m.
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -293,8 +294,8 @@ def any_spring_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
     Returns
     -------
     Margins
-        Functions of theta, rad, and of values by name: those of `hands_margins` and `LEAST_DAMPING`. The condition
-        holds for hands with at least this damping.
+        Functions of theta, rad, and of values by name: the values of `hands_margins`, and `LEAST_DAMPING`. The
+        condition holds for hands with at least this damping.
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -341,7 +342,7 @@ def whenever_margins(
     Returns
     -------
     Margin
-        See `hands_margins`; it is valid for theta > 0 only.
+        Function as in `hands_margins`, valid only for theta > 0.
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -365,7 +366,7 @@ def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
     Returns
     -------
     Margin
-        Function of theta, rad, and of values by name: the gains, `OFFSET`, `SLOPE` and `HAND`; N s/m.
+        Function of theta, rad, and of values by name: the gains, `OFFSET`, `SLOPE` and `HAND`. Its unit is N s/m.
     """
     in_hand = _plant_in_hand(device, (), delays_of(device), ops)
 
@@ -412,8 +413,8 @@ def limp_hands_margins(
 ) -> tuple[Margin, ...]:
     """Return the margins of `hands_margins` for theta near 0, a hand without stiffness and K_p = 0.
 
-    They are functions of theta and of values by name: those of `HAND` and those of `SHARES`, each share between 0 and
-    1. The function omits margins that decide nothing there. With a box of environments, K_p is 0.
+    The margins are functions of theta and of values by name, which include `HAND` and `SHARES`. Each share is between 0
+    and 1. The function omits margins that decide nothing there. With a box of environments, K_p is 0.
 
     Parameters
     ----------

@@ -28,9 +28,9 @@ from vctune.proof.engine.polynomial_tests import any_positive
 
 MAX_HALVINGS, MAX_BOXES, TOGETHER = 4 * CELL_HALVINGS, 30_000, 128
 """Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells
-that the prover treats together, so that their boxes fit into memory. Feasible cells take up to 30,000 boxes, most a
-few thousand. With a limit of 12,000 boxes, the prover leaves some of the cells near K_p = 0 open, and the caller
-divides these cells."""
+that the prover treats together, so that their boxes fit into memory. A feasible cell takes up to 30,000 boxes; most
+cells take a few thousand. With a limit of 12,000 boxes, the prover leaves some of the cells near K_p = 0 open, and the
+caller divides these cells."""
 IN_WORLDS = 5_000
 """Greatest number of boxes for a cell with a box of environments. Most feasible cells take a few thousand boxes. With
 six times this limit, 0.1 % less of a plane of gains stays undecided."""
@@ -94,8 +94,8 @@ def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
     assert demands.hands is not None
     boxes = over_hands(cells, demands.hands, _band())
     most = MAX_BOXES if demands.worlds is None else IN_WORLDS
-    # the margins of a servo are linear in the hand, so that a mean of two of them suffices for all hands, but for the
-    # safety factor; to halve the hands takes a hundred times as long for wide cells and decides 1 % more of a plane
+    # the margins of a servo are linear in the hand; with a safety factor of 1, a mean of two margins therefore suffices
+    # for all hands. Halving the hands takes a hundred times as long for wide cells, and decides 1 % more of a plane
     linear = demands.device.servo is not None and demands.device.unmodelled is None
     return _prove(_in_hand(demands, boxes), boxes, len(cells), most, whole_hands=linear)
 
@@ -115,7 +115,7 @@ def _in_hand(demands: Demands, boxes: Boxes) -> Test:
 
 
 def _by_drag(margin: Margin) -> Margin:
-    """Return the margin of only the coupling's drag, a lower bound of the margin of the whole coupling."""
+    """Return the margin with only the drag of the coupling, a lower bound of the margin with the whole coupling."""
     return lambda theta, v: margin(theta, {**v, MASS: Enclosure(0.0)})
 
 

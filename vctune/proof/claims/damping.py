@@ -1,8 +1,8 @@
 """Find gains for which no coupling damping b_c works: the intervals required at different frequencies are disjoint.
 
-For M = omega m_c, Re Z_c - b_0 = b M^2/(b^2 + M^2). It is at least r if b lies between M (M -+ sqrt(M^2 - 4 r^2))/(2
-r). If r > M/2, no b suffices. Re Z_c grows with m_c and b_0, so the module uses the greatest m_c and b_0 of a cell. For
-the coupling as the firmware runs it, omega is (2/T) tan(theta/2).
+For M = omega m_c, Re Z_c - b_0 = b M^2/(b^2 + M^2). This difference is at least r if b lies between the two values
+M (M -+ sqrt(M^2 - 4 r^2))/(2 r). If r > M/2, no b suffices. Re Z_c grows with m_c and b_0, so the module uses the
+greatest m_c and b_0 of a cell. For the coupling as the firmware runs it, omega is (2/T) tan(theta/2).
 """
 
 from __future__ import annotations

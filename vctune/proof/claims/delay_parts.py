@@ -21,14 +21,16 @@ Ends = dict[str, tuple[Floats, Floats]]
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """The devices and hands of a box whose delays have the same number of whole samples, or have them as a row.
+    """The devices and hands of a box whose delays have the same number of whole samples, or for which this number is a
+    row.
 
     Attributes
     ----------
     names : names of the rows except the angle
     low, high : ends of the numbers, shape (rows, 1), or (rows, n) for n parts
-    delays : whole samples of the delays sample_time, other : T, s; and the delay, s, of the device or the sensor that
-        is not a row
+    delays : whole samples of the delays
+    sample_time : T, s
+    other : delay, s, of the device or the sensor that is not a row
     range : least and greatest delay, s, if `SAMPLES_BEFORE` is a row; None otherwise
     """
 
@@ -159,9 +161,9 @@ def _at_whole_samples(test: Test, names: tuple[str, ...], T: float, shortest: fl
 def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
     """Return one part for all delays of a box, with the whole samples of the delay as one more row.
 
-    At small angles one box covers many whole samples, because the loop is a smooth function of their number. A first or
-    last sample of which the range contains little has boxes of its own. The function returns None for delays within one
-    sample, for servos, and if the force sensor is late too.
+    At small angles one box covers many whole samples, because the loop is a smooth function of their number. If the
+    range contains little of its first or last sample, that sample has boxes of its own. The function returns None for
+    delays within one sample, for servos, and if the force sensor is late too.
     """
     own, T = row_of(device.delay_key), device.sample_time
     late = any(device.number(key) for key in DELAYS if row_of(key) != own)
@@ -210,8 +212,8 @@ def _parts_of_sum(
 def _whole(low: float, high: float, T: float, *, last: bool) -> range:
     """Return the numbers of whole samples of the delays in a range.
 
-    For the `last` delays the range includes the whole number at its upper end, because the sensed force at a whole
-    number is not the limit from below.
+    With `last`, the range includes the whole number at its upper end, because the sensed force at a whole number is not
+    the limit from below.
     """
     first, end = floor(low / T * (1 + SNAP)), high / T
     return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))

@@ -23,7 +23,7 @@ from vctune.proof.engine.boxes import Cells, Integers, Values
 
 
 def by_integrator(cells: Cells) -> list[Integers]:
-    """Return the cells with K_p > 0 and those with K_p = 0, where the law has no integrator."""
+    """Return the indices of the cells with K_p > 0, and of the cells with K_p = 0, where the law has no integrator."""
     # row 1 is K_p in `KEYS` and in `SPRING_KEYS`
     parts = np.flatnonzero(cells.high[1] > 0), np.flatnonzero(cells.high[1] == 0)
     return [at for at in parts if len(at)]
@@ -78,8 +78,8 @@ def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
     number, boxes = np.full((2, len(cells)), np.nan), np.zeros((2, len(cells)), np.intp)
     calm = np.flatnonzero(same.any(axis=0))
     points = cells.subset(calm).centres()
-    # `vctune.proof.claims.model_poles` gives the arguments: the model's curve ends within a third of a turn of its
-    # limit; the sampled loop's curve begins at F(1) > 0 and ends on the real axis
+    # `vctune.proof.claims.model_poles` gives the reasons: the model's curve ends within a third of a turn of its limit;
+    # the sampled loop's curve begins at F(1) > 0 and ends on the real axis
     if demands.passive:
         goal, end = final_angle(device, integral=bool(points.high[1].any())), model_curve_end(device, points)
         number[0, calm], boxes[0, calm] = _turns_at(claims.model_poles, points, end, 2 * pi, goal)

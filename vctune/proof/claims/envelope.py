@@ -31,8 +31,8 @@ from vctune.proof.engine.branching import Proofs, prove
 from vctune.proof.engine.polynomial_tests import FEW, positive_by_polynomials
 
 STEP = 1.05
-"""Ratio of the edges of a piece. With its square root, the prover takes a third more boxes and leaves as much of a
-plane of gains open. With its square, the prover takes 10 % fewer boxes and leaves 50 % more of the plane open."""
+"""Ratio of the edges of a piece. With its square root, the prover takes a third more boxes and leaves the same share of
+a plane of gains open. With its square, the prover takes 10 % fewer boxes and leaves 50 % more of the plane open."""
 SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Shares of each range of the hands at which the code evaluates R before it proves a piece. With half as many shares,
 the code misses maxima between them, pieces are up to a tenth higher, and twice as much of a plane stays open. With
@@ -54,7 +54,7 @@ proves the same pieces."""
 MAX_HALVINGS, MAX_BOXES = 40, 250
 """Greatest number of halvings of a box of angle and hand, and number of boxes for a piece in the first attempt. Each
 further attempt doubles the number of boxes. With half or twice the number of halvings, the prover proves the same
-pieces. With half or twice the number of boxes, the prover leaves as much of a plane open."""
+pieces. With half or twice the number of boxes, the prover leaves the same share of a plane open."""
 
 
 @dataclass(frozen=True, slots=True)

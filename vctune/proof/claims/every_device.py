@@ -75,7 +75,7 @@ class RobustDesign:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The keys of the uncertain parameters."""
+        """The names of the rows of the uncertain parameters."""
         return tuple(f"device.{name}" for name in self.box.uncertain)
 
     def loops(self) -> list[RobustDesign]:
@@ -171,7 +171,7 @@ def _whatever_phase(robust: RobustDesign, margin: Margin, low: float, high: floa
         return margin(omega, {**values, name: values[name] / omega})
 
     shortest = least[row, 0]
-    # the phase omega delay over one full turn, the second turn, so that no delay is 0
+    # the phase omega delay covers one full turn; this is the second turn, so that no delay is 0
     least[row], greatest[row] = 2 * pi * (1 - NEAR), 4 * pi * (1 + NEAR)
     boxes = over_band(robust.names, least, greatest, band_of(low, high, STEP))
     found = _proved(positive(of_phase, robust.values), boxes, max_boxes)
@@ -243,7 +243,8 @@ def _within_a_sample(robust: RobustDesign) -> tuple[Floats, Floats]:
 
 
 def _small_from(robust: RobustDesign, gain: Margin) -> float:
-    """Return an estimate of the theta above which a loop gain is small, rounded upwards; 0 if it always is."""
+    """Return an estimate of the theta above which a loop gain is small, rounded upwards; 0 if the gain is always
+    small."""
     theta = np.geomspace(LEAST_ANGLE, HALF_TURN, ANGLES)
     ends = np.hstack(_within_a_sample(robust))
     margins = []
@@ -383,7 +384,8 @@ def outcome_for_all(robust: RobustDesign, parts: list[Proofs], alone: NominalPro
     Returns
     -------
     Outcome
-        If it is refuted, it names a device and its witness in rad/s; if it is undecided, the device at the open point.
+        If it is refuted, it names a device and its witness in rad/s. If it is undecided, it names the device at the
+        open point.
     """
     boxes = sum(int(part.boxes[0]) for part in parts)
     open_ = next((part for part in parts if not part.proved[0]), None)

@@ -94,7 +94,7 @@ as many boxes. An easy proof over the whole range takes about a thousand boxes, 
 this limit, a proof on the sides takes 3,000 boxes more."""
 MANY_PARTS = 3
 """Least number of parts of a box of delays for which the prover first tries the test for all numbers of whole samples
-in a servo's delay. If there are fewer parts, possibly no part has a delay of whole samples."""
+in a servo's delay. If there are fewer parts, possibly no part covers a full sample of delay."""
 EASY_PARTS = 4_000
 """Number of boxes after which the prover treats an interval of angles for each part separately. With half or twice as
 many boxes, a proof takes the same time."""
@@ -366,8 +366,8 @@ def _late_as_one(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
 
 
 def _judged_again(found: Outcome, design: Design, demands: Demands, hand: Hand) -> Outcome:
-    """Judge a claim that is not proved again, for the device and the hand that the outcome names. If the claim fails
-    for them, it is refuted."""
+    """Judge an unproved claim again, for a single device in a single hand. A refuted claim stays refuted only if it
+    fails for them."""
     theta = None if found.witness is None else min(found.witness * design.device.sample_time, pi)
     each = [(factor, share) for factor in {demands.factor, 1.0} for share in {1.0, 1 / factor}]
     fails = theta is not None and any(
@@ -440,7 +440,7 @@ def _decided(
     tests : function of a part of the boxes, and of the values that are not rows, that returns the tests
     max_boxes : number of boxes after which the prover leaves a part open
     near : resonance near which the hands lie; None for all hands
-    whenever : function that returns a test that holds for parts with any whole samples; None without one
+    whenever : function that returns a test for parts with any number of whole samples; None if there is no such test
     """
     sides, tried = sides_of_rectangles(ends, asked.affine), 0
     springs = near is None and asked.for_every_spring
@@ -515,7 +515,7 @@ def sides_of_rectangles(ends: Ends, pairs: Sequence[tuple[str, str]]) -> list[En
 
 
 def _at_both_ends(ends: Ends, name: str) -> Ends:
-    """Return two columns for each column: one with a row at its least number and one with it at its greatest."""
+    """Return two columns for each column: one with the given row at its least number, one with it at its greatest."""
     twice = {key: (np.tile(low, 2), np.tile(high, 2)) for key, (low, high) in ends.items()}
     at = np.concatenate(ends[name])
     return {**twice, name: (at, at)}
@@ -546,7 +546,7 @@ def _left_of_parts(test: Test, boxes: Boxes) -> tuple[Flags, int]:
 
     Parameters
     ----------
-    test : test for angles > 0 and a part whose delays have whole samples only
+    test : test for angles > 0 and for a part that covers a full sample of delay
     boxes : boxes of that part
     """
     own, left = np.arange(len(boxes)), np.ones(len(boxes), bool)
@@ -609,7 +609,7 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper 
     Parameters
     ----------
     device : device; floats of device, hand and gains stand for the decimals that they print as
-    hand : M, B and K
+    hand : M, B and K, in kg, N s/m and N/m
     gains : K_v and K_p, N s/m and N/m
     held : coupling of an impedance display whose virtual tool is held; None for a free tool
 

@@ -53,9 +53,9 @@ class Certified:
 def prove(demands: Demands, cells: Cells) -> Certified:
     """Prove all constraints throughout each cell (proof/README.md, section 8).
 
-    With K_p = 0 the loop does not contain the position, so designs with K_p = 0 need another proof than designs with
-    K_p > 0. If the range of K_p in a cell starts at 0 but has a width, the proof for the cell does not include the
-    designs with K_p = 0. The proof for a cell with K_p = 0 throughout does include them.
+    With K_p = 0 the loop does not contain the position, so designs with K_p = 0 need a separate proof. If the range of
+    K_p in a cell starts at 0 but has a width, the proof for the cell does not include the designs with K_p = 0. The
+    proof for a cell with K_p = 0 throughout does include them.
 
     Parameters
     ----------
@@ -76,7 +76,10 @@ def prove(demands: Demands, cells: Cells) -> Certified:
 
 
 def _worlds_are_known(demands: Demands) -> bool:
-    """Return whether the margins for cells cover the environments: those of section 18, on an admittance display."""
+    """Return whether the margins for cells cover the environments.
+
+    They cover the environments of model/README.md, section 18, except on an impedance display.
+    """
     return demands.worlds is None or (demands.worlds.lossless and not demands.device.kind.inverse)
 
 
@@ -194,7 +197,7 @@ class Places:
     theta_S : angles omega T for |S|, rad, shape (n,)
     omega : frequencies in the band of Llewellyn's conditions, rad/s, shape (any number, n); the most critical first
     theta : angles for any passive hand on an impedance display, rad, shape (any number, n); the most critical first
-    in_hands : angles in hands, shape (any number, n); the most critical first
+    in_hands : angles, each with a hand, shape (any number, n); the most critical first
     """
 
     theta_S: Floats
@@ -271,7 +274,7 @@ def fails_in_hands(demands: Demands, cells: Cells, at: PlacesInHands) -> Flags:
     ----------
     demands : constraints with hands
     cells : n cells of designs, either all with K_p > 0 or all with K_p = 0
-    at : n places
+    at : place of each cell: an angle omega T, rad, and a hand
 
     Returns
     -------
@@ -302,6 +305,6 @@ def lower_bound_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> 
     Returns
     -------
     array of float
-        Shape (n,), in the margin's unit; nan if the function has no bound.
+        Shape (n,), in the margin's unit; nan where the function finds no bound.
     """
     return lower_bound_over(margin, over_each(cells, at), {})

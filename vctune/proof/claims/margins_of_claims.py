@@ -1,8 +1,8 @@
 """The margins of the claims: functions that must be positive, each written once for every arithmetic.
 
 In sampled loops, s = sin(theta/2) and z = e^{j theta}. model/README.md defines C, D, N, Z_2, y and A H in sections 2
-and 12, F and F_0 in section 7, and rho in section 14. A limp hand has no stiffness. Next to rest its F vanishes with
-K_p = 0 unless the code divides it by rho.
+and 12, F and F_0 in section 7, and rho in section 14. A limp hand has no stiffness. With K_p = 0, F in a limp hand
+vanishes next to rest unless the code divides it by rho.
 """
 
 from __future__ import annotations
@@ -228,7 +228,7 @@ def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number,
     plant : a device without a hand, over one sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
-    radius : greatest |delta| at theta
+    radius : greatest |delta| at theta, dimensionless
     ops : arithmetic of the other arguments
 
     Returns
@@ -359,7 +359,7 @@ def margins_in_worlds(
 def met_by_environment(
     plant: AnyPlantInHand, design: Design, theta: Number, share: Number, ops: Arithmetic
 ) -> tuple[Offered, Seen, Number]:
-    """Return the impedance that an environment meets: that of the coupling, that of the loop, and the coupling's share.
+    """Return the impedances that an environment meets, of the coupling and of the loop, and the coupling's share.
 
     The coupling of an impedance display is a part of its loop (model/README.md, section 18).
 
@@ -368,7 +368,7 @@ def met_by_environment(
     plant : the device in the hand
     design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    share : y, from 1/safety_factor to 1
+    share : share y of the coupling, from 1/safety_factor to 1
     ops : arithmetic of the other arguments
     """
     loop, coupling = loop_in_hand(plant, theta, ops), design.coupling
@@ -556,7 +556,7 @@ def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
     ----------
     design : design; only its device and its gains matter
     omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of both
+    ops : arithmetic of the other arguments
 
     Returns
     -------
@@ -569,14 +569,14 @@ def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
 def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
     """Return a curve that has the zeros of D and no pole to the right of the imaginary axis.
 
-    The curve is D, or j omega D with an integrator; a handle on a spring multiplies it by (k + j omega c) and a
-    positive number. It is real and positive at omega = 0.
+    The curve is D, or j omega D with an integrator. For a handle on a spring, the curve also has the factor
+    (k + j omega c) and a positive factor. The curve is real and positive at omega = 0.
 
     Parameters
     ----------
     at : the device at omega >= 0
     gains : K_v and K_p in numbers of the arithmetic
-    ops : arithmetic of both
+    ops : arithmetic of the other arguments
 
     Returns
     -------
@@ -621,8 +621,8 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
 def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
     """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2 with P = dF/dK_p. Neither depends on K_p.
 
-    Both results are regular at theta = 0, where F and F_0 are those of the velocity loop alone, times 1 - e^{-j theta}.
-    Where the first result is not 0, F is not 0 for any K_p.
+    For F and F_0, the function uses the velocity loop alone, times 1 - e^{-j theta}. Both results are regular at
+    theta = 0. Where the first result is not 0, F is not 0 for any K_p.
 
     Parameters
     ----------

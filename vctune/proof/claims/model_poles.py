@@ -42,7 +42,8 @@ def prove_model_poles(device: Device, gains: Gains) -> Outcome:
     Returns
     -------
     Outcome
-        Undecided with a witness in rad/s where the curve comes too close to 0; refuted without a witness.
+        If it is undecided, it has a witness, rad/s, where the curve comes too close to 0. If it is refuted, it has no
+        witness.
     """
     exact, law = device_ball(device.modelled), gains_ball(gains)
     if not gains.closed:

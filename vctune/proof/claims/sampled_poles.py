@@ -1,5 +1,5 @@
-"""Prove that the exact sampled loop has its poles inside the unit circle, and |S| below a limit (model/README.md,
-7)."""
+"""Prove that the poles of the exact sampled loop lie inside the unit circle, and that |S| is below a limit
+(model/README.md, section 7)."""
 
 from __future__ import annotations
 
@@ -90,7 +90,8 @@ def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
     Returns
     -------
     Outcome
-        Undecided with a witness in rad/s where the curve comes too close to 0; refuted without a witness.
+        If it is undecided, it has a witness, rad/s, where the curve comes too close to 0. If it is refuted, it has no
+        witness.
     """
     law, plant = gains_ball(gains), exact_plant(device)
 
@@ -140,8 +141,8 @@ def spectral_radius(device: Device, gains: Gains) -> float:
     Returns
     -------
     float
-        Rounded. If the function cannot isolate the poles, the radius comes from eigenvalues in double precision. It is
-            for display, not for a proof.
+        The radius, rounded. If the function cannot isolate the poles, the radius comes from eigenvalues in double
+        precision. The radius is for display, not for a proof.
     """
     with ctx.workprec(PRECISION):
         coefficients = characteristic_polynomial(exact_plant(device), gains_ball(gains))

@@ -57,9 +57,9 @@ def sensed_force_jumps(device: Device, hands: Hands) -> bool:
 
 
 def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
-    """Return two devices whose delay is just below a whole number of samples and equal to it.
+    """Return a device whose delay is just below a whole number of samples, and one whose delay is that number.
 
-    The function returns none if the delay of the device is not near a whole number of samples.
+    The function returns no device if the delay of the given device is not near a whole number of samples.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
     Returns
     -------
     tuple of Device
-        They do not include `device` itself. The tuple is also empty if the force does not jump at that number.
+        The tuple does not include `device` itself. It is also empty if the force does not jump at that number.
     """
     samples = delay_in_samples(device)
     whole = round(samples)

@@ -24,8 +24,8 @@ number of boxes and about the same time. The additional precision serves designs
 than an optimum rounded to decimals."""
 SMALL = 0.1
 """Argument below which the code computes (1 - sinc x)/x^2 by its series with an enclosed remainder. With half this
-argument, the subtraction in the closed form would lose another factor 4 of the precision. With twice this argument, the
-remainder would be 2e-25 instead of 3e-29."""
+argument, the subtraction in the closed form would lose another factor of 4 of the precision. With twice this argument,
+the remainder would be 2e-25 instead of 3e-29."""
 
 
 class _BallArithmetic:
@@ -135,7 +135,7 @@ def ball_or_inf(decimal: float) -> Number:
 def as_series(constant: arb) -> arb_series:
     """Return a ball as a power series with three terms.
 
-    Multiplying two of these is faster than multiplying one by a ball.
+    Multiplying two such series is faster than multiplying a series by a ball.
     """
     return arb_series([constant], 3)
 

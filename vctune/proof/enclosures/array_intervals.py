@@ -37,8 +37,8 @@ widen a radius by a relative 2e-15."""
 def raised(total: Floats, terms: int) -> Floats:
     """Return a rounded sum, increased so that it is at least the exact sum.
 
-    With u = 2^-53, summing n terms takes n - 1 roundings. The terms and the product that this function computes take at
-    most n + 5 more. The result is large enough because (1 - u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
+    Summing n terms takes n - 1 roundings. The terms and the product that this function computes take at most n + 5
+    more. With u = 2^-53, the result is large enough because (1 - u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
 
     Parameters
     ----------

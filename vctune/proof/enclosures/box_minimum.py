@@ -2,7 +2,8 @@
 
 If S is positive semidefinite, then e'S e >= 2 y'S e - y'S y for any y: the tangent at y bounds a convex polynomial from
 below. Over a box, a tangent is least at a corner. If y is the position of the minimum, the bound is exact (Boyd and
-Vandenberghe 2004, section 5). The function subtracts the magnitude of the part of e'H e that is not convex.
+Vandenberghe 2004, section 5). `least_over_boxes` applies this bound to the convex part of a polynomial's quadratic form
+e'H e, and subtracts the magnitude of the other part.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ class LowerBound:
 
     Attributes
     ----------
-    bound : lower bound of all values over the box; -inf if the function has none
-    estimate : approximate value at `at`
+    bound : lower bound of all values over the box; -inf if no bound is known
+    estimate : approximate value of the polynomial at `at`
     at : approximate position of the minimum, each row between -1 and 1, shape (k, n)
     cost : amount by which each row lowers the bound, shape (k, n)
     """

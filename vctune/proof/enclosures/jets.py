@@ -15,11 +15,11 @@ from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, betwe
 LIBRARY_ERROR = 8 * UNIT
 """Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place.
 
-The errors of exp and expm1 are relative to the value; those of sin and cos are relative to 1. For |x| < 1, where sinc
-divides by x, the error of sin is also relative to the value. Near the other zeros, only the reduction of the argument
-must be correct.
+The errors of exp and expm1 are relative to the value; the errors of sin and cos are relative to 1. For |x| < 1, where
+sinc divides by x, the error of sin is also relative to the value. Near the other zeros, only the reduction of the
+argument must be correct.
 
-NumPy evaluates these functions by the C library, or by Intel's SVML on processors with AVX-512. The GNU C library
+NumPy evaluates these functions with the C library, or with Intel's SVML on processors with AVX-512. The GNU C library
 states 1 unit for each of them ("Known Maximum Errors in Math Functions" in its manual) and 2 units for its vector
 variants. NumPy states at most 4 for SVML (numpy/numpy, pull request 19478), less than 1 for the high-accuracy
 variants that replaced them (24006), and its own tests require 1 (umath-validation-set-*.csv). Eight units are twice
@@ -117,13 +117,13 @@ class Jet:
         Returns
         -------
         Jet
-            Its value, and the slopes of x times f'.
+            The value of f, with the slopes of x times f'.
         """
         return Jet(value, _scaled(self.slopes, derivative))
 
 
 def variables(values: Sequence[Enclosure], varied: Sequence[bool]) -> list[Enclosure | Jet]:
-    """Return the variables of a box as jets. Each has slope 1 in itself and 0 in the others.
+    """Return the variables of a box as jets. Each jet has the slope 1 in its own variable and 0 in the others.
 
     Parameters
     ----------
@@ -133,8 +133,8 @@ def variables(values: Sequence[Enclosure], varied: Sequence[bool]) -> list[Enclo
     Returns
     -------
     list of Enclosure or Jet
-        n numbers. A jet has one slope for each variable that varies, in their order. A variable that does not vary
-            remains an enclosure.
+        n numbers. A jet has one slope for each variable that varies, in the order of the variables. A variable that
+        does not vary remains an enclosure.
     """
     order = {index: place for place, index in enumerate(i for i, varies in enumerate(varied) if varies)}
     one = Enclosure(1.0)
@@ -169,7 +169,7 @@ def _cos(x: Enclosure) -> Enclosure:
 def _sinc(x: Enclosure) -> Enclosure:
     """Return sin(x)/x.
 
-    Its derivative is at most |x|/3 and at most 1/2, its second derivative at most 1/3 and at most 1/|x| + 2/x^2 +
+    Its derivative is at most |x|/3 and at most 1/2. Its second derivative is at most 1/3 and at most 1/|x| + 2/x^2 +
     2/|x|^3.
     """
     size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, 1.0)
@@ -359,7 +359,7 @@ def reciprocal_over(re: Enclosure, im: Enclosure) -> tuple[Enclosure, Enclosure]
 
     Parameters
     ----------
-    re, im : enclosures of both parts
+    re, im : enclosures of the real and of the imaginary parts
 
     Returns
     -------
@@ -422,7 +422,7 @@ def _beyond(x: Enclosure, table: Table) -> NDArray[np.bool_]:
 
 
 def _cosine(x: Enclosure) -> Enclosure:
-    """Return an enclosure of a cosine, clipped to [-1, 1]; all of [-1, 1] where the enclosure is nan."""
+    """Return an enclosure of a cosine, clipped to [-1, 1]. Where the enclosure is nan, the result is [-1, 1]."""
     return between(np.fmax(x.mid - x.rad, -1.0), np.fmin(x.mid + x.rad, 1.0))
 
 

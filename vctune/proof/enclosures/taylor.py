@@ -39,7 +39,8 @@ class Taylor:
     ----------
     rows : number k of rows
     poly : coefficients of 1, of each e_i and of each e_i e_j, i <= j; shape (1 + k + k (k + 1)/2, ..., n)
-    rest : radius of the remainder for each row that causes it, and last the radius of rounding; shape (k + 1, ..., n)
+    rest : radius of the remainder for each row that causes it, and then the radius of all rounding errors; shape
+        (k + 1, ..., n)
     """
 
     __slots__ = ("_sizes", "poly", "rest", "rows")
@@ -156,8 +157,8 @@ class _Sizes:
     Attributes
     ----------
     linear, quad : magnitude of the e_i terms, and half the magnitude of the e_i e_j terms, for each row
-    slope, curve, known : magnitude of all e_i terms, magnitude of all e_i e_j terms, and sum of both with the
-        constant's
+    slope, curve, known : magnitude of all e_i terms, magnitude of all e_i e_j terms, and the sum of both magnitudes and
+        the magnitude of the constant
     """
 
     __slots__ = ("curve", "known", "linear", "quad", "slope")

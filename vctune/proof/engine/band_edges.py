@@ -1,4 +1,4 @@
-"""Edges of a proved band: as far out as the proof reaches, with certain digits in hertz."""
+"""Find the edges of a proved band: the farthest proved frequencies that have five digits in hertz."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ FINEST_STEP = 1e-6
 """Relative step at which the extension of a proved band ends. The code then rounds the edge to few digits. With half or
 twice this step, the extension ends at the same edge."""
 EDGE_DIGITS = 5
-"""Digits of an edge in Hz outside the required band. The report prints all of these digits. The last digit is at
-least ten times as coarse as the finest step."""
+"""Number of digits of an edge in Hz outside the required band. The report prints all of these digits. The last digit is
+at least ten times as coarse as the finest step."""
 BEYOND = 1e-12
-"""Relative amount by which an edge in rad/s exceeds the edge in hertz. This amount is more than the rounding error of
-2 pi f."""
+"""Relative amount by which an edge in rad/s lies outside the edge in hertz. This amount is more than the rounding error
+of 2 pi f."""
 
 
 def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
@@ -33,8 +33,8 @@ def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float)
     Returns
     -------
     float
-        rad/s, between edge and goal. The proof holds from it to the edge. If the time limit ends the search, the result
-            is nearer to the edge.
+        rad/s, between edge and goal. The proof holds between this frequency and the edge. If the time limit ends the
+        search, the result is nearer to the edge.
     """
     down, start = goal < edge, edge
     step, held = 4.0, True  # a ratio of frequencies; a second success squares it, a failure takes its square root
@@ -68,7 +68,7 @@ def edge_in_hertz(edge: float, *, upper: bool) -> float:
 
     Parameters
     ----------
-    edge : rad/s, > 0
+    edge : edge of the band, rad/s, > 0
     upper : whether this is the upper edge; the function rounds an upper edge down and a lower edge up
 
     Returns

@@ -93,15 +93,14 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
 def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -> Test:
     """Return the test that a curve misses 0.
 
-    The curve misses 0 in a box if one of three conditions holds. The rectangle around its image does not contain 0. Or
-    `sufficient` is positive. Or the curve's component in the direction of its value at the middle of the box is
-    positive.
+    The curve misses 0 in a box if the rectangle around its image does not contain 0, if `sufficient` is positive, or if
+    the curve's component in the direction of its value at the middle of the box is positive.
 
     Parameters
     ----------
     curve : function of a frequency and of values by name
     fixed : values by name that are not rows of the boxes
-    sufficient : a margin that is positive only where the curve is not 0; None without one
+    sufficient : a margin that is positive only where the curve is not 0; None if there is no such margin
 
     Returns
     -------
@@ -150,7 +149,7 @@ def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
     -------
     function
         Maps n boxes to angles, rad, shape (n,). An angle is nan if rounding errors hide whether it is above or below
-            half a turn.
+        half a turn.
     """
 
     def turn(boxes: Boxes) -> Floats:
@@ -273,7 +272,7 @@ def nearest(found: Sequence[Decided]) -> Decided:
 
 
 def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
-    """Test three kinds of boxes separately: those from frequency 0, those wide in frequency, and the others."""
+    """Test three kinds of boxes separately: boxes from frequency 0, boxes that are wide in frequency, and others."""
     zero = boxes.low[0] == 0
     wide = (boxes.high[0] > WIDE * boxes.low[0]) & ~zero
     return _by_kind([(kind, test) for kind in (zero, wide, ~(zero | wide))], boxes)
@@ -312,7 +311,7 @@ def _wide(boxes: Boxes) -> bool:
 
 
 def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
-    """Return a result after which the prover halves the boxes that are not proved in frequency; no box fails."""
+    """Return a result after which the prover halves every unproved box in frequency. No box fails."""
     cost = np.zeros_like(boxes.low)
     cost[0] = 1.0
     none = np.zeros(len(boxes), bool)

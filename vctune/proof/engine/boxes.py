@@ -24,11 +24,11 @@ from vctune.proof.engine.interval import WIDE
 Integers = NDArray[np.intp]
 
 FREQUENCY = "frequency"
-"""Name of the row of the frequency. The claim determines its unit: omega in rad/s, theta = omega T in rad, or 1/omega
-in s."""
+"""The name of the row of the frequency. The claim determines the quantity and its unit: omega in rad/s, theta = omega T
+in rad, or 1/omega in s."""
 WHOLE_SAMPLES = "whole samples of device.delay"
 SAMPLES_BEFORE = "whole samples before device.delay"
-"""Name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay."""
+"""The name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay."""
 CHUNK = 4096
 """Number of boxes that the prover evaluates together. The arrays of this many boxes fit into the processor's cache.
 With half or twice as many boxes, a proof takes the same time."""
@@ -53,7 +53,7 @@ def coupling_of(values: Values) -> AnyCoupling:
 class Cells:
     """Boxes of designs, [low, high] in each number of a design, as arrays of shape (numbers, cells).
 
-    If the edges of a cell coincide, it is a single design.
+    If the edges of a cell coincide, the cell is a single design.
     """
 
     low: Floats
@@ -130,12 +130,12 @@ class Boxes:
         return [inf if infinite else row for row, infinite in zip(found, endless.tolist(), strict=True)]
 
     def named(self, rows: Sequence[Number], fixed: Values) -> Values:
-        """Return the values of a claim by name: those of the rows and the fixed ones.
+        """Return the values of a claim by name: the values of the rows and the fixed values.
 
         Parameters
         ----------
         rows : one number for each of `names` except the first, which is the frequency
-        fixed : the other values by name; if a name is also that of a row, the function uses the row's value
+        fixed : the other values by name; if a name is also the name of a row, the function uses the row's value
 
         Returns
         -------
@@ -260,7 +260,7 @@ def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes
     Returns
     -------
     Boxes
-        n m boxes; the owner of each is its cell. The rows of the hand come before those of the cell.
+        n m boxes; the owner of each is its cell. The rows of the hand come before the rows of the cell.
     """
     low, high = (
         np.vstack((np.tile(np.array([*hand.by_key.values()], float)[:, None], len(cells)), edge))

@@ -18,9 +18,9 @@ from vctune.proof.engine.boxes import CHUNK, Boxes, Integers, joined
 from vctune.running import check_time, tell
 
 BLUR = 2.0
-"""Ratio of two uncertainties above which the prover leaves a box open: that of the rows that it must not halve, divided
-by that of the other rows. Above this ratio, halving the other rows would decide nothing. With half or twice this ratio,
-the prover proves the same cells."""
+"""Greatest ratio of the uncertainty from the rows that the prover must not halve to the uncertainty from the other
+rows. Above this ratio, the prover leaves a box open, because halving the other rows would decide nothing. With half or
+twice this ratio, the prover proves the same cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Decided:
     fails : whether the claim fails at `point`
     point : a point of each box, shape (rows, n)
     cost : contribution of each row to the uncertainty of each box, shape (rows, n)
-    known : where the test has slopes or polynomials with a bound; elsewhere the costs are the rows' relative widths
+    known : whether the test has slopes or polynomials with a bound; if not, the costs are the rows' relative widths
     side : end of each row at which the margin is least for all values of the other rows, -1 or 1; 0 if the test does
         not know such an end
     room : nearness to a proof, greater than 1 if the test proves the claim; only results of the same kind of test are
@@ -58,7 +58,7 @@ class Proofs:
 
     Attributes
     ----------
-    names : names of the rows of the points
+    names : names of the rows of `failing` and `open`
     proved : whether the claim holds on all boxes of an owner, shape (owners,)
     failing : a point at which the claim fails, shape (rows, owners); nan if the prover found none
     open : a point of a box that the prover left open, shape (rows, owners); nan if there is none

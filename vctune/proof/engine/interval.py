@@ -68,7 +68,7 @@ class Outcome:
     ----------
     verdict : proved, refuted, or undecided
     boxes : number of evaluated boxes
-    witness : frequency where the claim is refuted or undecided, rad/s; None without one
+    witness : frequency where the claim is refuted or undecided, rad/s; None if there is no such frequency
     device : device of the box for which the claim is refuted or undecided
     hand : hand of the box in which the claim is refuted or undecided
     cut : whether the claim is undecided because the time limit ended the proof
@@ -99,7 +99,7 @@ def prove_boxes(
     Parameters
     ----------
     decide : function that returns the verdict on the box between two numbers
-    low, high : 0 <= low <= high
+    low, high : ends of the interval, 0 <= low <= high
     max_boxes : number of boxes after which the proof gives up
 
     Returns
@@ -152,7 +152,7 @@ def prove_positive(
     Parameters
     ----------
     margin : function that runs on `flint.arb` and on `flint.arb_series`
-    low, high : 0 <= low <= high
+    low, high : ends of the interval, 0 <= low <= high
     max_boxes : number of boxes after which the proof gives up
     curved : whether to use the second derivative where the first does not decide. The second derivative reduces the
         number of boxes to a third for a margin that nearly touches 0 inside the interval. For a margin that touches 0

@@ -34,7 +34,7 @@ proofs for random devices in hands take the same time; with four times this numb
 NEAR_ZERO = 1e-3
 """Least divisor in the relative width of a row, as a share of the row's range. Without this least divisor, the prover
 would halve a row that contains 0 forever. With a tenth of this share, the proof takes 20 % more boxes; with ten times
-the share, as many."""
+the share, the same number of boxes."""
 FREQUENCY_FIRST = 64.0
 """Weight of the frequency's relative width if a box has no bound and one of several margins must be positive. Such
 boxes contain a zero of a denominator, and these zeros are at single frequencies. With an eighth of this weight, the

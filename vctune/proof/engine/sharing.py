@@ -1,4 +1,4 @@
-"""Compute parts that many boxes have in common only once, such as the plant of one hand at different frequencies."""
+"""Compute only once the parts that many boxes have in common, such as the plant of one hand at all its frequencies."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def turned_angle(curve: Curve, low: float, high: float) -> tuple[Outcome, float]
 
     Parameters
     ----------
-    curve : function of a ball
+    curve : function of a ball that returns the curve's value
     low, high : ends of the curve's parameter, 0 <= low <= high
 
     Returns

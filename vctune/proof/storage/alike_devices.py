@@ -25,8 +25,9 @@ def parts_alike(device: Device, devices: DeviceBox | None) -> list[tuple[Device,
     Returns
     -------
     list
-        Empty if two delays are uncertain, because no such part is a box. In hands that change, each of a servo's two
-        delays matters, not only their sum, because the damping may change between them.
+        One pair for each part. The list is empty if two delays are uncertain, because no such part is a box. In hands
+        that change, each of a servo's two delays matters, not only their sum, because the damping may change between
+        them.
     """
     if devices is None or not devices.uncertain:
         return [(device, ())]

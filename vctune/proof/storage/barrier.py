@@ -2,8 +2,8 @@
 point method.
 
 The search runs in floats. A storage function has a few hundred coefficients, and its inequality has a few dozen small
-matrices. For these, Newton's method on the logarithms of the determinants takes 0.05 s. A solver of semidefinite
-programs would be one more dependency.
+matrices. For a problem of this size, Newton's method on the logarithms of the determinants takes 0.05 s. A solver of
+semidefinite programs would be one more dependency.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from vctune.proof.enclosures.array_intervals import TINY, Flags, Floats
 from vctune.running import check_time
 
 CENTRED = 0.5
-"""Squared Newton decrement at which the search accepts a centre. With half or twice this value, the search takes as
-many steps."""
+"""Squared Newton decrement at which the search accepts a centre. With half or twice this value, the search takes the
+same number of steps."""
 MAX_STEPS = 250
 """Number of steps after which the search stops. Feasible problems take 30 to 60 steps."""
 LESS = 0.1
-"""Factor of the weight of the barrier from one round to the next. With half or twice this factor, the search takes as
-many steps."""
+"""Factor of the weight of the barrier from one round to the next. With half or twice this factor, the search takes the
+same number of steps."""
 GIVE_UP = 0.2
 """Weight of the barrier, relative to the shortfall, at which the search concludes that there is no solution. The
 least possible shortfall is at most that weight below the present shortfall. With half or twice this value, the proofs

@@ -29,9 +29,9 @@ DOUBLINGS = 60
 stable loop are stationary."""
 
 Places = Floats
-"""Hands and devices for which the search needs a storage function, each with the damping when the sensor sampled the
-force. This damping is the least or the greatest, because the inequality is affine in it. The rows are the values of
-`Holding.ends` and that damping; shape (rows + 1, p)."""
+"""Hands and devices for which the search needs a storage function, each with the sensed damping: the damping of the
+hand when the sensor sampled the force. The sensed damping is the least or the greatest, because the inequality is
+affine in it. The rows are the values of `Holding.ends` and the sensed damping; shape (rows + 1, p)."""
 
 
 def vertices(box: Holding) -> Places:

@@ -77,8 +77,8 @@ def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StoragePr
 
 
 def _halved(low: Floats, high: Floats, losses: Floats) -> tuple[Floats, Floats]:
-    """Return the halves of boxes, cut across the row that loses most. If there are only a few boxes, the function
-    halves them several times."""
+    """Return the halves of boxes, cut across the row that lowers the bound most. If there are only a few boxes, the
+    function halves them several times."""
     worth = np.where(high > low, np.where(np.isfinite(losses), losses, 1.0), 0.0)
     while True:
         row, at = np.argmax(worth, axis=0), np.arange(low.shape[1])
@@ -151,7 +151,7 @@ def stored(storage: Storage, device: Device, hand: Hand) -> Matrix:
     ----------
     storage : storage function in decimals
     device : device of the storage's box
-    hand : the hand; its damping is that of the last sample
+    hand : the hand, with its damping at the last sample
     """
     shares = weights(storage.box, device, hand, decimal)
     used = [(share, term) for share, term in zip(shares, storage.terms, strict=True) if not nothing(share)]

@@ -1,9 +1,8 @@
-"""Prove the claim in hands for every stiffness at once (README.md, section 10).
+"""Prove the claim in hands for every stiffness at once (proof/README.md, section 10).
 
 The stiffness of the hand moves a resonance through the boxes. `margin_in_spring` eliminates the stiffness and the
 damping in closed form. The rest hardly depends on the hand, so that few boxes of the angle and of the device's
 parameters cover all hands.
-
 """
 
 from __future__ import annotations

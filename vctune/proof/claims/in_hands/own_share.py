@@ -16,8 +16,8 @@ from vctune.proof.engine.boxes import Boxes
 from vctune.proof.engine.branching import Decided, Test
 
 WITHIN = 1e-9
-"""Least distance, between a box's share and the shares of its angles and hands, at which the test omits the box. This
-distance exceeds the rounding errors."""
+"""Least relative distance between a box's share and the shares of its angles and hands at which the test omits the box.
+This distance exceeds the rounding errors."""
 
 
 def with_own_share(test: Test, device: Device, names: tuple[str, ...]) -> Test:

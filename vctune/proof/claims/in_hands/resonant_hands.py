@@ -1,4 +1,4 @@
-"""Hands near a resonance with the device, in coordinates along the resonance (README.md, section 10).
+"""Hands near a resonance with the device, in coordinates along the resonance (proof/README.md, section 10).
 
 A hand with little damping resonates with the device on the surface theta = T sqrt(K/(m + M)). Across this surface a
 margin changes within a relative distance that is a fraction of the damping ratio. Boxes of mass, stiffness and angle
@@ -36,8 +36,8 @@ AROUND = (0.5, 2.0)
 """Multiples of the resonant stiffness that the resonant boxes cover. With half this range on a logarithmic scale, a
 proof takes up to 50 % more boxes; with twice the range, the same number of boxes to within 10 %."""
 SLOWEST = 1e-5
-"""Least angle of the resonant boxes, rad. With half or twice this angle, a proof takes as many boxes. With an angle
-of 1e-3, the prover leaves slow devices with hardly any damping open."""
+"""Least angle of the resonant boxes, rad. With half or twice this angle, a proof takes the same number of boxes. With
+an angle of 1e-3, the prover leaves slow devices with hardly any damping open."""
 WITHIN = 1e-9
 """Relative allowance for rounding. A box of `HAND` is left to the boxes of `ROWS` only if it lies inside the
 resonance's range by this allowance. A box of `ROWS` is omitted only if it lies outside the hands' range by this
@@ -76,7 +76,7 @@ class Resonance:
         """Return a test that leaves boxes of `HAND` near the resonance to the boxes of `ROWS`.
 
         The test reports such a box as proved; `in_range` and `margins` then prove it in the relative stiffness. If the
-        border of the resonance's range crosses a box, the test halves the box until its parts lie inside or outside.
+        border of the resonance's range crosses a box, the prover halves the box until its parts lie inside or outside.
 
         Parameters
         ----------

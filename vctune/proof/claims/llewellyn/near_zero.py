@@ -57,7 +57,7 @@ def prove_low_end(design: Design, factor: float, below: float) -> float | None:
 
 
 def _largest(met: Callable[[arb], bool], start: float) -> float | None:
-    """Return the greatest of start, start/4, start/16, ... for which the conditions are proved from 0 up to it."""
+    """Return the greatest of start, start/4, start/16, ... up to which the conditions are proved, beginning at 0."""
 
     def decide(low: float, high: float) -> Verdict:
         return Verdict.PROVED if met(box(low, high)) else Verdict.UNDECIDED

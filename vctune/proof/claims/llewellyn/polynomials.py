@@ -32,7 +32,7 @@ class Conditions:
 
     Attributes
     ----------
-    linear : A
+    linear : A, the left-hand side of the condition
     squared : A^2 - factor^2 B
     roots : frequencies where `squared` changes its sign or touches 0, rad/s, > 0, in ascending order
     """
@@ -48,7 +48,7 @@ class Conditions:
 
 
 def is_rational(device: Device) -> bool:
-    """Return whether a device's conditions are polynomials: an ideal device with hold "lag" and no delay."""
+    """Return whether a device's conditions are polynomials: whether it is ideal, with hold "lag" and no delay."""
     return device.ideal and device.hold == "lag" and device.delay == 0
 
 
@@ -88,7 +88,10 @@ def conditions(design: Design, factor: float) -> Conditions:
 
 
 def _coupling_resistance(coupling: Coupling, omega: fmpq_poly) -> tuple[fmpq_poly, fmpq_poly]:
-    """Return numerator and denominator of Re Z_c as polynomials in omega. A rigid coupling has only its drag."""
+    """Return the numerator and the denominator of Re Z_c as polynomials in omega.
+
+    A rigid coupling has only its drag.
+    """
     if coupling.rigid:
         return fmpq_poly([_rational(coupling.drag)]), fmpq_poly([1])
     b_c, m_c, b_0 = map(_rational, astuple(coupling))
@@ -110,7 +113,7 @@ def prove(conditions: Conditions, low: float, high: float) -> Outcome:
     Returns
     -------
     Outcome
-        Refuted at a frequency in rad/s, or undecided at a root where the sign does not change, or proved.
+        Proved, refuted at a frequency in rad/s, or undecided at a root at which the sign does not change.
     """
     inside = [root for root in conditions.roots if not (root < low or root > high)]
     edges = [low, *(float(root.mid()) for root in inside), high]

@@ -37,14 +37,14 @@ def prove_member(design: Design, hand: Hand, worlds: Worlds) -> Outcome:
     Parameters
     ----------
     design : design; its floats stand for the decimals that they print as
-    hand : M, B and K
+    hand : M, B and K, in kg, N s/m and N/m
     worlds : the box of environments, with finite ends
 
     Returns
     -------
     Outcome
-        Refuted if a pole is outside the unit circle; undecided with a witness in rad/s where the curve comes too close
-        to 0.
+        It is refuted if a pole lies outside the unit circle. It is undecided, with a witness in rad/s, where the curve
+        comes too close to 0.
     """
     member, exact = middle_of(worlds), design_ball(design)
     plant = plant_in_hand(exact.device, hand.mapped(ball), delays_of(design.device), BALLS)
@@ -98,7 +98,10 @@ class _Curve:
         return _turned(found, -(self.sprung + self.heavy + 2 * self.ahead), theta)
 
     def _alone(self, at: Offered, seen: Seen, theta: arb) -> Pair:
-        """Return Y |F|^2 times 2 j s if the environment has a pole at 1, and times 2 c if it has one at -1."""
+        """Return Y |F|^2 times 2 j s if the environment has a pole at 1, and times 2 c if it has one at -1.
+
+        Here s = sin(theta/2) and c = cos(theta/2).
+        """
         T, sin, cos = self.design.device.sample_time, (theta / 2).sin(), (theta / 2).cos()
         scale = 2 * cos if self.heavy else 1
         real = at.resistance * seen.size - seen.lost
@@ -114,7 +117,7 @@ class _Curve:
         T, sin, cos, q = self.design.device.sample_time, (theta / 2).sin(), (theta / 2).cos(), LEADING[self.worlds.rule]
         mass, damping, stiffness = self.member.mass, self.member.damping, self.member.stiffness
         scale, moved = (2 * cos if self.heavy else arb(1)), 2 * sin / T * mass
-        # times j s for the factor of the mass, times 1/(j s) for that of the spring
+        # the factor j s belongs to the mass, the factor 1/(j s) to the spring
         if q == 0:
             inertia = Pair(arb(0), 2 * moved if self.heavy else arb(0))
             spring = stiffness * T * cos * scale

@@ -1,8 +1,8 @@
 """Prove the condition of walls over boxes, with separate tangents for each box (model/README.md, section 19).
 
-Any tangents bound E from below. Each box therefore uses the tangents that are best at its centre. The best tangents of
-a face of the box are others, so the slopes of a margin with these tangents do not show at which face the true margin is
-least.
+Any tangents bound E from below. The prover therefore uses the tangents that are best at the centre of each box. A face
+of the box has other best tangents. The slopes of a margin with the tangents of the box therefore do not show at which
+face the true margin is least.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from vctune.proof.enclosures.jets import Jet
 from vctune.proof.enclosures.taylor import Taylor
 
 COUPLING_SHARE = "share of the coupling"
-"""Name of the row with the share y of the coupling, from 1/safety_factor to 1."""
+"""The name of the row with the share y of the coupling, from 1/safety_factor to 1."""
 INWARDS = 1 - 1e-9
 """Factor that keeps rounding from making the slope of a tangent negative. With half or twice the distance of this
 factor from 1, the slopes are not negative either."""
@@ -46,7 +46,7 @@ factor from 1, the slopes are not negative either."""
 def walls_margins(
     strip: Strip, met: WorldsMet, plain: Worlds, lead: float, sample_time: Number, theta: Number, ops: ArrayArithmetic
 ) -> tuple[Number, ...]:
-    """Return margins over boxes; with every wall one of them must be positive.
+    """Return margins over boxes. One of them must be positive at each point.
 
     The first margin has f at its minimum and is regular at the Nyquist frequency. The second uses the best tangents.
 

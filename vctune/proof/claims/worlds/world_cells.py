@@ -1,9 +1,9 @@
 """Decide for many boxes of environments at once which of them leave a design stable in every hand.
 
 A witness that refutes a box consists of a hand, a share of the coupling and two angles. Between the angles the real
-part is negative. At one angle the loop's reactance lies above that of every environment of the box, and at the other
-angle below. Each environment therefore cancels the reactance at some angle between the two (model/README.md, section
-18).
+part is negative. At one angle the loop's reactance lies above the reactance of every environment of the box, and at the
+other angle below it. Each environment therefore cancels the reactance at some angle between the two (model/README.md,
+section 18).
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ class OpenInHands:
 
     Attributes
     ----------
-    asked : the claim with a box of all masses and stiffnesses; its least damping is that of the environments to be
-        examined
+    asked : the claim with a box of all masses and stiffnesses; the least damping of this box is the least damping of
+        the environments to be examined
     stable : whether the loop is proved stable with one of these environments
     parts : parts of the boxes, each with the boxes that stay open
     """
@@ -171,7 +171,7 @@ def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, dampi
 
 
 def _with(numbers: Floats, tied: Floats) -> Floats:
-    """Return numbers of rows with those of the environments appended, which are the same in all boxes."""
+    """Return the numbers of rows with the numbers of the environments appended, which are the same in all boxes."""
     return np.vstack((numbers, tied[:, :1]))
 
 
@@ -203,9 +203,9 @@ class Witnesses:
 def refuted_in_worlds(design: Design, demands: Demands, cells: WorldCells, witnesses: Witnesses) -> Flags:
     """Return the boxes of environments in which no member leaves a design stable in the witness's hand.
 
-    Each of these environments, with some additional damping, has a pole on the unit circle. The ends of such a box
-    bound what all members have in common, so a box may have a least value above its greatest value: every value in
-    between then belongs to all members.
+    With each of these environments and some additional damping, the loop has a pole on the unit circle. The ends of
+    such a box bound what all members have in common, so a box may have a least value above its greatest value: every
+    value in between then belongs to all members.
 
     Parameters
     ----------
