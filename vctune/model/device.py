@@ -87,8 +87,8 @@ class Device:
     def coupling_may_drive(self) -> bool:
         """Whether the coupling may have Re 1/Z_c < 0, as on an impedance display with two low-passes of the velocity.
 
-        If R is also negative, g R with the safety factor g is less than R. Stability then requires the condition Re
-        1/Z_c > R as well.
+        If R is also negative, g R is less than R, where g is the safety factor. Stability then requires the condition
+        Re 1/Z_c > R as well.
         """
         known = self.velocity
         return self.kind.inverse and known is not None and known.filter_hz is not None and known.filter_order > 1

@@ -88,8 +88,8 @@ class Transparency:
 class Stability:
     """The requirements (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, hands.
 
-    `changing` names the parameter of the hand that may change while the hand holds the handle. The claim covers hands
-    with a mass of at least `changing_mass_min`, kg.
+    `changing` names the parameter of the hand that may change while the hand holds the handle. The claim about changing
+    hands covers those with a mass of at least `changing_mass_min`, kg.
     """
 
     band: Band
@@ -168,7 +168,7 @@ class Problem:
 
     See design/README.md, section 1; document/README.md, section 1.
 
-    The constraints hold for the nominal device or, with `uncertainty`, for every device of its box. They hold with
+    The constraints apply to the nominal device or, with `uncertainty`, to every device of its box. They apply with
     every environment that is passive in its discrete form or, with `worlds`, with every environment of that box.
     """
 

@@ -41,14 +41,14 @@ class Affine:
 
 @dataclass(frozen=True, slots=True)
 class LoopConstants:
-    """The constants of the loop at a frequency. They are not scaled.
+    """The constants of the loop at a frequency, without the scale of `LoopResponse`.
 
     Attributes
     ----------
     controller, C : C_0 and F_s C_0
     D, miss, numerator, motor : D, D - C_0, N and W
-    factor : e = 1 + y Z_2, the factor of C_f in D. Without a loop the motor's admittance is e/D, and the handle moves
-        by 1/D per unit of the motor's force
+    factor : e = 1 + y Z_2, the factor of C_f in D. Without a loop, the velocity per unit of the motor's force is e/D
+        at the motor and 1/D at the handle
     """
 
     controller: Affine

@@ -95,7 +95,7 @@ class Mechanism:
     Attributes
     ----------
     motor, handle : the two masses, kg
-    damping : damping of the handle, N s/m; None without damping. The damping of the motor's part is the device's
+    damping : damping of the handle, N s/m; None without damping. The device's damping acts on the motor's part
     stiffness, viscosity : stiffness and damping of the spring, N/m and N s/m
     """
 

@@ -39,8 +39,8 @@ class FilterResponse:
         Returns
         -------
         FilterResponse
-            The function forms the product's curvature from the factors' curvatures, not from 1 - Re, so that no digits
-            cancel.
+            The product. The function computes its curvature from the factors' curvatures, not from 1 - Re, so that no
+            digits cancel.
         """
         one, two = self, other
         crossed = one.curvature * two.curvature * omega2

@@ -21,7 +21,7 @@ class EndLimit:
 
     Attributes
     ----------
-    coupling : the limit of Re Z_c. If `required` is inf, only one of both limits may be divided by a power of omega
+    coupling : the limit of Re Z_c. If `required` is inf, only one of the two limits may be divided by a power of omega
     required : the limit of R; inf if no coupling suffices
     """
 
@@ -75,7 +75,7 @@ def lags(device: Device, ops: Arithmetic) -> Lags:
 
 
 def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: Arithmetic = FLOATS) -> EndLimit:
-    """Return the limits of Re Z_c and R for omega -> 0, with any hold.
+    """Return the limits of Re Z_c and R for omega -> 0, for any hold.
 
     See model/README.md, sections 6, 9 and 12. With K_p > 0, Re Z_c -> b_0 and R -> (b + tau_s K_p)^2/(4 (b + k)) with k
     = K_v - tau K_p + K_p^2 c/k_s^2. In this limit, tau is the drive's lag, tau_s the force sensor's lag, and k_s and c

@@ -27,7 +27,7 @@ from vctune.model.sampled.impedance_display import Required, firmware_filter
 
 ALIASES = 24
 """Number of pairs of aliases that the code sums one by one if the device has an actuator or a spring. The code bounds
-the sum of the other aliases. With half this number, R at the Nyquist frequency is accurate to 1e-3; with twice this
+the sum over all other aliases. With half this number, R at the Nyquist frequency is accurate to 1e-3; with twice this
 number, to 1e-4."""
 
 
@@ -135,10 +135,10 @@ class _Alias(NamedTuple):
 
 
 def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
-    """Return the disc of a device with an actuator or a structure. Its centre and its radius are weighted sums over all
-    aliases.
+    """Return the disc of a device with an actuator or a structure.
 
-    The first alias has the weight h = (2 s/theta)^2, every other one (2 s/(theta + 2 pi n))^2.
+    The centre and the radius of the disc are weighted sums over all aliases. The first alias has the weight h = (2
+    s/theta)^2, and alias n has the weight (2 s/(theta + 2 pi n))^2.
     """
     near, short = _first_alias(device, theta, ops)
     others, radius = Pair(0 * theta, 0 * theta), 0 * theta
@@ -175,7 +175,7 @@ def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair
     Parameters
     ----------
     device : device; the function uses its sample time, delay and actuator
-    theta : omega T, rad, in [0, pi]; one half of this turn is due to the hold, the other to the differenced position
+    theta : omega T, rad, in [0, pi]; the hold causes half of this phase lag, and the difference of positions the rest
     at : omega_n T = theta + 2 pi n, rad, with an integer n
     ops : arithmetic of the other arguments
 
@@ -233,7 +233,7 @@ class _First(NamedTuple):
 
 
 def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First, Number]:
-    """Return the first alias and h (radius - Re centre)/s^2 = (2/theta)^2 (radius - Re centre), regular at 0."""
+    """Return the first alias, and h (radius - Re centre)/s^2 = (2/theta)^2 (radius - Re centre), regular at 0."""
     T, b = device.sample_time, device.damping
     omega, d = theta / T, device.delay / T
     alias, (rho, reactance, g) = _alias(device, theta, theta, ops), motor_disc(device, omega, ops)

@@ -25,7 +25,7 @@ def characteristic_polynomial(plant: SampledPlant, gains: Gains) -> list[Number]
     Returns
     -------
     list of Number
-        One more coefficient than the loop has poles.
+        The list has one more coefficient than the loop has poles.
     """
     K_v, K_p = gains.velocity, gains.position
     difference, unit = [1, -1], [1]

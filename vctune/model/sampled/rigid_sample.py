@@ -1,14 +1,14 @@
 """Compute functions of a rigid device and hand over a sample in closed form (model/README.md, section 14).
 
 The matrix X = A/E of two states satisfies X^2 = -c X - k with c = (b + B) T/(m + M) and k = K T^2/(m + M), so every
-power of X, and every function of X, has the form u + v X. A sample needs two functions. Both are power series with
-Bernoulli's numbers and polynomials,
+power of X, and every function of X, has the form u + v X. A sample needs two functions. The coefficients of their power
+series are Bernoulli numbers and Bernoulli polynomials,
 
     (X/2) coth(X/2) = sum of B_n/n! X^n over even n,
     (e^X - e^((1-d) X))/(e^X - 1) = sum of w_n(d) X^(n-1) over n >= 1,
 
-w_n(d) = (B_n(1) - B_n(1 - d))/n!. The second function is the effect of an older force that acts for the share d of a
-sample, relative to a force that acts throughout.
+where w_n(d) = (B_n(1) - B_n(1 - d))/n!. The second function is the effect of an older force that acts for the share d
+of a sample, relative to the effect of a force that acts throughout.
 """
 
 from __future__ import annotations

@@ -25,8 +25,8 @@ DESIRED, REACHED, COUPLED = "v_e", "q", "g"
 
 
 class Pull(NamedTuple):
-    """The hand's spring in a loop whose first state is the spring's force p. Over a sample, p grows by K times the
-    motion d.
+    """The hand's spring in a loop whose first state is the spring's force p. Over a sample, p grows by K d, where d is
+    the motion of the handle.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class LoopStates(NamedTuple):
     ----------
     names : names of zeta
     staying : number of leading states that hardly change over a sample
-    change : zeta[k+1]; for the leading states, zeta[k+1] - zeta[k]
+    change : matrix that gives zeta[k+1]; for the leading states, zeta[k+1] - zeta[k]
     push, seen : n numbers each
     direct : immediate response of y to v_e
     spring : k_eq, of all springs in series
@@ -98,7 +98,7 @@ def loop_states(
     plain : device and law in plain numbers; they determine the states
     exact : the same device and law in any arithmetic
     hand : hand from this sample to the next
-    sensed : damping of the hand when the force is sampled, which may differ, N s/m
+    sensed : damping of the hand when the force is sampled, N s/m; it may differ from the damping of `hand`
     ops : arithmetic of exact and hand
 
     Returns
