@@ -59,7 +59,7 @@ def needs_in_worlds(
     At least one of the margins must be positive (`model.sampled.worlds.loop_in_worlds`).
 
     For the margin of the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling,
-    the ratio is g times the resistance that this share and the environment give, divided by the resistance that the
+    the ratio is g times the resistance that this share and the environment supply, divided by the resistance that the
     loop lacks. For the margin of a reactance, the ratio is g times the exponential of the margin's relative reserve. In
     every case a ratio of g suffices, and a greater ratio leaves a reserve.
 
@@ -114,7 +114,7 @@ def needs_in_hands(
 def _need_in_time(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet
 ) -> Floats:
-    """Return 1/ratio with environments that run late or by Euler's rules, from the margins of `open_sides`."""
+    """Return 1/ratio with environments that run late or step by Euler's rules, from the margins of `open_sides`."""
     planes = open_sides(met.worlds, device.sample_time, theta)
     rooms = [
         np.maximum.reduce([np.asarray(room_of(plane.terms(at, seen, left), np.abs)) for plane in planes])
@@ -146,8 +146,9 @@ def met_in_shares(
     Returns
     -------
     MetInShares
-        For each share of the coupling, the impedance of the coupling, that of the loop, and the share of the first that
-        counts. The loop of an impedance display already contains the share of its coupling.
+        For each share of the coupling: the impedance of the coupling, the impedance of the loop, and the factor to
+        apply to the impedance of the coupling. The factor is 1 for an impedance display, whose loop already contains
+        the share of its coupling.
     """
     found: MetInShares = {}
     for share in shares_of_coupling(met.factor):
@@ -161,7 +162,7 @@ def rooms_at_walls(shares: MetInShares, sample_time: float, theta: Floats, met: 
     """Return the relative reserve of the condition for walls, for some shares of the coupling and both integration
     rules.
 
-    The reserve is the greatest one among the margins, because a single positive margin suffices.
+    The reserve is the greatest reserve of all margins, because a single positive margin suffices.
 
     Parameters
     ----------
@@ -284,7 +285,7 @@ def hardest_near(
         groups=[*np.zeros(free.size, int), 1],
         owners=owners,
         enough=1.0,
-        smooth=met is None,  # one of several margins must be positive, and their maximum has kinks
+        smooth=met is None,  # one of several margins must be positive, and the maximum of the margins has kinks
     )
     roots = starting.copy()
     roots[free] = climb[:-1]

@@ -53,7 +53,7 @@ class Metrics:
         strokes, without the turning points, N
     fits : felt values of the environment's mass, damping and stiffness; for free motion the felt damping
     offset : force of the fit at the origin, N
-    residual : root mean square of the force around the fit, N
+    residual : root mean square difference of the force from the fit, N
     ripple : greatest minus least force around the fit while the handle's speed is below a tenth of its greatest speed,
         N
     handle_energy : work of the hand on the handle, J
@@ -61,7 +61,7 @@ class Metrics:
     motor_energy : work of the commanded motor force on the device, J; None for a servo
     handle_deficit, environment_deficit : greatest excess of the energy that handle and environment have returned over
         the energy that they have received, J, as a passivity observer computes it
-    peak_motor : greatest magnitude of the command u, N; for a commanded velocity m/s, for a commanded position m
+    peak_motor : greatest magnitude of the command u, N; in m/s for a commanded velocity, in m for a commanded position
     saturated : share of the samples at the actuator's limit
     peak_force : greatest |f_h|, N
     """

@@ -42,7 +42,7 @@ def simulation_record(
 ) -> SimulationRecord:
     """Return the record of simulated experiments.
 
-    The function thins the curves for drawing, to `TOLERANCE`.
+    The function thins the drawn curves to `TOLERANCE`.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def simulation_record(
 
 
 def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
-    """Return all traces by name. A name consists of experiment, run and quantity, as in "spring/design/force"."""
+    """Return all traces by name. A name states experiment, run and quantity, as in "spring/design/force"."""
     return {
         f"{result.experiment.name}/{name}/{field.name}": values
         for result in simulated

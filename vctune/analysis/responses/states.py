@@ -42,7 +42,7 @@ def total(terms: Iterable[tuple[float, Mapping[str, float]]]) -> Row:
 
 
 def late(states: dict[str, Row], name: str, row: Row, samples: int) -> Row:
-    """Return a row delayed by a number of samples, and add the states that store it.
+    """Return a row delayed by a number of samples, and add the states that store the row.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def filtered(states: dict[str, Row], name: str, row: Row, coefficient: float, or
 
 
 def closed(states: Mapping[str, Row], command: Row) -> dict[str, Row]:
-    """Return states after replacing their input by a sum of states and of another input.
+    """Return states after replacing their input by a sum of states and another input.
 
     Parameters
     ----------
