@@ -164,7 +164,7 @@ def reaction(
     device, gains, coupling : a design with plain numbers
     hand : hand at the handle
     theta : omega T, rad, in (0, pi)
-    factor : divisor of the coupling
+    factor : number by which the function divides Z_c or 1/Z_c
     """
     return reaction_in(device, gains, coupling, hand, factor)(theta)
 
@@ -344,7 +344,7 @@ def zero_near(f: Callable[[complex], complex], start: complex) -> complex | None
 
     Parameters
     ----------
-    f : the function
+    f : the analytic function
     start : start of the iteration, not 0
     """
     at = start

@@ -69,7 +69,7 @@ def needs_in_worlds(
     device : device with plain numbers
     gains, coupling : a design with plain numbers or arrays that broadcast against the loop
     theta : omega T, rad
-    met : the environments and g
+    met : the environments and the safety factor g
     share : share of the coupling of an impedance display
     """
     factor, worlds, T, inverse = met.factor, met.worlds, device.sample_time, device.kind.inverse
@@ -141,7 +141,7 @@ def met_in_shares(
     device : device with plain numbers
     gains, coupling : a design with plain numbers or arrays that broadcast against the loop
     theta : omega T, rad
-    met : the environments and g
+    met : the environments and the safety factor g
 
     Returns
     -------
@@ -205,7 +205,7 @@ def shares_of_coupling(factor: float) -> tuple[float, ...]:
 
     Parameters
     ----------
-    factor : g, >= 1
+    factor : safety factor g, >= 1
     """
     return (1.0,) if factor == 1 else (1 / factor, factor**-0.5, 1.0)
 

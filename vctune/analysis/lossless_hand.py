@@ -51,7 +51,7 @@ class LosslessHand:
     Attributes
     ----------
     mass, stiffness : mass and stiffness at the handle, kg and N/m; one of them is 0
-    resonators : mass and stiffness of each resonator
+    resonators : mass, kg, and stiffness, N/m, of each resonator
     """
 
     mass: float
@@ -188,7 +188,7 @@ def _with_reactance(omega: Floats, reactance: Floats, detuned: float) -> Lossles
     Parameters
     ----------
     omega : frequency, rad/s, > 0
-    reactance : N s/m
+    reactance : reactance of the hand at each frequency, N s/m
     detuned : relative distance of the resonators from their frequencies
     """
     heavy = reactance[0] > 0

@@ -39,9 +39,9 @@ class Device:
 
     Attributes
     ----------
-    mass : kg, > 0; 1 for a servo, where it has no effect
-    damping : N s/m, >= 0; 0 for a servo
-    sample_time : s, > 0
+    mass : moving mass, kg, > 0; 1 for a servo, where the mass has no effect
+    damping : damping of the mechanism, N s/m, >= 0; 0 for a servo
+    sample_time : T, s, > 0
     delay : delay from sampling to actuation, s, >= 0, in addition to the hold
     hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT)
     operator : the least operator, a load that is always at the handle; None if the handle may be free

@@ -19,9 +19,9 @@ class Environment:
 
     Attributes
     ----------
-    mass : kg
-    damping : N s/m
-    stiffness : N/m
+    mass : mass of the environment, kg
+    damping : damping of the environment, N s/m
+    stiffness : stiffness of the environment, N/m
     zero : position at which the spring is relaxed, m
     wall : whether damping and stiffness only push, towards negative x
     rule : integration rule in the firmware; a wall uses backward Euler

@@ -42,7 +42,7 @@ class Actuator:
     Attributes
     ----------
     bandwidth_hz : -3 dB frequency, Hz, > 0
-    order : 1 or 2
+    order : order of the low-pass, 1 or 2
     """
 
     bandwidth_hz: Number
@@ -57,8 +57,8 @@ class ForceSensor:
     Attributes
     ----------
     bandwidth_hz : -3 dB frequency, Hz, > 0; None without a low-pass
-    order : 1 or 2
-    delay : s, >= 0
+    order : order of the low-pass, 1 or 2
+    delay : delay of the sensed force, s, >= 0
     filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, 0 < a <= 1; None without a filter.
         Only a servo may have it
     """

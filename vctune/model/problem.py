@@ -108,7 +108,7 @@ class Demands:
     ----------
     device : the device
     band : band of Llewellyn's conditions, rad/s; may be (0, inf)
-    factor : least permitted Re Z_c / R
+    factor : safety factor g, the least permitted Re Z_c / R
     max_sensitivity : greatest permitted |S| of the sampled loop
     passive : whether the constraints include any passive hand on the band
     any_hand : whether the constraints include any passive hand on an impedance display, at every frequency

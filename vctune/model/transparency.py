@@ -138,7 +138,7 @@ def log_quadrature(omega_min: float, omega_max: float, panels: int) -> tuple[NDA
     Parameters
     ----------
     omega_min, omega_max : w1 and w2, rad/s, 0 < w1 < w2
-    panels : number of parts
+    panels : number of equal parts of the band
 
     Returns
     -------

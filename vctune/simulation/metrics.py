@@ -31,7 +31,7 @@ class Fit:
 
     Attributes
     ----------
-    value : felt value
+    value : value that the hand feels
     asked : value of the parameter in the environment
     standard_error : standard error of the value, from the residual
     """

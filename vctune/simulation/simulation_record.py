@@ -48,7 +48,7 @@ def simulation_record(
     ----------
     file : the problem and its text
     gains, coupling : the design, SI units
-    simulated : the experiments
+    simulated : the experiments and their results
     controller : name of the external firmware; None if the design's own firmware ran
     """
     also: dict[str, Any] = {} if controller is None else {"controller": controller}

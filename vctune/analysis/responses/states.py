@@ -67,9 +67,9 @@ def filtered(states: dict[str, Row], name: str, row: Row, coefficient: float, or
     ----------
     states : next value of each state; the function adds the states of the low-passes
     name : name of the filtered row
-    row : x
-    coefficient : a, in (0, 1]
-    order : number of low-passes
+    row : x, the row that enters the low-passes
+    coefficient : coefficient a of the low-passes, in (0, 1]
+    order : number of low-passes in series
     """
     for number in range(1, order + 1):
         kept = f"{name} low-pass {number}[k-1]"
@@ -111,7 +111,7 @@ def matrices(
     states : next value of each state
     output : the present output, as a row
     units : units of the states, by name
-    signals : input and output
+    signals : names and units of input and output
     sample_time : T, s
     """
     names = _between(states, output)

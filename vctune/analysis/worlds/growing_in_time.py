@@ -56,7 +56,7 @@ def growing_in_time(
     device, gains, coupling : a design with plain numbers
     hand : hand in which the constraint is violated
     omega : frequency at which the constraint is violated, rad/s, from 0 to pi/T
-    worlds : the box; its greatest numbers may be inf
+    worlds : the box of environments; its greatest numbers may be inf
 
     Returns
     -------

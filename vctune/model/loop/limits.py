@@ -38,7 +38,7 @@ class Lags:
     drive : tau, the lag of hold, delay and actuator, s
     estimate, sensor : lags of the velocity estimate and of the force sensor, s
     loss : c/k^2 of the spring, m s/N
-    compliance : 1/k, m/N
+    compliance : 1/k of the spring, m/N
     """
 
     drive: Number
@@ -133,7 +133,7 @@ def high_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> En
     Parameters
     ----------
     device : ideal device in SI units; b_h is the damping of its least operator, 0 without one
-    gains : gains; only K_v matters, N s/m
+    gains : gains of the loop; the function uses only K_v, N s/m
     coupling : b_c, m_c and b_0 of an admittance display
 
     Returns

@@ -213,7 +213,7 @@ def _series(shares: Sequence[float], x: Block) -> Block:
 
     Parameters
     ----------
-    shares : the coefficients c_1, c_2, ...
+    shares : coefficients c_1, c_2, ... of the powers of X
     x : X, n x n
     """
     powers = [x.entries]
@@ -241,7 +241,7 @@ def _doubled(less_one: Block, square: Block, times: int) -> Block:
     Parameters
     ----------
     less_one, square : f(A) - 1 and A^2
-    times : k
+    times : k, the number of doublings of A
     """
     n = len(less_one.nonzero)
     nonzero = _reached(less_one.nonzero | np.eye(n, dtype=bool))  # an inverse has the nonzero entries of all powers
@@ -327,7 +327,7 @@ def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
 
     Parameters
     ----------
-    psi : n x n
+    psi : matrix, n x n
 
     Returns
     -------
@@ -384,7 +384,7 @@ def add(a: Number, b: Number) -> Number:
 
     Parameters
     ----------
-    a, b : entries of matrices
+    a, b : entries of matrices; the integer 0 stands for an entry that is 0 by structure
 
     Returns
     -------
@@ -399,7 +399,7 @@ def times(a: Number, b: Number) -> Number:
 
     Parameters
     ----------
-    a, b : entries of matrices
+    a, b : entries of matrices; the integer 0 stands for an entry that is 0 by structure
 
     Returns
     -------
@@ -467,7 +467,7 @@ def added(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
 
     Parameters
     ----------
-    a, b : n x m; both in the same form
+    a, b : A and B, n x m; both in the same form
 
     Returns
     -------
@@ -520,7 +520,7 @@ def column(matrix: Matrix, index: int) -> Vector:
 
     Parameters
     ----------
-    matrix : n x m
+    matrix : matrix with n rows and m columns
     index : index of the column; a negative one counts from the last
 
     Returns

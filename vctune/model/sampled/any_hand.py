@@ -205,9 +205,9 @@ def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, 
 
     Returns
     -------
-    rho : m/(N s)
+    rho : radius of the disc, m/(N s)
     reactance : omega m_1 with the motor's part m_1, N s/m; for a rigid device omega m
-    g : m/(N s); None for a rigid device
+    g : Re 1/Z_s of the spring, m/(N s); None for a rigid device
     """
     b, reactance = device.damping, omega * device.motor_mass
     if device.structure is None:

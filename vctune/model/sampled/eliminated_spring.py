@@ -89,7 +89,7 @@ def margin_in_spring(
     device, hand : device and hand of the plant
     least_damping : B in `InSpring.damped`, at most the damping of the hand, N s/m
     gains : K_v and K_p, N s/m and N/m
-    offered : Re Z_c, N s/m
+    offered : Re Z_c of the coupling, N s/m
     factor : least permitted Re Z_c / R
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments

@@ -353,7 +353,7 @@ def seen_by_tool(loop: ForceInHand, gains: Gains, at: Offered, share: Number) ->
     loop : loop in a hand, at one or several angles
     gains : gains in numbers of the loop's arithmetic
     at : response of the coupling
-    share : y, from 1/g to 1
+    share : y, the share of the coupling's admittance, from 1/g to 1
     """
     alone, F, P = seen_in_hand(loop, gains), loop.closed(gains), loop.numerator(gains)
     held = EvenOdd(at.spring, at.above, F.square) * P.scaled(0.5) + F.scaled(-share)
@@ -444,7 +444,7 @@ def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops
 
     Parameters
     ----------
-    coupling : b_c and k_c
+    coupling : b_c, N s/m, and k_c, N/m
     device : device that runs the coupling; the function uses its sample time and its velocity filter
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments

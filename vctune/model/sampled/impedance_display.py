@@ -159,7 +159,7 @@ def spring_damper_admittance(
     ----------
     coupling : b_c >= 0, N s/m, and k_c > 0, N/m
     sample_time : T, s
-    low_pass : F at theta; None for 1
+    low_pass : F at theta, which filters the damper's velocity; None for 1
     theta : omega T, rad, in (0, pi]
     ops : arithmetic of the other arguments
 

@@ -51,7 +51,7 @@ def powers_of(c: Number, k: Number, ops: ArrayArithmetic) -> Powers | None:
 
     Parameters
     ----------
-    c, k : numbers with X^2 = -c X - k
+    c, k : dimensionless numbers with X^2 = -c X - k
     ops : arithmetic of both
 
     Returns
@@ -77,7 +77,7 @@ def half_coth_of(powers: Powers, ops: ArrayArithmetic) -> Linear:
     Parameters
     ----------
     powers : powers of X
-    ops : their arithmetic
+    ops : arithmetic of the powers
     """
     even = {n: _coefficient(bernoulli(n) / factorial(n), ops) for n in range(2, len(powers.each), 2)}
     return _summed({0: 1, **even}, powers, ops)

@@ -48,7 +48,7 @@ class Seen:
 
     Attributes
     ----------
-    even, odd : regular at theta = 0
+    even, odd : the two parts, N s/m, regular at theta = 0
     """
 
     even: Number

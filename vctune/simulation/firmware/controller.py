@@ -30,7 +30,7 @@ class Law:
 
     Attributes
     ----------
-    sample_time : s
+    sample_time : T, s
     velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
     coupling : damping b_c and mass m_c in series with the drag b_0 in parallel; for an impedance display a stiffness in
         parallel with a damping; None without a coupling

@@ -42,9 +42,9 @@ class FrictionStep:
 
     Attributes
     ----------
-    length : h, s
+    length : length h of the step, s
     change : e^(rates h) - 1
-    friction : column of the friction's force
+    friction : index of the column of the friction's force
     """
 
     length: float
@@ -58,7 +58,7 @@ def friction_step(moving: Assembly, length: float) -> FrictionStep:
     Parameters
     ----------
     moving : the moving masses
-    length : h, s
+    length : length h of the step, s
     """
     return FrictionStep(length, moving.changed(length), moving.size + GIVEN.index("friction"))
 
@@ -102,7 +102,7 @@ def assembly_steps(step: AdvanceStep, at: AssemblyState, count: int) -> Assembly
 
     Parameters
     ----------
-    step : one step
+    step : function that advances by one step
     at : states and bristles at the beginning
     count : number of steps
 

@@ -85,7 +85,7 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
 
     Parameters
     ----------
-    step : step of length h
+    step : function that advances by one step of length h
     at : state at the beginning
     push : function that returns the force of motor and hand, N, at a time since the beginning, s
     h : length of a step, s

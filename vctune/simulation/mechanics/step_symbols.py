@@ -129,8 +129,8 @@ def at_rest(scene: Scene, mechanism: Assembly | None, begin: Equilibrium) -> lis
     Parameters
     ----------
     scene : the scene of the run
-    mechanism : its moving parts; None for a single mass
-    begin : its equilibrium
+    mechanism : moving parts of the scene; None for a single mass
+    begin : equilibrium of the scene
     """
     not_zero = {"position": begin.position, "bend": begin.bend, "sensed": begin.hand}
     not_zero |= {name: share * begin.motor for name, share in drive_at_rest(scene.device).items()}

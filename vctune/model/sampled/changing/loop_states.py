@@ -52,14 +52,16 @@ class Pull(NamedTuple):
 
 
 class LoopStates(NamedTuple):
-    """zeta[k+1] = (stays) + change zeta[k] + push v_e[k], y = Z_c v_e - f = seen zeta + spring q + direct v_e.
+    """The loop zeta[k+1] = change zeta[k] + push v_e[k], y = Z_c v_e - f = seen zeta + spring q + direct v_e.
+
+    For the leading states, the right-hand side also contains zeta[k].
 
     Attributes
     ----------
     names : names of zeta
     staying : number of leading states that hardly change over a sample
     change : matrix that gives zeta[k+1]; for the leading states, zeta[k+1] - zeta[k]
-    push, seen : n numbers each
+    push, seen : coefficients of v_e in zeta[k+1] and of zeta in y, n numbers each
     direct : immediate response of y to v_e
     spring : k_eq, of all springs in series
     pull : the hand's spring, if its force is the first state; None if the loop holds the position

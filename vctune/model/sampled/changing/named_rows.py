@@ -37,9 +37,9 @@ def substituted(row: Row, name: str, by: Row) -> Row:
 
     Parameters
     ----------
-    row : the sum
+    row : a weighted sum of states and inputs
     name : name of the state or input to replace
-    by : the sum that replaces it
+    by : the sum that replaces this state or input
     """
     rest = {other: x for other, x in row.items() if other != name}
     return total([(1, rest), (row.get(name, 0), by)])
@@ -52,8 +52,8 @@ def late(memory: dict[str, Row], name: str, row: Row, samples: int) -> Row:
     ----------
     memory : next value of each state; the function adds to it
     name : name of the stored row
-    row : the sum
-    samples : >= 0
+    row : a weighted sum of states and inputs
+    samples : number of samples of the delay, >= 0
     """
     for ago in range(1, samples + 1):
         memory.setdefault(f"{name}[k-{ago}]", row)
@@ -68,8 +68,8 @@ def low_passed(memory: dict[str, Row], name: str, row: Row, share: Number, order
     ----------
     memory : next value of each state; the function adds to it
     name : name of the row
-    row : x
-    share : a
+    row : x, the sum that enters the low-passes
+    share : coefficient a of the low-passes
     order : number of low-passes in series
     """
     for number in range(1, order + 1):

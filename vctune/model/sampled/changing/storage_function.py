@@ -134,7 +134,7 @@ def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) 
 
     Parameters
     ----------
-    loop : n states
+    loop : the sampled loop, with n states
     Y : matrix of the storage for the damping from now on, symmetric, n x n
     more : the matrix for the damping when the force was sampled, minus Y
     ops : arithmetic of both

@@ -37,7 +37,7 @@ def open_sides(worlds: Worlds, sample_time: float, theta: Floats) -> list[HalfPl
 
     Parameters
     ----------
-    worlds : the box, in plain numbers
+    worlds : the box of environments, in plain numbers
     sample_time : T, s
     theta : omega T, rad
     """

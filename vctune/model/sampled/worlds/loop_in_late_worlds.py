@@ -77,9 +77,9 @@ class HalfPlane(NamedTuple):
 
         Parameters
         ----------
-        offered : response of the coupling
+        offered : impedance Z_c of the coupling
         seen : Z_seen of the loop in a hand
-        share : y, from 1/g to 1
+        share : y, the share of the coupling, from 1/g to 1
         """
         size = seen.size
         return (
@@ -96,7 +96,7 @@ def sides_of(worlds: Worlds) -> tuple[str, ...]:
 
     Parameters
     ----------
-    worlds : the box, in plain numbers
+    worlds : the box of environments, in plain numbers
     """
     low, high, moved = worlds.low, worlds.high, LEADING[worlds.rule] != 0
     wanted: dict[Normal, Any] = {
@@ -117,7 +117,7 @@ def sides_at_nyquist(worlds: Worlds, *, rigid: bool) -> tuple[str, ...]:
 
     Parameters
     ----------
-    worlds : the box, in plain numbers
+    worlds : the box of environments, in plain numbers
     rigid : whether the coupling is rigid
     """
     if worlds.rule != "trapezoid":
@@ -137,7 +137,7 @@ def half_planes(
 
     Parameters
     ----------
-    worlds : the box, in numbers of the arithmetic
+    worlds : the box of environments, in numbers of the arithmetic
     names : names of the sides, from `sides_of`
     sample_time : T, s
     theta : omega T, rad, in [0, pi]

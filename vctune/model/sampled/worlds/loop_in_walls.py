@@ -82,8 +82,8 @@ def strip_in_walls(
 
     Parameters
     ----------
-    offered : response of the coupling
-    worlds : the box, in numbers of the arithmetic; an infinite limit is a plain float
+    offered : impedance Z_c of the coupling
+    worlds : the box of environments, in numbers of the arithmetic; an infinite limit is a plain float
     sample_time : T, s
     seen : impedance of the loop in a hand
     share : y, the share of the coupling, from 1/safety_factor to 1
@@ -154,8 +154,8 @@ def disjuncts_in_walls(
     Parameters
     ----------
     strip : ranges of p and r over masses and dampings
-    worlds : the box, with the corner
-    lead : l, 0 or 1
+    worlds : the box of environments, with the corner frequency of the multiplier
+    lead : l of the integration rule, 0 or 1
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments; its numbers must have a sign
@@ -198,8 +198,8 @@ def shares_of(
     ----------
     strip : ranges of p and r over masses and dampings
     tangent : points of the tangents
-    worlds : the box, with the corner
-    lead : l, 0 or 1
+    worlds : the box of environments, with the corner frequency of the multiplier
+    lead : l of the integration rule, 0 or 1
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments

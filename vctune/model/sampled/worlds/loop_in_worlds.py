@@ -59,8 +59,8 @@ class Offered(NamedTuple):
 
     Attributes
     ----------
-    resistance : Re Z_c
-    reactance : c Im Z_c
+    resistance : Re Z_c, N s/m
+    reactance : c Im Z_c, N s/m, with c = cos(theta/2)
     """
 
     resistance: Number
@@ -98,7 +98,7 @@ def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arit
     ----------
     coupling : coupling in numbers of the arithmetic
     sample_time : T, s
-    theta : rad, in [0, pi]
+    theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
     """
     return Offered(
@@ -111,8 +111,8 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
 
     Parameters
     ----------
-    worlds : the box
-    factor : g, >= 1
+    worlds : the box of environments
+    factor : safety factor g, >= 1
     inverse : True for an impedance display, whose margins belong to one share of the coupling
     """
     if worlds.resistive:
@@ -129,11 +129,11 @@ def disjuncts(
 
     Parameters
     ----------
-    offered : response of the coupling, `UNCOUPLED` for an impedance display
-    worlds : the box, in numbers of the arithmetic; an infinite limit is a plain float
+    offered : impedance Z_c of the coupling; `UNCOUPLED` for an impedance display
+    worlds : the box of environments, in numbers of the arithmetic; an infinite limit is a plain float
     sample_time : T, s
     seen : impedance of the loop in a hand
-    factor : g, >= 1; 1 for an impedance display, whose loop has a share of the coupling
+    factor : safety factor g, >= 1; 1 for an impedance display, whose loop has a share of the coupling
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
     """
