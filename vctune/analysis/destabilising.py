@@ -66,7 +66,8 @@ class GrowingEnvironment:
     growth : growth rate of the motion, 1/s, > 0
     omega : frequency of the growing oscillation, rad/s
     stiffness : stiffness of a spring in parallel with a mass, N/m, >= 0
-    rule, late : rule by which the firmware integrates the environment, and number of samples by which its force is late
+    rule, late : rule by which the firmware integrates the environment, and number of samples by which the environment's
+        force is late
     """
 
     kind: Literal["spring", "mass"]

@@ -37,7 +37,8 @@ FIRST_STEP = 0.2
 """First step of the search for the worst hand, in the square roots of the shares of a hand's ranges. With half or twice
 this step, vctune finds the same designs."""
 DRIVEN = 1e6
-"""Value of 1/ratio above which the search treats a coupling as one that supplies energy where it must absorb energy.
+"""Value of 1/ratio above which the search treats a coupling as active, that is, as one that supplies energy where it
+must absorb energy.
 With half or twice this value, vctune finds the same designs."""
 
 MetInShares = dict[float, tuple[Offered, Seen, float]]

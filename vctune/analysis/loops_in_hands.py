@@ -52,7 +52,10 @@ class LoopsInHands:
     loop: AnyLoopInHand
 
     def required(self, gains: Gains) -> Floats:
-        """Return R with the shape of the loop. The shape of gains that are arrays of shape (..., 1, 1) precedes it."""
+        """Return R with the shape of the loop.
+
+        If the gains are arrays of shape (..., 1, 1), the shape of the gains precedes the shape of the loop.
+        """
         found = required_in_hand(self.loop, gains)
         with np.errstate(divide="ignore", invalid="ignore"):
             R = np.asarray(found.lost / found.size)
@@ -81,7 +84,7 @@ class LoopsInAnyHand:
     def required(self, gains: Gains) -> Floats:
         """Return R/s^2 with shape (1, n); inf where some hand makes the loop with only K_v unstable.
 
-        The shape of gains that are arrays of shape (..., 1, 1) precedes this shape.
+        If the gains are arrays of shape (..., 1, 1), the shape of the gains precedes this shape.
         """
         found = self.answers.required(gains)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -159,7 +159,7 @@ class Experiment:
 
     Attributes
     ----------
-    name : name; no other experiment of the problem has it
+    name : name that no other experiment of the problem has
     environment, operator, sensors : see `Environment`, `Operator` and `Sensors`
     friction : friction of the device; None without friction
     limit : greatest force of the actuator, N; None without a limit

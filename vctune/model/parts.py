@@ -79,7 +79,7 @@ class Servo:
     delay : delay from sampling to motion in addition to the hold, s, >= 0
     bandwidth_hz : -3 dB frequency of the low-pass from the delayed command to the motion, Hz, > 0
     order : order of that low-pass, 1, or 2 with damping ratio 1/sqrt(2)
-    command : "velocity", held over a sample, or "position", interpolated linearly over it
+    command : "velocity", held over a sample, or "position", interpolated linearly over a sample
     stiffness : stiffness of a spring with which the firmware pulls the measured position to a reference, N/m; None
         without a spring. The force of the spring does not pass through the force sensor
     radii : points (Hz, r) of a disc around 1 that contains the unknown factor of the sensed response. r is linear
@@ -154,7 +154,7 @@ class PartNumber:
     better : phrase that describes a linear device with a better value, such as "a faster actuator"; "" if no repair
         proposes a better value
     order_key : key of the low-pass's order, if the number is a corner frequency that a file may omit; "" otherwise
-    sampled : whether the number is the corner of a filter of samples, so that it must be below the Nyquist frequency
+    sampled : whether the number is the corner of a filter of samples, which must be below the Nyquist frequency
     certain : whether the number is known exactly, so that no file may call it uncertain
     """
 

@@ -1,4 +1,4 @@
-"""Define a design problem with all defaults filled in. The rest of vctune takes it as input. SI units."""
+"""Define a design problem with all defaults filled in, which the rest of vctune takes as input. SI units."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class Demands:
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """The uncertainty of the device: how far its parameters and its response may deviate from the stated ones.
+    """The uncertainty of the device: how far its parameters and its response may deviate from the stated values.
 
     Attributes
     ----------

@@ -140,8 +140,8 @@ def in_time_in_words(rule: WorldRule, late: int) -> str:
 
     Parameters
     ----------
-    rule : rule by which the firmware integrates it
-    late : number of samples by which its force is late
+    rule : rule by which the firmware integrates the environment
+    late : number of samples by which the environment's force is late
     """
     stepped = {"trapezoid": "", "explicit": "stepped by explicit Euler", "implicit": "stepped by implicit Euler"}[rule]
     waited = f"{late} sample{'s' * (late > 1)} late" if late else ""
@@ -163,7 +163,7 @@ class WorldsMet:
     Attributes
     ----------
     worlds : the box of environments
-    factor : g >= 1; the coupling divided by any number from 1 to g must render them stably, too
+    factor : safety factor g >= 1; the coupling divided by any number from 1 to g must also render them stably
     """
 
     worlds: Worlds

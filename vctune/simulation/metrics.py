@@ -54,7 +54,7 @@ class Metrics:
     fits : felt values of the environment's mass, damping and stiffness; for free motion the felt damping
     offset : force of the fit at the origin, N
     residual : root mean square difference of the force from the fit, N
-    ripple : greatest minus least force around the fit while the handle's speed is below a tenth of its greatest speed,
+    ripple : greatest minus least force around the fit while the handle's speed is below a tenth of the greatest speed,
         N
     handle_energy : work of the hand on the handle, J
     environment_energy : energy absorbed by the environment, J
@@ -101,7 +101,7 @@ def metrics(
     Returns
     -------
     Metrics
-        In SI units. A measure is None if the environment or the motion does not have it.
+        Measures in SI units. A measure is None if it does not exist for the environment or the motion.
     """
     stroke = stroke_time(operator)
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)

@@ -155,7 +155,7 @@ def _run(run: Run, curve: list[list[float]]) -> RunRecord:
 
 
 def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:
-    """Return position or velocity, and the force over it.
+    """Return position or velocity, and the force at each of its values.
 
     If the run has several cycles, the function omits the first cycle.
     """

@@ -264,7 +264,7 @@ class _FloatArithmetic:
     @staticmethod
     def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
         at, value = np.log(np.array(table)).T
-        with np.errstate(divide="ignore"):  # below the first point, and also at 0, the value is that of the first point
+        with np.errstate(divide="ignore"):  # below the first point, and also at 0, the first point's value holds
             return np.exp(np.interp(np.log(x), at, value))
 
     @staticmethod

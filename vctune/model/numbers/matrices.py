@@ -190,8 +190,8 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
     for k in range(2, last + 1):
         term = divided(product(term, square), (2 * k - 1) * (2 * k))
         number = bernoulli(2 * k)
-        # from B_36 on, a double cannot hold the numerator; the unit that enclosures add for one rounding covers this
-        # rounding, too
+        # from B_36 on, a double cannot hold the numerator; the unit that enclosures add for one rounding also covers
+        # this rounding
         numerator = number.numerator if ops.arrays is None else float(number.numerator)
         found = added(found, divided(scaled(term, numerator), number.denominator))
     # all further terms add up to less than 2 zeta(2)/(1 - ratio) < 3.7 times a power of ratio <= 1/pi^2

@@ -1,7 +1,7 @@
 """Compute what any passive hand requires of an impedance display in the sampled loop (model/README.md, section 15).
 
-The letters y, s and F are those of `impedance_display`. At each frequency and at each alias omega_n = omega + 2 pi n/T,
-the motor of a rigid device responds with a point of the disc with centre and radius 1/(2b). The hand may choose each
+The module `impedance_display` defines y, s and F. At each frequency and at each alias omega_n = omega + 2 pi n/T, the
+motor of a rigid device responds with a point of the disc with centre and radius 1/(2b). The hand may choose each
 point independently, so that
 
     G_y = sum over n of 4 s^2/(omega_n T)^2 A(j omega_n) e^{-j (theta + omega_n delay)} (1 + u_n)/(2b),   |u_n| <= 1,

@@ -164,7 +164,7 @@ def required_in_limp_hand(
 
 
 def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic) -> Seen:
-    """Return `seen_in_hand` divided by rho^2, and its swing also divided by s, for K_p = 0.
+    """Return `seen_in_hand` divided by rho^2, with the swing also divided by s, for K_p = 0.
 
     Parameters
     ----------
@@ -381,7 +381,7 @@ def met_in_hand(
     loop : loop in a hand
     device : device that runs the coupling
     gains, coupling : design in numbers of the arithmetic
-    share : share of the coupling, for an impedance display; the function ignores it for other displays
+    share : share of the coupling, for an impedance display; the function ignores the share for other displays
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
     """

@@ -181,7 +181,7 @@ class Required(NamedTuple):
     Attributes
     ----------
     lost : numerator; N s/m with the size 1, for an impedance display m/(N s)
-    size : |F|^2 in one hand. For any hand, it is positive if no hand makes the loop with K_v alone unstable at this
+    size : |F|^2 in one hand. For any hand, `size` is positive if no hand makes the loop with K_v alone unstable at this
         frequency
     """
 

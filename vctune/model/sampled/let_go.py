@@ -3,14 +3,14 @@
 See model/README.md, section 14. The polynomials of a sampled device are sums whose terms cancel, so that uncertain
 parameters give wide enclosures. This module writes the exact sampling of x' = A x + b u with a hold as
 
-    (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2),
+    (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2).
 
 The enclosures of the numbers in this equation are hardly wider than their ranges. All numbers are dimensionless, with
 the sample time as the unit of time. The states are the position of the motor, the velocity of the centre of mass, the
-bend of the spring with its rate, and the states of the actuator. The bend is the motor's position minus the handle's,
-opposite to `vctune.simulation.scene.Equilibrium.bend`. In these states the resonance does not depend on the mass. No
-rate depends on the position, so the position appears in its own row alone, with the factor 2 j s. The code therefore
-solves for 2 j s times the position, which has the factor 1.
+bend of the spring with its rate, and the states of the actuator. The bend is the motor's position minus the handle's
+position, and has the opposite sign of `vctune.simulation.scene.Equilibrium.bend`. In these states the resonance does
+not depend on the mass. No rate depends on the position, so the position appears in its own row alone, with the factor
+2 j s. The code therefore solves for 2 j s times the position, which has the factor 1.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ limit, the series would need twice as many terms."""
 COEFFICIENT = 3.3
 """Upper bound of 2 zeta(2). If n >= 2 and x is between 0 and 1, |B_n(x)|/n! is at most 2 zeta(n)/(2 pi)^n."""
 RAISED = 1 + 1e-9
-"""Factor that covers the rounding errors in a bound. Half or twice its excess over 1 would serve as well."""
+"""Factor that covers the rounding errors in a bound. Half or twice the excess of this factor over 1 would also do."""
 
 
 class Linear(NamedTuple):
@@ -127,7 +127,7 @@ def _polynomial(coefficients: Sequence[Fraction], powers: Sequence[Number], ops:
 
 
 def _coefficient(exact: Fraction, ops: ArrayArithmetic) -> Number:
-    """Return a coefficient. An arithmetic of enclosures includes the rounding error of its double."""
+    """Return a coefficient as a number. An arithmetic of enclosures includes the rounding error of the double."""
     rounded = float(exact)
     return rounded + ops.within(2.0**-52 * abs(rounded))
 

@@ -8,7 +8,7 @@ motion:
 
 With the letters of `vctune.model.sampled.servo_plant` and d = 1 - w = 2 j s e^(-j theta/2),
 
-    Z_seen = w^(N+1) (K T (1 - delta + delta w)/d + B - K T l - (B, M/T, K T) (q_0, q_1, q_-1)),
+    Z_seen = w^(N+1) (K T (1 - delta + delta w)/d + B - K T l - (B, M/T, K T) (q_0, q_1, q_-1)).
 
 For a position command, Z_seen also has the factor cos(theta/2) e^(-j theta/2). A filter a/(1 - b w), b = 1 - a, of the
 sensed samples is a/(a + b d). For the term with 1/d, the code writes this filter as 1 - b d/(a + b d), so that one d

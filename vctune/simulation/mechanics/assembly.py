@@ -189,7 +189,7 @@ def _assembled(
 
     Parameters
     ----------
-    states : names of the states, including those of the sensor
+    states : names of the states, including the sensor's states
     row_of : unit row of each state and each given input
     rates : rows of the states that change
     units : units of states and given
@@ -214,8 +214,10 @@ def _assembled(
 def _low_pass(
     name: str, bandwidth_hz: float, order: int, source: Floats, row_of: dict[str, Floats]
 ) -> dict[str, Floats]:
-    """Return the rates of a low-pass's states: its output and, for order 2, the output's rate in units of the
-    corner."""
+    """Return the rates of the states of a low-pass.
+
+    The states are the output and, for order 2, the output's rate in units of the corner frequency.
+    """
     corner = float(2 * FLOATS.pi * bandwidth_hz)
     if order == 1:
         return {name: corner * (source - row_of[name])}

@@ -85,8 +85,7 @@ def fastest_mode(scene: Scene) -> Mode:
 
 
 def _period_matrix(scene: Scene, changes: HandChanges) -> Floats:
-    """Return the matrix over state and grip from one change of the hand to the next change, or to the change after
-    it."""
+    """Return the matrix over state and grip from one change of the hand to the next one, or to the one after that."""
     with interrupt_deferred():
         steps = steps_of_hands(scene, lambda now, then: build(now, then=then))
 
@@ -120,7 +119,7 @@ def _fastest(matrix: Floats, sample_time: float, samples: int = 1) -> Mode:
 
 
 def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> float | None:
-    """Return the smallest factor on the virtual mass and damping of a regular PID above which its loop is stable.
+    """Return the least factor of the virtual mass and damping of a regular PID above which the PID's loop is stable.
 
     The search covers 10^-`DECADES` to 10^`DECADES` times the values of the file.
 

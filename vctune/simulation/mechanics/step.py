@@ -40,8 +40,8 @@ SAMPLES_PER_CALL = 1024
 sample is equal with half or twice as many samples per call."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
 """Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. In a record, x and v belong to the handle, and f_s
-is the force that the firmware reads: the sensed f_h, for a servo after its filter and with the force of its own
-spring."""
+is the force that the firmware reads: the sensed f_h; for a servo, after the filter and with the force of the servo's
+own spring."""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
 """Additional recorded columns if motor and handle move differently."""
 ANSWER = ("reference", "desired", "environment_force", "motor")

@@ -45,7 +45,7 @@ SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 Stretch = Callable[[Scene, Friction, float, float], Any]
 """Function that returns the function (body, motor, push) -> body, which integrates the motion over part of a sample.
-Its arguments are a scene, its friction, the start of that part, s, and its length, s."""
+The arguments are a scene, the scene's friction, the start of that part, s, and the length of that part, s."""
 MIDPOINT = 0.5
 """Point of a fixed step at which the forces are evaluated. With the midpoint, the rule is of second order
 (`friction.slide`)."""

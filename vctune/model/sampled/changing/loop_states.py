@@ -1,9 +1,9 @@
 """Write, in state-space form, the sampled loop in a hand whose damping changes (model/README.md, section 21).
 
-All numbers are dimensionless, in units of the sample time T and of the device's mass m. The states are those of the
-device in the hand, the delayed commands and sensed forces, the memory of the firmware's filters, the position q that
-v_e has reached, and the coupling's g. With v_e = 0 the loop can rest at any q. The states zeta are the deviations of
-the other states from this rest, and do not include q.
+All numbers are dimensionless, in units of the sample time T and of the device's mass m. The states are the states of
+the device in the hand, the delayed commands and sensed forces, the memory of the firmware's filters, the position q
+that v_e has reached, and the coupling's g. With v_e = 0 the loop can rest at any q. The states zeta are the deviations
+of the other states from this rest, and do not include q.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ class Tangent(NamedTuple):
 
     Attributes
     ----------
-    rising, falling : tau if it is positive, else 0; tau if it is negative, else 0
+    rising, falling : the positive part of tau, and the negative part of tau (tau if tau < 0, else 0)
     excess : r_0, with w c^2 kappa + 2 h^2 s^2 r_0 >= 0
     """
 

@@ -88,7 +88,7 @@ class Disjuncts(NamedTuple):
 
 
 UNCOUPLED = Offered(0, 0)
-"""No coupling, for an impedance display, because its loop already contains the coupling."""
+"""No coupling. An impedance display uses this value, because its loop already contains the coupling."""
 
 
 def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Offered:
@@ -175,7 +175,7 @@ def limp_disjuncts(
 
 
 def room_of(terms: tuple[Number, ...], absolute: Callable[[Number], Number]) -> Number:
-    """Return the distance of a margin from 0: twice the sum of its terms, divided by the sum of their magnitudes.
+    """Return the relative distance of a margin from 0: twice the sum of its terms over the sum of their magnitudes.
 
     Near 0 this is the logarithm of the ratio of positive to negative terms.
 
