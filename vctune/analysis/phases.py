@@ -102,7 +102,7 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     shares |= _law_phase(gains, omega)
     shares |= _drive_phases(device, omega)
     idle, e = _without_loop(known), _number(known.factor)
-    shares[MECHANISM] = _angle(e / idle) - _angle(e)  # separate: beyond a resonance this phase passes -180 deg
+    shares[MECHANISM] = _angle(e / idle) - _angle(e)  # two angles: beyond a resonance, this phase passes -180 deg
     shares[FEEDBACK] = -_angle(_number(known.D.closed(gains)) / idle)
     return Phases(omega, shares)
 

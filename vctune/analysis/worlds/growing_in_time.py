@@ -76,7 +76,8 @@ def growing_in_time(
     growing = [(pole_angle, member) for pole_angle, member in poles if pole_angle.imag < -GROWTH * abs(pole_angle)]
     if not growing:
         return None
-    # z = e^(j pole_angle) grows by -Im in a sample; its angle modulo 2 pi is the aliased frequency, at most Nyquist
+    # the motion z^k, z = e^(j pole_angle), grows by -Im in a sample; the angle modulo 2 pi gives the aliased frequency,
+    # at most Nyquist
     pole_angle, (mass, damping, stiffness) = min(growing, key=lambda held: held[0].imag)
     of_mass = mass > 0
     return GrowingEnvironment(

@@ -302,7 +302,7 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         driven = ("felt", "felt rate")[sensor.order - 1]
         rows[driven] |= {name: -share for name, share in felt.items()}
-        sensed[driven], felt = carried, {"felt": -corner}  # divided by the corner: A/E then lacks its square
+        sensed[driven], felt = carried, {"felt": -corner}  # divided by the corner: A/E then lacks the corner squared
     return Mechanism(
         names=names,
         inertia=inertia,

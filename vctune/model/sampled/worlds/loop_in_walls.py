@@ -12,7 +12,7 @@ corner is w_c = h (1 - a)/(1 + a), let
 and C = l k_1 (w_c/h + t^2 (1 + k_1/kappa)). E = f(p) + g(r) must be positive for all masses and dampings of the box.
 Both terms are convex. E is therefore at least the sum of two tangents,
 
-    f >= tau/c^2 p - kappa/4 (tau/c^2 - n)^2 + C,   g >= (w + 2 u^2 r_0/kappa) r - u^2 r_0^2/kappa,
+    f >= tau/c^2 p - kappa/4 (tau/c^2 - n)^2 + C,   g >= (w + 2 u^2 r_0/kappa) r - u^2 r_0^2/kappa.
 
 The sum is least at the greatest mass if tau > 0, at the least mass if tau < 0, and at the least damping if the slope in
 r is not negative. With tangents at the minima of f and g, the sum is E; with other tangents, it is a lower bound.
