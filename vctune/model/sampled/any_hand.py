@@ -137,8 +137,8 @@ class _Alias(NamedTuple):
 def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
     """Return the disc of a device with an actuator or a structure.
 
-    The centre and the radius of the disc are weighted sums over all aliases. The first alias has the weight h = (2
-    s/theta)^2, and alias n has the weight (2 s/(theta + 2 pi n))^2.
+    The centre and the radius of the disc are weighted sums over all aliases. The first alias has the weight
+    h = (2 s/theta)^2, and alias n has the weight (2 s/(theta + 2 pi n))^2.
     """
     near, short = _first_alias(device, theta, ops)
     others, radius = Pair(0 * theta, 0 * theta), 0 * theta

@@ -1,9 +1,9 @@
 """Sample a servo and its force sensor exactly (model/README.md, section 17).
 
 Velocity, acceleration and position pass through both servo and sensor. The code may therefore put the sensor's low-pass
-after the servo's low-pass, and write the sum of both delays as (N + delta) T. The two low-passes form a chain x' = A x
-+ b u with T = 1. The first state of the chain is the sensed velocity. All states are 1 at rest with u = 1. With w =
-z^-1 and d = 1 - w, the pulse transfer functions from the held velocity are
+after the servo's low-pass, and write the sum of both delays as (N + delta) T. The two low-passes form a chain with the
+states x' = A x + b u and T = 1. The first state of the chain is the sensed velocity. All states are 1 at rest with u =
+1. With w = z^-1 and d = 1 - w, the pulse transfer functions from the held velocity are
 
     G_v = w^(N+1) (1 - q_0),   G_a = -w^(N+1) q_1/T,   G_x = T w^(N+1) ((1 - delta + delta w)/d - l - q_-1),
 

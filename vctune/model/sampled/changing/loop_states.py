@@ -60,7 +60,7 @@ class LoopStates(NamedTuple):
     ----------
     names : names of zeta
     staying : number of leading states that hardly change over a sample
-    change : matrix that gives zeta[k+1]; for the leading states, zeta[k+1] - zeta[k]
+    change : coefficients of zeta[k] in zeta[k+1]; for the leading states, in zeta[k+1] - zeta[k]
     push, seen : coefficients of v_e in zeta[k+1] and of zeta in y, n numbers each
     direct : immediate response of y to v_e
     spring : k_eq, of all springs in series

@@ -127,7 +127,7 @@ def weights(box: Holding, device: Device, hand: Hand, number: Callable[[float], 
 
 
 def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) -> Matrix:
-    """Return a matrix that, if it is positive definite, makes the storage grow by less than 2 v_e y in every sample.
+    """Return a matrix whose positive definiteness implies that the storage grows by less than 2 v_e y in every sample.
 
     The term k_eq q^2 of the storage grows by k_eq (2 q + v_e) v_e. The part 2 k_eq q v_e cancels against the same part
     of 2 v_e y, so q drops out.

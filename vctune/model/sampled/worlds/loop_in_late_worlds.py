@@ -165,7 +165,7 @@ def _half_plane(side: Side, worlds: Worlds, T: Number, theta: Number, ops: Arith
         parts = cos * ops.cos(p * (theta / 2)), -(sin * U), cos * U
     scale: Number = side.sign
     if side.normal == "real" and rigid and worlds.rule == "trapezoid":
-        # the masses of coupling and environment have poles at z = -1; if their sum cancels, the loop has a pole there
+        # the masses of coupling and environment have poles at z = -1; if these cancel, the loop has a pole there
         scale, room = scale * (cos * cos), room * (cos * cos)
     resistance, reactance, swing = (scale * part for part in parts)
     return HalfPlane(resistance, reactance, swing, room)
