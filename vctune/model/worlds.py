@@ -76,8 +76,8 @@ class Worlds:
 
     @property
     def by_real_part(self) -> Worlds:
-        """The same environments without walls, on time and by the trapezoidal rule. For
-        these environments, a search requires only the condition on the real part."""
+        """The same environments without walls, on time and by the trapezoidal rule. For these environments, a search
+        requires only the condition on the real part."""
         return Worlds(self.low, self.high, resistive=True)
 
     @property

@@ -19,7 +19,7 @@ class SeveralDevices(NamedTuple):
     Attributes
     ----------
     device : device whose numbers are plain where all devices agree, and arrays elsewhere
-    delays : whole samples of the device's delays, in the same way plain or arrays
+    delays : whole samples of the device's delays, plain where all devices agree, and arrays elsewhere
     """
 
     device: Device

@@ -116,7 +116,9 @@ def slide_step(
     theta: float,
     ops: Arithmetic,
 ) -> tuple[Slide, Number]:
-    """Advance by one step h under the force `push`, and return the new state and w = v + theta (v_new - v).
+    """Advance by one step h under the force `push`, and return the new state and the velocity of the step.
+
+    The velocity of the step is w = v + theta (v_new - v).
 
     The function evaluates rate and damping at the predicted velocity, and assumes that the velocity w is constant over
     the step. The motion of the bristles is then exact. With y = a h, their mean deflection is phi_1 z + phi_2 h w with

@@ -87,8 +87,8 @@ def build(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = Non
     ----------
     scene : the scene of the run
     stretch : function that integrates the friction; not used without friction
-    then : the scene with the changed hand, which acts from this sample on; its force is first sensed at the next
-        sample. None if the hand does not change
+    then : the scene with the changed hand, which acts from this sample on, and whose force the sensor first samples at
+        the next sample; None if the hand does not change
 
     Returns
     -------
