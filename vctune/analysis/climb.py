@@ -1,6 +1,6 @@
 """Climb to the maxima of a function of several coordinates near given starts.
 
-`hardest_hands` uses it to find the hands that require the most of a coupling.
+`hardest_hands` uses this climb to find the hands that require the most of a coupling.
 """
 
 from __future__ import annotations
@@ -57,10 +57,10 @@ def climbed(
 ) -> tuple[Floats, Floats]:
     """Climb from each start to a maximum near it.
 
-    All climbs run together. In each round, the function evaluates a stencil about the centre of each climb, which has
-    three nodes for each coordinate. A parabola through the stencil predicts where the maximum is. If the prediction is
-    better than all known values, the climb leaps to this place and makes its steps shorter. Otherwise the climb moves
-    to the best node, or halves its steps if the centre is the best.
+    All climbs run together. In each round, the function evaluates a stencil about the centre of each climb. The stencil
+    has three nodes for each coordinate. A parabola through the stencil predicts where the maximum is. If the value
+    there exceeds all known values, the climb leaps to this place and makes its steps shorter. Otherwise the climb moves
+    to the best node, or halves its steps if the centre is the best node.
 
     Parameters
     ----------
@@ -71,14 +71,14 @@ def climbed(
     steps : first step of each coordinate, shape (d,)
     groups : for each coordinate, the number of its group; if a coordinate moves, its group keeps its steps
     owners : for each start, the number of its owner. An owner's climbs end when all climbs of this owner whose value is
-    at least `CONSIDERED` times the greatest value have ended; other owners have no influence
+        at least `CONSIDERED` times the greatest value have ended; other owners have no influence
     enough : a climb whose value is below `CONSIDERED` times this value may also end early
     smooth : whether the values are smooth enough for leaps
 
     Returns
     -------
     greatest : the greatest value of each climb, shape (n,)
-    places : its coordinates, shape (d, n)
+    places : coordinates of the greatest value of each climb, shape (d, n)
     """
     count, climbs = starts.shape
     stencil = np.array([*product(range(3), repeat=count)]).T
@@ -122,7 +122,7 @@ def climbed(
 
 
 def _parabola(found: Floats, nodes: Floats, reach: Floats) -> tuple[Floats, Floats]:
-    """Return where the parabola through each stencil is greatest near the middle node.
+    """Return the place near the middle node at which the parabola through each stencil is greatest.
 
     The function takes the absolute values of the curvatures, so that a leap along an upward curvature also goes uphill.
     A coordinate whose middle node is on a bound keeps its value.

@@ -2,7 +2,7 @@
 2).
 
 For a servo, the drag that a hand requires is linear in the hand's mass, damping and stiffness. If the servo's response
-lies in a disc, this drag is convex in them.
+lies in a disc, this drag is a convex function of the three numbers.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Greatest:
     ----------
     drag : greatest R, N s/m; a coupling without damping and mass needs this drag
     omega : frequency of the greatest R, rad/s
-    hand : hand that requires it
+    hand : hand that requires the greatest R
     """
 
     drag: float
@@ -85,8 +85,8 @@ def _greatest(device: Device, demand: Demand, hands: Hands) -> Greatest:
 
 
 def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float) -> float:
-    """Return the greatest stiffness of a contact, N/m, up to which a coupling is stable with every mass and damping of
-    the box.
+    """Return the greatest contact stiffness, N/m, up to which a coupling is stable with every mass and damping of the
+    box.
 
     Parameters
     ----------
@@ -106,8 +106,8 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
     """Return the least stiffness, over all angles, for which the required resistance equals Re Z_c of the coupling.
 
-    The required resistance is linear in the stiffness. With a disc of responses it is convex, and the function bisects
-    the stiffness.
+    The required resistance is linear in the stiffness. With a disc of responses, the required resistance is convex in
+    the stiffness, and the function bisects the stiffness.
     """
     if device.servo is not None and device.servo.radii:
         return _stiffest_in_disc(device, hands, coupling, factor)

@@ -34,9 +34,9 @@ RIPPLE_POINTS = 6
 """Number of grid points for each turn of e^{-2j omega tau}. With half as many grid points, the code may miss one of two
 neighbouring extrema. With twice as many, the grid for bands far above 1/tau is twice as long."""
 QUADRATURE_TOLERANCE = 1e-9
-"""Relative change of the mean squared terms at which the code stops doubling the number of panels. The error of Gauss's
-rule falls so fast that the last change far exceeds the error. With half or twice this threshold, the number of panels
-is the same."""
+"""Relative change of the mean squared terms at which the code stops doubling the number of panels. The error of the
+Gauss-Legendre rule falls so fast that the last change far exceeds the error. With half or twice this threshold, the
+number of panels is the same."""
 
 
 def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
@@ -109,8 +109,9 @@ def rollett_factor_at(device: Device, gains: Gains, coupling: AnyCoupling, omega
 def sampled_span(problem: Problem) -> tuple[float, float]:
     """Return the part of the stability band that a grid covers.
 
-    The code cuts a band from 0 or to inf at `END_DECADES` decades beyond every corner of the device and of the
-    transparency band. Beyond these ends, the values equal their limits at the ends of the axis to better than 1e-8.
+    If a band begins at 0 or ends at inf, the code cuts the band at `END_DECADES` decades beyond every corner of the
+    device and of the transparency band. Beyond these ends, the values equal their limits at the ends of the axis to
+    better than 1e-8.
     """
     device, band = problem.device, problem.stability.band
     corners = [problem.transparency.band.min, problem.transparency.band.max, problem.nyquist]
@@ -150,7 +151,7 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
 
 
 def _ripple_delay(device: Device) -> float:
-    """Return the delay, s, that causes a ripple over frequency without decay; 0 for hold "lag" without delay."""
+    """Return the delay, s, whose ripple does not decay with frequency; 0 for hold "lag" without delay."""
     sensor = float(device.sensing.delay)
     if device.hold == "lag" and device.delay == 0 and device.velocity is None:
         return sensor
@@ -222,8 +223,8 @@ def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
 def slowest_resonance(problem: Problem, velocity: float) -> float:
     """Return a frequency, rad/s, below which |S| has no peak above 1 for any loop with at least this K_v.
 
-    Without lag, a loop rings at sqrt(K_p/m) if this frequency exceeds (b + K_v)/(2 m). The function returns half of
-    this frequency, as an allowance for the lag.
+    Without lag, a loop rings at sqrt(K_p/m) if this frequency exceeds (b + K_v)/(2 m). The function returns half this
+    frequency to allow for the lag.
 
     Parameters
     ----------

@@ -43,13 +43,13 @@ FARTHEST = 0.2
 """Greatest move of a pole in one step, relative to the pole's angle. With half this size, the code takes more steps;
 with twice this size, it may switch to another pole."""
 MOST = 64
-"""Greatest number of steps along which the code follows a pole. Most poles take eight. With half or twice this number,
-the code follows the same poles."""
+"""Greatest number of steps for which the code follows a pole. Most poles take eight steps. With half or twice this
+number, the code follows the same poles."""
 GROWTH = 1e-10
 """Growth per radian above which the code reports that a motion grows. This threshold exceeds the rounding error of
 Newton's method. With half or twice this threshold, the growth is the same."""
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
-"""Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative. The
+"""Number of Newton steps, the relative step at which they end, and the relative difference for the derivative. The
 difference gives the derivative with an error of 1e-10. With half or twice as many steps, the code follows the same
 poles."""
 
@@ -64,9 +64,10 @@ class GrowingEnvironment:
     value : N/m or kg, >= 0; 0 for no environment
     damping : damping in parallel, N s/m, >= 0
     growth : growth rate of the motion, 1/s, > 0
-    omega : frequency of its oscillation, rad/s
+    omega : frequency of the growing oscillation, rad/s
     stiffness : stiffness of a spring in parallel with a mass, N/m, >= 0
-    rule, late : rule by which the firmware integrates the environment, and number of samples by which its force is late
+    rule, late : rule by which the firmware integrates the environment, and number of samples by which the environment's
+        force is late
     """
 
     kind: Literal["spring", "mass"]
@@ -98,8 +99,8 @@ def destabilising(
     Returns
     -------
     GrowingEnvironment or None
-        The environment has no damper if the motion grows without one. None if the code finds no growing motion, for
-        example where the constraint holds.
+        The environment has no damper if the motion grows without one. The result is None if the code finds no growing
+        motion, for example where the constraint holds.
     """
     T, plant = device.sample_time, plant_in_hand(device, hand, delays_of(device), FLOATS)
 
@@ -128,7 +129,8 @@ def growing_in_worlds(
     -------
     GrowingEnvironment or None
         The environment has the least damping of the box if the motion grows with this damping. It has more damping if
-        the motion of an impedance display grows with the tool held. None if the motion grows with no member.
+        the motion of an impedance display grows with the tool held. The result is None if the motion grows with no
+        member.
     """
     T, low = device.sample_time, worlds.low
     theta = min(max(omega * T, LEAST), pi - NYQUIST)
@@ -163,7 +165,7 @@ def reaction(
     device, gains, coupling : a design with plain numbers
     hand : hand at the handle
     theta : omega T, rad, in (0, pi)
-    factor : divisor of the coupling
+    factor : number by which the function divides Z_c or 1/Z_c
     """
     return reaction_in(device, gains, coupling, hand, factor)(theta)
 
@@ -190,7 +192,7 @@ def reaction_in(
 def impedance_met(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, factor: float = 1.0
 ) -> Callable[[complex], complex]:
-    """Return the impedance that an environment meets, a function of the angle: Z_c/factor + Z_seen, or its dual.
+    """Return the impedance that an environment meets as a function of the angle: Z_c/factor + Z_seen, or its dual.
 
     Parameters
     ----------
@@ -215,11 +217,12 @@ def growing_with(
     Returns
     -------
     GrowingEnvironment or None
-        The environment has no damper if the motion grows without one. None if the code finds no growing motion.
+        The environment has no damper if the motion grows without one. The result is None if the code finds no growing
+        motion.
     """
     theta = min(max(theta, LEAST), pi)
     reactance, at = alone(theta).imag if theta < pi - NYQUIST else 0.0, _warped(theta, sample_time).real
-    # numbers of a mass m and a spring k; for an impedance display 1/k and 1/m
+    # the numbers of a mass m and a spring k; for an impedance display, 1/k and 1/m
     mass, stiffness = max(0.0, -reactance / at), max(0.0, reactance * at)
 
     def unbalance(theta: complex, *, damping: float) -> complex:
@@ -257,7 +260,7 @@ def _outwards(unbalance: Callable[..., complex], theta: float) -> tuple[float, f
 
 
 def _with_more(unbalance: Callable[..., complex], theta: float) -> tuple[float, float, float] | None:
-    """Return the result of `_outwards` for a damper that grows to twice its size."""
+    """Return the same result as `_outwards`, for a damper that grows to twice its size."""
     held: float = -unbalance(theta, damping=0.0).real
     found = _left_circle(lambda theta, *, damping: unbalance(theta, damping=2 * held - damping), theta, held)
     return None if found is None else (2 * held - found[0], *found[1:])
@@ -326,9 +329,9 @@ def _met(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
 def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
     """Return Z_seen = P/(2 j s F).
 
-    The form is o/(2 N) + e/(2 j s N) with e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2. On the
-    unit circle, the two terms are the real and the imaginary part. With a single quotient, the rounding error of one
-    part would exceed the other part near theta = 0.
+    The code evaluates o/(2 N) + e/(2 j s N) with e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2. On
+    the unit circle, the two terms are the real and the imaginary part. With a single quotient, the rounding error of
+    one part would exceed the other part near theta = 0.
     """
     loop, s = loop_in_hand(plant, theta, FLOATS), complex(np.sin(theta / 2))
     F, P = loop.closed(gains), loop.numerator(gains)
@@ -342,7 +345,7 @@ def zero_near(f: Callable[[complex], complex], start: complex) -> complex | None
 
     Parameters
     ----------
-    f : the function
+    f : the analytic function
     start : start of the iteration, not 0
     """
     at = start

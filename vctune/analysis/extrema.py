@@ -51,7 +51,8 @@ def frequency_grid(
     Returns
     -------
     array of float
-        In ascending order; read-only, because all callers with the same arguments share the array.
+        Frequencies in ascending order, rad/s. The array is read-only, because all callers with the same arguments share
+        the array.
     """
     decades = np.log10(omega_max / omega_min)
     grid = np.geomspace(omega_min, omega_max, max(9, int(np.ceil(decades * points_per_decade)) + 1))

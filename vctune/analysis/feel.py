@@ -33,8 +33,8 @@ HALF_POWER = sqrt(0.5)
 LOWEST = 1e-6
 """Lowest frequency of the search for the end of tracking, relative to Nyquist: half a millihertz at 1 kHz."""
 ZOOMS, ZOOM_POINTS = 3, 33
-"""Number of finer grids between the two frequencies where tracking ends, and number of points of each. The finer grids
-reduce a spacing of 4 % to 1e-6."""
+"""Number of finer grids between the two neighbouring frequencies that enclose the end of tracking, and number of points
+of each grid. The finer grids reduce a spacing of 4 % to 1e-6."""
 NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)
 """Gains and coupling that stand for the bare device: all 0."""
 

@@ -37,7 +37,8 @@ FIRST_STEP = 0.2
 """First step of the search for the worst hand, in the square roots of the shares of a hand's ranges. With half or twice
 this step, vctune finds the same designs."""
 DRIVEN = 1e6
-"""Value of 1/ratio above which the search treats a coupling as one that supplies energy where it must absorb energy.
+"""Value of 1/ratio above which the search treats a coupling as active, that is, as one that supplies energy where it
+must absorb energy.
 With half or twice this value, vctune finds the same designs."""
 
 MetInShares = dict[float, tuple[Offered, Seen, float]]
@@ -59,7 +60,7 @@ def needs_in_worlds(
     At least one of the margins must be positive (`model.sampled.worlds.loop_in_worlds`).
 
     For the margin of the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling,
-    the ratio is g times the resistance that this share and the environment give, divided by the resistance that the
+    the ratio is g times the resistance that this share and the environment supply, divided by the resistance that the
     loop lacks. For the margin of a reactance, the ratio is g times the exponential of the margin's relative reserve. In
     every case a ratio of g suffices, and a greater ratio leaves a reserve.
 
@@ -69,7 +70,7 @@ def needs_in_worlds(
     device : device with plain numbers
     gains, coupling : a design with plain numbers or arrays that broadcast against the loop
     theta : omega T, rad
-    met : the environments and g
+    met : the environments and the safety factor g
     share : share of the coupling of an impedance display
     """
     factor, worlds, T, inverse = met.factor, met.worlds, device.sample_time, device.kind.inverse
@@ -114,7 +115,7 @@ def needs_in_hands(
 def _need_in_time(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet
 ) -> Floats:
-    """Return 1/ratio with environments that run late or by Euler's rules, from the margins of `open_sides`."""
+    """Return 1/ratio with environments that run late or step by Euler's rules, from the margins of `open_sides`."""
     planes = open_sides(met.worlds, device.sample_time, theta)
     rooms = [
         np.maximum.reduce([np.asarray(room_of(plane.terms(at, seen, left), np.abs)) for plane in planes])
@@ -141,13 +142,14 @@ def met_in_shares(
     device : device with plain numbers
     gains, coupling : a design with plain numbers or arrays that broadcast against the loop
     theta : omega T, rad
-    met : the environments and g
+    met : the environments and the safety factor g
 
     Returns
     -------
     MetInShares
-        For each share of the coupling, the impedance of the coupling, that of the loop, and the share of the first that
-        counts. The loop of an impedance display already contains the share of its coupling.
+        For each share of the coupling: the impedance of the coupling, the impedance of the loop, and the factor to
+        apply to the impedance of the coupling. The factor is 1 for an impedance display, whose loop already contains
+        the share of its coupling.
     """
     found: MetInShares = {}
     for share in shares_of_coupling(met.factor):
@@ -161,7 +163,7 @@ def rooms_at_walls(shares: MetInShares, sample_time: float, theta: Floats, met: 
     """Return the relative reserve of the condition for walls, for some shares of the coupling and both integration
     rules.
 
-    The reserve is the greatest one among the margins, because a single positive margin suffices.
+    The reserve is the greatest reserve of all margins, because a single positive margin suffices.
 
     Parameters
     ----------
@@ -204,7 +206,7 @@ def shares_of_coupling(factor: float) -> tuple[float, ...]:
 
     Parameters
     ----------
-    factor : g, >= 1
+    factor : safety factor g, >= 1
     """
     return (1.0,) if factor == 1 else (1 / factor, factor**-0.5, 1.0)
 
@@ -284,7 +286,7 @@ def hardest_near(
         groups=[*np.zeros(free.size, int), 1],
         owners=owners,
         enough=1.0,
-        smooth=met is None,  # one of several margins must be positive, and their maximum has kinks
+        smooth=met is None,  # one of several margins must be positive, and the maximum of the margins has kinks
     )
     roots = starting.copy()
     roots[free] = climb[:-1]

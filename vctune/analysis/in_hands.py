@@ -106,8 +106,8 @@ def least_ratios_of_each(
 def ratio_in_some_hands(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
     """Return the least ratio on the grid of hands and angles from which `least_ratios` starts.
 
-    The result is not below the least ratio of `least_ratios`, and takes a tenth of the time. It is inf without a claim
-    in hands.
+    The result is not below the least ratio of `least_ratios`, and takes a tenth of the time. Without a claim in hands,
+    the result is inf.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def least_ratios_of_devices(
 
     Parameters
     ----------
-    devices : plain numbers
+    devices : devices with plain numbers
     hands, gains, coupling, met : see `least_ratios_in_hands`
     """
     starts = [_steepest(device, hands, gains, coupling, met) for device in devices]
@@ -223,7 +223,7 @@ def windows(
 def ratio_at(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet | None = None
 ) -> float:
-    """Return Re Z_c / R in one hand at one frequency; inf if R requires nothing.
+    """Return Re Z_c / R in one hand at one frequency; inf if the hand requires nothing.
 
     Parameters
     ----------
@@ -282,7 +282,9 @@ def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling
 
 
 def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats) -> Floats:
-    """Return Re(1/Z_c)/R of an impedance display in any passive hand; 0 where some hand makes the loop of K_v unstable.
+    """Return Re(1/Z_c)/R of an impedance display in any passive hand.
+
+    The result is 0 where some hand makes the loop with only K_v unstable.
 
     Parameters
     ----------
@@ -298,8 +300,8 @@ def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta
 def _resonant(device: Device, hands: Hands, gains: Gains) -> list[tuple[float, Hand]]:
     """Return angles at which hands resonate sharply with the device, and those hands.
 
-    The function returns the stiffest hands, which have the greatest angle and the least damping ratio, and hands with a
-    hundredth of their stiffness.
+    The function returns the stiffest hands and hands with a hundredth of the greatest stiffness. The stiffest hands
+    have the greatest angle and the least damping ratio.
     """
     found = []
     damping = device.damping + hands.low.damping + gains.velocity

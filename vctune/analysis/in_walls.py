@@ -15,8 +15,8 @@ from vctune.model.worlds import WorldsMet
 
 HIGHEST = 1 - 1e-5
 """Greatest corner, in units of 2/T. At 1 the multiplier would become a difference. This value is so far below 1 that
-rounding to six digits cannot reach 1. With half the distance from 1, rounding can reach 1. Twice the distance would be
-sufficient, too."""
+rounding to six digits cannot reach 1. With half the distance from 1, rounding can reach 1. Twice the distance would
+also suffice."""
 LOWEST = 1e-4
 """Least corner that the search evaluates, in units of 2/T. This corner is below the frequencies of all hands. With ten
 times this corner, or a tenth of it, the result is the same."""
@@ -25,10 +25,10 @@ CORNERS = 17
 maxima. With half or twice as many corners, the result is the same."""
 FINER = 3
 """Number of times that the search then quarters the spacing around the best corner, down to 1 %. With half as many
-steps, the search finds corners with 1 % less reserve. With twice as many, it finds the same corner."""
+steps, the search finds corners with 1 % less reserve. With twice as many, the search finds the same corner."""
 SHARES, PER_DECADE = (0.0, 0.1, 1.0), 16
-"""Shares of hands, and number of angles per decade, that the search evaluates. With half as many hands and angles, the
-search misses the binding hand or angle. With twice as many, it finds the same corner."""
+"""Shares of each range of hands, and number of angles per decade, that the search evaluates. With half as many hands
+and angles, the search misses the binding hand or angle. With twice as many, the search finds the same corner."""
 
 
 def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:

@@ -52,7 +52,10 @@ class LoopsInHands:
     loop: AnyLoopInHand
 
     def required(self, gains: Gains) -> Floats:
-        """Return R with the shape of the loop, preceded by the gains' shape if they are arrays of shape (..., 1, 1)."""
+        """Return R with the shape of the loop.
+
+        If the gains are arrays of shape (..., 1, 1), the shape of the gains precedes the shape of the loop.
+        """
         found = required_in_hand(self.loop, gains)
         with np.errstate(divide="ignore", invalid="ignore"):
             R = np.asarray(found.lost / found.size)
@@ -81,7 +84,7 @@ class LoopsInAnyHand:
     def required(self, gains: Gains) -> Floats:
         """Return R/s^2 with shape (1, n); inf where some hand makes the loop with only K_v unstable.
 
-        The gains' shape precedes this shape if they are arrays of shape (..., 1, 1).
+        If the gains are arrays of shape (..., 1, 1), the shape of the gains precedes this shape.
         """
         found = self.answers.required(gains)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -123,7 +126,7 @@ def loops_in_hands(
     ----------
     device : device with plain numbers
     hands : the box of hands
-    shares : shares of each range at which hands are evaluated
+    shares : shares of each range at which the function evaluates hands
     per_decade : number of angles in each decade
     """
     theta = angles(device, per_decade)
@@ -173,5 +176,5 @@ def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHand
 
 
 def _places(low: float, high: float, shares: tuple[float, ...]) -> Floats:
-    """Return the values of a range at given shares; a single value if the range has no width."""
+    """Return the values at given shares of a range; a single value if the range has no width."""
     return np.unique(low + (high - low) * np.array(shares))

@@ -28,9 +28,9 @@ from vctune.model.sampled.any_hand import drive_at, motor_disc
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 TURNED = (1, 3, 5, 9, 17, 33)
-"""Numbers of aliases, the nearest first, at which the hand has the worst reactance. The search uses the least number
-that suffices. Among designs that violate the constraint by 1 % or more, one in 160 needs 33 aliases. With every second
-of these numbers, or with twice as many, the search finds hands for the same designs."""
+"""Numbers of aliases, counted from the nearest, at which the hand has the worst reactance. The search uses the least
+number that suffices. Among designs that violate the constraint by 1 % or more, one in 160 needs 33 aliases. With every
+second of these numbers, or with twice as many, the search finds hands for the same designs."""
 DETUNED = (0.1, 1e-2, 1e-3, 1e-4)
 """Relative distances of a resonator from its alias. With a smaller distance, the resonator acts less at other aliases,
 and a motion grows more slowly. With half as many distances, the motion in the hand that the search finds grows up to
@@ -39,9 +39,9 @@ SUMMED = 250
 """Number of aliases on either side that the code sums for the hand's response; the rest is below 1e-5. With half or
 twice as many aliases, the growth is the same to four digits."""
 FROM_ENDS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
-"""Distances, rad, from 0 Hz and from Nyquist at which the code searches for a hand, because nothing grows at these
-ends. The search ends at the first success. With half or twice as many distances, the search finds hands for the same
-designs, and the growth changes by a factor of up to six."""
+"""Distances, rad, from 0 Hz and from Nyquist at which the code searches for a hand near these ends, because nothing
+grows at the ends themselves. The search ends at the first success. With half or twice as many distances, the search
+finds hands for the same designs, and the growth changes by a factor of up to six."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class LosslessHand:
     Attributes
     ----------
     mass, stiffness : mass and stiffness at the handle, kg and N/m; one of them is 0
-    resonators : mass and stiffness of each resonator
+    resonators : mass, kg, and stiffness, N/m, of each resonator
     """
 
     mass: float
@@ -79,7 +79,8 @@ def growing_in_any_hand(
     Returns
     -------
     tuple or None
-        The hand excludes the least operator. None if no motion grows, for example where the constraint holds.
+        The hand does not include the least operator. The result is None if no motion grows, for example where the
+        constraint holds.
     """
     with np.errstate(all="ignore"):
         places = list(_places(device, gains, coupling))
@@ -143,13 +144,13 @@ def _hands(device: Device, gains: Gains, theta: float, count: int) -> Iterator[L
 
 
 def _reactance(device: Device, gains: Gains, theta: float, at: Floats) -> Floats:
-    """Return the worst reactance of a hand, with which the motor's response is at the edge of its disc.
+    """Return the worst reactance of a hand at each alias. With it, the motor's response is at the edge of its disc.
 
     Parameters
     ----------
     device, gains : device and gains with plain numbers
     theta : omega T, rad
-    at : angles of the aliases, rad; other angles have no response
+    at : angles of the aliases, rad; the function omits the response at all other aliases
     """
     omega, drive = at / device.sample_time, _numbers(drive_at(device, theta, at, FLOATS))
     radius, reactance, leak = motor_disc(device, omega, FLOATS)
@@ -187,7 +188,7 @@ def _with_reactance(omega: Floats, reactance: Floats, detuned: float) -> Lossles
     Parameters
     ----------
     omega : frequency, rad/s, > 0
-    reactance : N s/m
+    reactance : reactance of the hand at each frequency, N s/m
     detuned : relative distance of the resonators from their frequencies
     """
     heavy = reactance[0] > 0

@@ -25,16 +25,16 @@ MARGIN_POINTS_PER_DECADE = 100
 within 5 % of each other. With twice as many, it takes twice the time."""
 DECADES_BELOW_NYQUIST = 7
 """Number of decades below Nyquist that the code searches. Only a loop with a bandwidth of a millionth of its sampling
-rate has a crossover that far below. With half as many decades, the code misses crossovers of slow loops. With twice as
-many, it finds no further crossovers."""
+rate has a crossover so far below Nyquist. With half as many decades, the code misses crossovers of slow loops. With
+twice as many, it finds no further crossovers."""
 STEPS, FARTHEST = 16, 32
 """Number of steps in which the code increases the delay to its estimated margin, and the multiple of this margin at
 which it stops. With half as many steps, the code may skip an unstable interval of delays that is twice as long. With
 twice as many, it takes twice the time."""
 NEWTON_STEPS = 8
-"""Number of Newton's steps. After ten bisections, quadratic convergence takes three steps. The other steps serve a
-double crossing, where convergence is linear. Half as many steps would suffice for a simple crossing. Twice as many
-would reach rounding errors."""
+"""Number of Newton steps. After ten bisections, quadratic convergence takes three steps. The other steps serve a double
+crossing, where convergence is linear. Half as many steps would suffice for a simple crossing. Twice as many would reach
+rounding errors."""
 DIFFERENCE = 1e-6
 """Step of the central differences in Newton's method, in log omega and in delay over sample time. The differences have
 an error of 1e-12 and a rounding error of 1e-10. Errors of this size slow the method down but do not change its limit.
@@ -51,8 +51,8 @@ class Margins:
 
     Attributes
     ----------
-    gain : factor on L, nearest to 1, that makes the loop unstable
-    phase : phase, rad, nearest to 0, that makes the loop unstable
+    gain : factor of L, nearest to 1, that makes the loop unstable
+    phase : phase shift of L, rad, nearest to 0, that makes the loop unstable
     delay : least additional delay of the device, s, that makes the sampled loop unstable
     """
 
@@ -116,7 +116,7 @@ def unstable_poles(device: Device, gains: Gains) -> int:
     Returns
     -------
     int
-        An estimate on a grid; it is correct if F does not come close to 0.
+        An estimate on a grid, which is correct if F does not come close to 0.
     """
     F = _circle(device, gains)
     turns = np.unwrap(np.arctan2(F.im, F.re))
@@ -138,7 +138,7 @@ def _delay_margin(device: Device, gains: Gains, estimate: float) -> float:
     """Return the least delay with which F passes through 0; inf if there is no such delay.
 
     The usual estimate, phase margin divided by frequency, is good only far below Nyquist. If a loop rings at Nyquist, a
-    delay by a fraction of a sample even stabilises it, because the held force then acts on two samples.
+    delay of a fraction of a sample even stabilises the loop, because the held force then acts on two samples.
     """
 
     def stable(delay: float) -> bool:

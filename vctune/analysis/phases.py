@@ -53,7 +53,7 @@ def crossover(device: Device, gains: Gains) -> float | None:
     Parameters
     ----------
     device : device with plain numbers, SI units; without a hand
-    gains : K_v, K_p, N s/m and N/m
+    gains : K_v and K_p, N s/m and N/m
     """
     if not gains.closed:
         return None
@@ -69,7 +69,7 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
     Parameters
     ----------
     device : device with plain numbers, SI units; without a hand
-    gains : K_v, K_p, N s/m and N/m
+    gains : K_v and K_p, N s/m and N/m
     omega : frequency, rad/s, 0 < omega <= pi/T
     """
     known = _constants(device, omega)
@@ -92,7 +92,7 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     Parameters
     ----------
     device : device with plain numbers, SI units
-    gains : K_v, K_p, N s/m and N/m
+    gains : K_v and K_p, N s/m and N/m
     omega : frequency, rad/s, > 0
     """
     known, sensor = _constants(device, omega), device.sensing
@@ -102,7 +102,7 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     shares |= _law_phase(gains, omega)
     shares |= _drive_phases(device, omega)
     idle, e = _without_loop(known), _number(known.factor)
-    shares[MECHANISM] = _angle(e / idle) - _angle(e)  # separate: beyond a resonance this phase passes -180 deg
+    shares[MECHANISM] = _angle(e / idle) - _angle(e)  # two angles: beyond a resonance, this phase passes -180 deg
     shares[FEEDBACK] = -_angle(_number(known.D.closed(gains)) / idle)
     return Phases(omega, shares)
 

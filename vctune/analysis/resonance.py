@@ -34,12 +34,12 @@ def with_resonance(device: Device, grid: Floats) -> Floats:
     Returns
     -------
     array of float
-        In ascending order, rad/s, with the same ends.
+        Frequencies in ascending order, rad/s, with the same ends as the given grid.
     """
     structure, mass = device.structure, device.mass
     if structure is None:
         return grid
-    # only the handle resonates if the loop holds the motor still: the reduced mass m_1 m_2/m becomes m_2
+    # if the loop holds the motor still, only the handle resonates: the reduced mass m_1 m_2/m becomes m_2
     resonance = 2 * pi * float(structure.frequency_hz)
     load = structure.load.mass if structure.load is not None else 0.0
     held = resonance * ((mass - structure.handle_mass) / mass) ** 0.5

@@ -36,7 +36,7 @@ def _sampled(device: Device) -> SampledPlant:
 
 
 _sampled_once = lru_cache(maxsize=1024)(_sampled)
-"""Return a device's plant from a cache, because all frequencies and all rounds of an exchange need the same
+"""Return a device's plant from a cache, because all frequencies and all rounds of an exchange need the same matrix
 exponential. The cache contains as many devices as the search tries in a box. With half or twice this size, a search
 takes the same time."""
 
@@ -83,7 +83,7 @@ def pulse_transfer(device: Device, omega: Floats, *, position: bool) -> tuple[Co
     Returns
     -------
     tuple of two arrays of complex
-        m/(N s) and m/N.
+        G_v, m/(N s), and G_x, m/N.
     """
     parts = return_difference_at(device, omega, position=position)
     open_loop, velocity, travel = (part.re + 1j * part.im for part in (parts.open, parts.velocity, parts.position))

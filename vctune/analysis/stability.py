@@ -1,4 +1,5 @@
-"""Estimate the stability of both loops on grids, and the stability boundary, for the search. These are not proofs.
+"""Estimate the stability of both loops on grids, and the stability boundary, for the search. The estimates are not
+proofs.
 
 See model/README.md, section 7.
 """
@@ -33,9 +34,9 @@ TOO_CLOSE = 0.03
 angles. With half this value, chords may pass 0 on the wrong side. With twice this value, the proof must decide more
 loops. In either case no verdict is wrong, because the proof decides."""
 LARGEST_TURN = 1.0
-"""Greatest turn of F between neighbouring angles for which the code relies on the grid, rad. It is well below half a
-turn, at which the direction would be ambiguous. With half this value, the code leaves more loops to the proof; with
-twice this value, fewer."""
+"""Greatest turn of F between neighbouring angles for which the code relies on the grid, rad. This value is well below
+half a turn, at which the direction would be ambiguous. With half this value, the code leaves more loops to the proof;
+with twice this value, fewer."""
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
 """Number of points, and number of rounds, in the search along a segment of gains for a pole's crossing. The search
 locates the crossing to 1/32768 of the segment. A cut need not be closer to the boundary, because further cuts follow.
@@ -49,7 +50,7 @@ Curve = Callable[[Floats, Floats, Floats], Complex]
 
 
 def sampled_curve(device: Device, *, position: bool) -> Curve:
-    """Return the return difference of the sampled loop, divided by that of the open loop.
+    """Return the return difference of the sampled loop, divided by the return difference of the open loop.
 
     Parameters
     ----------
@@ -67,7 +68,7 @@ def sampled_curve(device: Device, *, position: bool) -> Curve:
 
 
 def model_curve(device: Device) -> Curve:
-    """Return D of the frequency model, divided by that of the open loop: D/Z_d for a rigid device."""
+    """Return D of the frequency model, divided by the D of the open loop: D/Z_d for a rigid device."""
 
     def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
         omega = theta / device.sample_time
@@ -118,7 +119,7 @@ def unit_circle(device: Device, first: float = FIRST_ANGLE, *, position: bool) -
     Returns
     -------
     ReturnDifference
-        The parts at `angles`, each with their shape.
+        The parts at `angles`, each with the shape of the angles.
     """
     return return_difference(plant_of(device), angles(device, first), FLOATS, position=position)
 
@@ -201,9 +202,9 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
 
 
 def _crossing(curve: Curve, theta: Floats, inside: Gains, outside: Gains) -> Gains | None:
-    """Return the gains at which the number of turns first differs from that at `inside`.
+    """Return the gains at which the number of turns first differs from the number at `inside`.
 
-    Return None if it never differs.
+    The result is None if the number never differs.
     """
     low, high = 0.0, 1.0
     for _ in range(CROSSING_ROUNDS):

@@ -39,9 +39,9 @@ class Device:
 
     Attributes
     ----------
-    mass : kg, > 0; 1 for a servo, where it has no effect
-    damping : N s/m, >= 0; 0 for a servo
-    sample_time : s, > 0
+    mass : moving mass, kg, > 0; 1 for a servo, where the mass has no effect
+    damping : damping of the mechanism, N s/m, >= 0; 0 for a servo
+    sample_time : T, s, > 0
     delay : delay from sampling to actuation, s, >= 0, in addition to the hold
     hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT)
     operator : the least operator, a load that is always at the handle; None if the handle may be free
@@ -87,8 +87,8 @@ class Device:
     def coupling_may_drive(self) -> bool:
         """Whether the coupling may have Re 1/Z_c < 0, as on an impedance display with two low-passes of the velocity.
 
-        If R is also negative, g R with the safety factor g is less than R. Stability then requires the condition Re
-        1/Z_c > R as well.
+        If R is also negative, g R is less than R, where g is the safety factor. Stability then requires the condition
+        Re 1/Z_c > R as well.
         """
         known = self.velocity
         return self.kind.inverse and known is not None and known.filter_hz is not None and known.filter_order > 1

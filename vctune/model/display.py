@@ -31,12 +31,12 @@ class Display:
     coupling : type of the virtual coupling
     couples : "Z_c" or "1/Z_c", the coupling's response in the error and the conditions
     senses_force : whether the firmware reads the force of the hand
-    differences : whether the firmware differences positions to get the velocity, unless a file says otherwise
-    banded : True if the claim for any passive hand holds on a band of the frequency model; False if it holds in the
-        sampled loop up to the Nyquist frequency
+    differences : whether the firmware by default computes the velocity from differences of the position
+    banded : True if the claim for any passive hand holds on a band of the frequency model; False if the claim holds in
+        the sampled loop up to the Nyquist frequency
     band : default transparency band, dimensionless: frequencies in Hz, multiplied by the lag of the loop in s
     own_loop : whether the firmware closes a loop around the device, which then has a sensitivity
-    terms : terms of the error that are not always 0
+    terms : names of the error's terms that are not always 0
     """
 
     name: DisplayName

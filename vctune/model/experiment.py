@@ -19,9 +19,9 @@ class Environment:
 
     Attributes
     ----------
-    mass : kg
-    damping : N s/m
-    stiffness : N/m
+    mass : mass of the environment, kg
+    damping : damping of the environment, N s/m
+    stiffness : stiffness of the environment, N/m
     zero : position at which the spring is relaxed, m
     wall : whether damping and stiffness only push, towards negative x
     rule : integration rule in the firmware; a wall uses backward Euler
@@ -38,7 +38,7 @@ class Environment:
 
     @property
     def built_in(self) -> bool:
-        """Whether the exported firmware can render this environment: one on time and not by explicit Euler."""
+        """Whether the exported firmware can render this environment: it must be on time and not use explicit Euler."""
         return self.rule != "explicit" and self.late == 0
 
 
@@ -48,10 +48,10 @@ class Operator:
 
     Attributes
     ----------
-    motion : waveform of the intended motion to and fro
+    motion : waveform of the intended to-and-fro motion
     start, end : ends of the intended motion, m
     speed : greatest speed of the intended motion, m/s
-    cycles : number of cycles to and fro
+    cycles : number of to-and-fro cycles
     mass, damping, stiffness : mass, damping and stiffness of the hand, kg, N s/m, N/m
     dwell : time from one change of the hand to the next, s; None if the hand does not change, or changes at given times
     changes_at : given times at which the hand changes, increasing, s
@@ -159,8 +159,8 @@ class Experiment:
 
     Attributes
     ----------
-    name : name; no other experiment of the problem has it
-    environment, operator, sensors : see the classes of these names
+    name : name that no other experiment of the problem has
+    environment, operator, sensors : see `Environment`, `Operator` and `Sensors`
     friction : friction of the device; None without friction
     limit : greatest force of the actuator, N; None without a limit
     baseline : a regular controller for comparison; None without one

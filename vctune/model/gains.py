@@ -47,7 +47,7 @@ class Coupling:
         return isinstance(damping, float) and damping == inf
 
     def times(self, share: Number) -> Coupling:
-        """Return the coupling whose impedance is a share of this coupling's."""
+        """Return the coupling whose impedance is the impedance of this coupling times a share."""
         return Coupling(self.damping if self.rigid else self.damping * share, self.mass * share, self.drag * share)
 
 

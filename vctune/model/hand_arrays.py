@@ -25,7 +25,7 @@ def stacked(hands: Sequence[Hand], shape: tuple[int, ...] = (-1,)) -> Hand:
 
 @dataclass(frozen=True, slots=True)
 class PlacesInHands:
-    """Frequencies or angles, each with a hand; all are arrays of one shape.
+    """Frequencies or angles, each paired with a hand, as arrays of one shape.
 
     Attributes
     ----------
@@ -44,8 +44,8 @@ class PlacesInHands:
 
         Parameters
         ----------
-        of : function that takes as many arrays as there are places
-        others : more places, the further arguments of the function
+        of : function of one array from these places and one from each of the others
+        others : places for the further arguments of the function
         """
         hands = self.hands.mapped(of, *(each.hands for each in others))
         return PlacesInHands(of(self.at, *(each.at for each in others)), hands)

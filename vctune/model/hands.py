@@ -1,7 +1,7 @@
 """Define the least operator, a hand at the handle, and a box of hands. SI units.
 
-The fields of `Hand` are the parameters of a hand, and all other modules use their names. If the name of a parameter is
-not its quantity, the field's metadata has "mass", "damping" or "stiffness" as "quantity".
+The fields of `Hand` are the parameters of a hand, and all other modules use the names of these fields. If a field is
+not named after its quantity, the entry "quantity" of its metadata is "mass", "damping" or "stiffness".
 """
 
 from __future__ import annotations
@@ -55,17 +55,17 @@ class Hand:
 
     @classmethod
     def of(cls, values: Mapping[str, Number]) -> Hand:
-        """Return the hand with the parameters of a mapping, which has their keys in a problem file."""
+        """Return the hand whose parameters a mapping states under their keys in a problem file."""
         return cls(**{name: values[key] for key, name in zip(HAND, NAMES, strict=True)})
 
     def mapped(self, of: Callable[..., Number], *others: Hand) -> Hand:
-        """Return the hand that results from applying a function to each number of this hand and the same number of the
-        others.
+        """Return the hand that results from applying a function to each number of this hand and the corresponding
+        numbers of the others.
 
         Parameters
         ----------
-        of : function that takes as many numbers as there are hands
-        others : more hands, the further arguments of the function
+        of : function of one number from this hand and one from each of the others
+        others : hands for the further arguments of the function
         """
         return Hand(**{name: of(*(getattr(hand, name) for hand in (self, *others))) for name in NAMES})
 
@@ -125,7 +125,7 @@ class Hands:
 
     @property
     def ranges(self) -> dict[str, tuple[Number, Number]]:
-        """The two ends of each number, by its name."""
+        """The least and the greatest value of each parameter, by the parameter's name."""
         return {name: (getattr(self.low, name), getattr(self.high, name)) for name in NAMES}
 
     @property

@@ -24,8 +24,8 @@ class VelocityEstimate:
     Attributes
     ----------
     source : "measured" by a velocity sensor, or "difference", the backward difference of the sampled position
-    filter_hz : corner frequency of the low-pass y += a (x - y), a = 1 - e^(-2 pi f T), of the velocity, Hz; None
-        without one
+    filter_hz : corner frequency f, Hz, of the velocity's low-pass y += a (x - y) with a = 1 - e^(-2 pi f T); None
+        without a low-pass
     filter_order : number of such low-passes in series
     """
 
@@ -42,7 +42,7 @@ class Actuator:
     Attributes
     ----------
     bandwidth_hz : -3 dB frequency, Hz, > 0
-    order : 1 or 2
+    order : order of the low-pass, 1 or 2
     """
 
     bandwidth_hz: Number
@@ -57,8 +57,8 @@ class ForceSensor:
     Attributes
     ----------
     bandwidth_hz : -3 dB frequency, Hz, > 0; None without a low-pass
-    order : 1 or 2
-    delay : s, >= 0
+    order : order of the low-pass, 1 or 2
+    delay : delay of the sensed force, s, >= 0
     filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, 0 < a <= 1; None without a filter.
         Only a servo may have it
     """
@@ -79,9 +79,9 @@ class Servo:
     delay : delay from sampling to motion in addition to the hold, s, >= 0
     bandwidth_hz : -3 dB frequency of the low-pass from the delayed command to the motion, Hz, > 0
     order : order of that low-pass, 1, or 2 with damping ratio 1/sqrt(2)
-    command : "velocity", held over a sample, or "position", interpolated linearly over it
-    stiffness : stiffness of a spring by which the firmware pulls the measured position to a reference, N/m; None
-        without one. Its force does not pass the force sensor
+    command : "velocity", held over a sample, or "position", interpolated linearly over a sample
+    stiffness : stiffness of a spring with which the firmware pulls the measured position to a reference, N/m; None
+        without a spring. The force of the spring does not pass through the force sensor
     radii : points (Hz, r) of a disc around 1 that contains the unknown factor of the sensed response. r is linear
         between the points on logarithmic axes, and constant above the last point. Below the first point it is
         proportional to the frequency, because a servo at rest is exactly at its commanded position. Empty if the
@@ -106,8 +106,8 @@ class Structure:
     handle_mass : mass of the handle, kg, > 0, less than the device's mass
     frequency_hz : frequency of the free resonance of both masses, Hz, > 0
     damping_ratio : damping ratio of that resonance, >= 0
-    load : mass and damping that move rigidly with the handle; None without a load. Frequency and damping ratio hold
-        without the load
+    load : mass and damping that move rigidly with the handle; None without a load. Frequency and damping ratio
+        describe the structure without the load
     """
 
     handle_mass: Number
@@ -138,8 +138,8 @@ class Unmodelled:
 
 
 Quantity = Literal["mass", "damping", "stiffness", "time", "rate", "ratio"]
-"""Quantity of a device's parameter. The quantity determines the factor with which `Device.in_units` scales it. The
-texts of the units are those of `vctune.model.numbers.units`, where a rate is a frequency and a ratio has no unit."""
+"""Quantity of a device's parameter. The quantity determines the factor by which `Device.in_units` scales the parameter.
+The names of the units come from `vctune.model.numbers.units`, where a rate is a frequency and a ratio has no unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,10 +151,10 @@ class PartNumber:
     name : key of the number in the table of its part
     quantity : physical quantity
     label : name in a report, for a linear device; "" for a number that no report names
-    better : phrase for a device with a better value, for a linear device, such as "a faster actuator"; "" if no repair
+    better : phrase that describes a linear device with a better value, such as "a faster actuator"; "" if no repair
         proposes a better value
-    order_key : if the number is the corner of a low-pass and a file may omit it: the key of the low-pass's order
-    sampled : whether the number is the corner of a filter of samples, so that it must be below the Nyquist frequency
+    order_key : key of the low-pass's order, if the number is a corner frequency that a file may omit; "" otherwise
+    sampled : whether the number is the corner of a filter of samples, which must be below the Nyquist frequency
     certain : whether the number is known exactly, so that no file may call it uncertain
     """
 
@@ -178,7 +178,7 @@ class Part:
     numbers : the numbers of the record that may be any real number of a range
     ideal : the record of an ideal part, which a device does not store; None if there is no such record
     refused_by : reason why a kind of display cannot have the part, by the name of the kind
-    named : name of the part in a list of what a device has; "" for `label`
+    named : name of the part in a list of a device's parts; "" if that name is `label`
     """
 
     record: type
@@ -267,7 +267,7 @@ PART_NUMBERS: Mapping[str, PartNumber] = MappingProxyType(
 )
 """Descriptions of all parameters of a device, by their keys in its table."""
 OF_FIRMWARE = tuple(key for key, each in PART_NUMBERS.items() if each.certain and "." in key)
-"""Keys of the parameters of parts that are known exactly, because a firmware computes with these values. The sample
+"""Keys of the parameters of parts that are known exactly, because the firmware computes with these values. The sample
 time is also known exactly, but belongs to `NUMBERS`, because all formulas depend on it."""
 NUMBERS = tuple(key for key in PART_NUMBERS if key not in OF_FIRMWARE)
 """Keys of all other parameters of a device."""

@@ -1,4 +1,4 @@
-"""Define a design problem with all defaults filled in. The rest of vctune takes it as input. SI units."""
+"""Define a design problem with all defaults filled in, which the rest of vctune takes as input. SI units."""
 
 from __future__ import annotations
 
@@ -88,8 +88,8 @@ class Transparency:
 class Stability:
     """The requirements (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, hands.
 
-    `changing` names the parameter of the hand that may change while the hand holds the handle. The claim covers hands
-    with a mass of at least `changing_mass_min`, kg.
+    `changing` names the parameter of the hand that may change while the hand holds the handle. The claim about changing
+    hands covers those with a mass of at least `changing_mass_min`, kg.
     """
 
     band: Band
@@ -108,7 +108,7 @@ class Demands:
     ----------
     device : the device
     band : band of Llewellyn's conditions, rad/s; may be (0, inf)
-    factor : least permitted Re Z_c / R
+    factor : safety factor g, the least permitted Re Z_c / R
     max_sensitivity : greatest permitted |S| of the sampled loop
     passive : whether the constraints include any passive hand on the band
     any_hand : whether the constraints include any passive hand on an impedance display, at every frequency
@@ -140,7 +140,7 @@ class Demands:
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """The uncertainty of the device: how far its parameters and its response may deviate from the stated ones.
+    """The uncertainty of the device: how far its parameters and its response may deviate from the stated values.
 
     Attributes
     ----------
@@ -168,7 +168,7 @@ class Problem:
 
     See design/README.md, section 1; document/README.md, section 1.
 
-    The constraints hold for the nominal device or, with `uncertainty`, for every device of its box. They hold with
+    The constraints apply to the nominal device or, with `uncertainty`, to every device of its box. They apply with
     every environment that is passive in its discrete form or, with `worlds`, with every environment of that box.
     """
 

@@ -52,7 +52,7 @@ class LatencyPart:
 
     @classmethod
     def of(cls, label: str, key: str, change: str) -> LatencyPart:
-        """Return the part that a change of a given key shortens.
+        """Return the part that a change of the number with a given key shortens.
 
         Parameters
         ----------

@@ -37,7 +37,7 @@ TERMS: tuple[TermName, ...] = ("admittance", "tracking", "coupling")
 
 
 class LoopTerms(NamedTuple):
-    """The squares of the two terms that do not contain the coupling, those of G_hh and of 1 - G_he, with Z_0 = 1.
+    """The squares of the two terms that do not contain the coupling, |G_hh| and |1 - G_he|, with Z_0 = 1.
 
     An impedance display has the dual terms. The dual terms contain 1/G_hh, the impedance in free motion, and 1 - A H/N,
     the relative error of the handle's force against the commanded force.
@@ -61,8 +61,8 @@ def loop_terms(loop: LoopResponse, at: DeviceResponse, kind: Display) -> LoopTer
     Returns
     -------
     LoopTerms
-        admittance : |G_hh|^2, (m/(N s))^2, for an impedance display 1/|G_hh|^2; tracking : the other term,
-            dimensionless.
+        `admittance` is |G_hh|^2, (m/(N s))^2, or 1/|G_hh|^2 for an impedance display. `tracking` is the other term,
+        dimensionless.
     """
     if not kind.inverse:
         return LoopTerms(G_hh_abs2(loop), tracking_abs2(loop))
@@ -120,9 +120,9 @@ def squared_terms(of_loop: LoopTerms, coupling: Pair, reference: float) -> Terms
 
 @cache
 def _panel() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the Gauss-Legendre nodes and weights on [-1, 1], from the eigenvalues of Jacobi's matrix.
+    """Return the Gauss-Legendre nodes and weights on [-1, 1], from the eigenvalues of the Jacobi matrix.
 
-    `numpy.polynomial` has them too, but importing it takes as long as finding a design.
+    `numpy.polynomial` provides them too, but importing this module takes as long as finding a design.
     """
     k = np.arange(1.0, PANEL_NODES)
     nodes, vectors = np.linalg.eigh(np.diag(k / np.sqrt(4 * k * k - 1), -1))
@@ -138,7 +138,7 @@ def log_quadrature(omega_min: float, omega_max: float, panels: int) -> tuple[NDA
     Parameters
     ----------
     omega_min, omega_max : w1 and w2, rad/s, 0 < w1 < w2
-    panels : number of parts
+    panels : number of equal parts of the band
 
     Returns
     -------

@@ -52,11 +52,12 @@ class Worlds:
     Attributes
     ----------
     low, high : the environments with the least and with the greatest numbers; `high.damping` is inf if the firmware
-        renders them passively
+        renders all environments of the box passively
     walls : whether springs may be walls: one-sided, or piecewise linear with slopes within the range of stiffness
-    corner : w_c of the multiplier that proves walls, rad/s, > 0, at most 2/T (section 19); None if it is not chosen
-    rule : rule by which the firmware integrates them
-    late : number of samples by which their force is late, >= 0
+    corner : corner frequency w_c of the multiplier that proves walls, rad/s, > 0, at most 2/T (section 19); None if
+        no corner has been chosen
+    rule : rule by which the firmware integrates the environments
+    late : number of samples by which the environments' force is late, >= 0
     resistive : whether a search relies on the real part alone; a proof never does
     """
 
@@ -75,13 +76,13 @@ class Worlds:
 
     @property
     def by_real_part(self) -> Worlds:
-        """The same environments without walls, on time and by the trapezoidal rule, of which a search requires only the
-        condition on the real part."""
+        """The same environments without walls, on time and by the trapezoidal rule. For these environments, a search
+        requires only the condition on the real part."""
         return Worlds(self.low, self.high, resistive=True)
 
     @property
     def lossless(self) -> bool:
-        """Whether masses and springs are the lossless ones of section 18, which step by the trapezoidal rule and run on
+        """Whether masses and springs are lossless, as in section 18: they step by the trapezoidal rule and run on
         time."""
         return self.rule == "trapezoid" and self.late == 0
 
@@ -114,8 +115,8 @@ class Worlds:
 
         Parameters
         ----------
-        impedance : N s/m, > 0
-        time : s, > 0
+        impedance : the new unit of impedance, N s/m, > 0
+        time : the new unit of time, s, > 0
         """
         corner = None if self.corner is None else self.corner * time
         return replace(
@@ -135,12 +136,12 @@ EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))
 
 
 def in_time_in_words(rule: WorldRule, late: int) -> str:
-    """Return words about rule and lateness that follow an environment's numbers; "" for a lossless one on time.
+    """Return the words for rule and lateness that follow an environment's numbers; "" for a lossless one on time.
 
     Parameters
     ----------
-    rule : rule by which the firmware integrates it
-    late : number of samples by which its force is late
+    rule : rule by which the firmware integrates the environment
+    late : number of samples by which the environment's force is late
     """
     stepped = {"trapezoid": "", "explicit": "stepped by explicit Euler", "implicit": "stepped by implicit Euler"}[rule]
     waited = f"{late} sample{'s' * (late > 1)} late" if late else ""
@@ -162,7 +163,7 @@ class WorldsMet:
     Attributes
     ----------
     worlds : the box of environments
-    factor : g >= 1; the coupling divided by any number from 1 to g must render them stably, too
+    factor : safety factor g >= 1; the coupling divided by any number from 1 to g must also render them stably
     """
 
     worlds: Worlds

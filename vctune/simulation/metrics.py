@@ -31,7 +31,7 @@ class Fit:
 
     Attributes
     ----------
-    value : felt value
+    value : value that the hand feels
     asked : value of the parameter in the environment
     standard_error : standard error of the value, from the residual
     """
@@ -53,15 +53,15 @@ class Metrics:
         strokes, without the turning points, N
     fits : felt values of the environment's mass, damping and stiffness; for free motion the felt damping
     offset : force of the fit at the origin, N
-    residual : root mean square of the force around the fit, N
-    ripple : greatest minus least force around the fit while the handle's speed is below a tenth of its greatest speed,
+    residual : root mean square difference of the force from the fit, N
+    ripple : greatest minus least force around the fit while the handle's speed is below a tenth of the greatest speed,
         N
     handle_energy : work of the hand on the handle, J
     environment_energy : energy absorbed by the environment, J
     motor_energy : work of the commanded motor force on the device, J; None for a servo
     handle_deficit, environment_deficit : greatest excess of the energy that handle and environment have returned over
         the energy that they have received, J, as a passivity observer computes it
-    peak_motor : greatest magnitude of the command u, N; for a commanded velocity m/s, for a commanded position m
+    peak_motor : greatest magnitude of the command u, N; in m/s for a commanded velocity, in m for a commanded position
     saturated : share of the samples at the actuator's limit
     peak_force : greatest |f_h|, N
     """
@@ -101,7 +101,7 @@ def metrics(
     Returns
     -------
     Metrics
-        In SI units. A measure is None if the environment or the motion does not have it.
+        Measures in SI units. A measure is None if it does not exist for the environment or the motion.
     """
     stroke = stroke_time(operator)
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)

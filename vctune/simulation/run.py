@@ -45,8 +45,8 @@ class Traces:
     reference, desired : x_e and v_e of the rendered environment, m, m/s
     environment_force : f_e, N
     motor : u, the command: a force, N; for a servo a velocity, m/s, or a position, m
-    sensed : f_s, the force that the firmware reads, N: the sensed f_h with noise, for a servo after its filter and with
-        the force of its own spring
+    sensed : f_s, the force that the firmware reads, N: the sensed f_h with noise; for a servo, after the filter and
+        with the force of the servo's own spring
     diverged : time, s, at which the run diverged and the traces end; None if the run did not diverge
     motor_position, motor_velocity : motion of the motor, which carries the encoder, m, m/s; None if motor and
         handle move alike

@@ -25,7 +25,7 @@ class Scene:
     operator : the hand
     friction : friction of the device; None without friction
     law : the firmware
-    force_noise, seed : standard deviation of the force samples' noise, N, and its seed
+    force_noise, seed : standard deviation of the force samples' noise, N, and seed of the noise
     """
 
     device: Device
@@ -62,7 +62,7 @@ class Equilibrium:
 
 
 def equilibrium(scene: Scene) -> Equilibrium:
-    """Return the equilibrium at the start of the motion, with all springs from hand to environment in series.
+    """Return the equilibrium at the start of the motion. All springs from hand to environment are in series.
 
     A servo starts at the position at which hand and environment are in equilibrium. The servo's own spring is relaxed
     at this position. The scene starts at rest, with three exceptions:
@@ -130,8 +130,8 @@ def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Sce
 def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, environment: Environment) -> Law:
     """Return the firmware of a design, without a limit and with an ideal encoder.
 
-    The filter and the own spring of a servo's firmware are not part of this law. The simulation applies both to the
-    force that the law reads (`mechanics/step_symbols.py`).
+    This law does not contain the filter and the spring of a servo's firmware. The simulation applies both to the force
+    that the law reads (`mechanics/step_symbols.py`).
 
     Parameters
     ----------

@@ -42,13 +42,13 @@ def simulation_record(
 ) -> SimulationRecord:
     """Return the record of simulated experiments.
 
-    The function thins the curves for drawing, to `TOLERANCE`.
+    The function thins the drawn curves to `TOLERANCE`.
 
     Parameters
     ----------
     file : the problem and its text
     gains, coupling : the design, SI units
-    simulated : the experiments
+    simulated : the experiments and their results
     controller : name of the external firmware; None if the design's own firmware ran
     """
     also: dict[str, Any] = {} if controller is None else {"controller": controller}
@@ -71,7 +71,7 @@ def simulation_record(
 
 
 def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
-    """Return all traces by name. A name consists of experiment, run and quantity, as in "spring/design/force"."""
+    """Return all traces by name. A name states experiment, run and quantity, as in "spring/design/force"."""
     return {
         f"{result.experiment.name}/{name}/{field.name}": values
         for result in simulated
@@ -155,7 +155,7 @@ def _run(run: Run, curve: list[list[float]]) -> RunRecord:
 
 
 def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:
-    """Return position or velocity, and the force over it.
+    """Return position or velocity, and the force at each of its values.
 
     If the run has several cycles, the function omits the first cycle.
     """

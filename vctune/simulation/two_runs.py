@@ -24,7 +24,7 @@ class Run:
     traces : the recorded samples
     metrics : measures of the run; None if the run diverged
     mode : fastest growing, or slowest decaying, mode of the linear sampled loop of device, firmware, hand and
-        environment; the run is stable if its radius is below 1
+        environment; the run is stable if the radius of this mode is below 1
     """
 
     traces: Traces
@@ -42,8 +42,8 @@ class Simulated:
     baseline, design : the two runs; baseline is None if the experiment states no regular PID
     least_virtual : least share of the baseline's virtual mass and damping with which its loop is stable; 0 if the loop
         is stable with almost no virtual mass and damping; None without a baseline, or if no tried share is stable
-    difference : difference between the commands of an external firmware and the design's; None without an external
-        firmware. `design.mode` always refers to the design's own firmware
+    difference : difference between the commands of an external firmware and the design's commands; None without an
+        external firmware. `design.mode` always refers to the design's own firmware
     """
 
     experiment: Experiment
@@ -85,7 +85,7 @@ def simulate(
         return judged(scene, run(scene, lambda share: progress(f"{experiment.name}, {name} {share:.0%}")))
 
     def judged(scene: Scene, traces: Traces) -> Run:
-        """Return a run from its traces: measured, unless it diverged, and with the scene's linear stability."""
+        """Return a run from its traces, with its measures unless it diverged, and with the scene's linear stability."""
         measured = None
         if traces.diverged is None:
             measured = metrics(traces, experiment.environment, experiment.operator, experiment.limit, scene.law.command)

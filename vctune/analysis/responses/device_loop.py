@@ -101,7 +101,7 @@ class Loop:
 
     @property
     def Y_seen(self) -> Transfer:
-        """The admittance that the environment of an impedance display sees, from force to differenced position."""
+        """The admittance of an impedance display, as its environment sees it, from force to differenced position."""
         if self.device.kind.senses_force:
             raise ValueError("Y_seen: an admittance display meets its environment by its force; take Z_seen")
         signals = Signal("force", self._units.force), Signal("velocity", self._units.speed)
@@ -175,11 +175,11 @@ class Loop:
         return total([(float(self.gains.velocity), plant.velocity), (float(self.gains.position), plant.position)])
 
     def _driven(self, plant: PlantStates) -> dict[str, Row]:
-        """Return the states if the environment moves. The law then acts on the errors of velocity and position.
+        """Return the states for a moving environment. The law then acts on the errors of velocity and position.
 
-        The trapezoidal rule integrates the environment's velocity. The state is the difference between the positions of
-        environment and motor. The states thus have no pure integrator if no other state depends on only one of the
-        positions.
+        The trapezoidal rule integrates the environment's velocity. The difference between the positions of environment
+        and motor is one of the states. The states thus have no pure integrator if no other state depends on only one of
+        the positions.
         """
         T, K_v, K_p = float(self.device.sample_time), float(self.gains.velocity), float(self.gains.position)
         command = total([(K_v + K_p * T / 2, {INPUT: 1.0}), (K_p, {"error": 1.0}), (-K_v, plant.velocity)])

@@ -1,5 +1,5 @@
-"""Build the states of a device in a hand over one sample, from the matrices of `vctune.model.sampled`; delays become
-states.
+"""Build the states of a device in a hand over one sample, including the states of delays, from the matrices of
+`vctune.model.sampled`.
 
 The mechanism and its filters come from `mechanism_in_hand`, or for a servo from `servo_rates`; `stepped` steps them
 exactly over a sample. If the sensor is late by a fraction of a sample, the firmware reads the force at a time within an
@@ -119,8 +119,10 @@ class _Timing:
 def _timing(
     states: dict[str, Row], command: Row, device: Device, sensor_delay: float, *, later: bool = False
 ) -> _Timing:
-    """Return the timing of a device's commands, one sample later on request, and add the states that store the
-    commands."""
+    """Return the timing of a device's commands, and add the states that store the commands.
+
+    With `later`, the commands act one sample later.
+    """
     T, delay = float(device.sample_time), float(device.latency)
     whole, older = split_delay(delay, T)
     sensed, part = split_delay(sensor_delay, T)
@@ -130,7 +132,7 @@ def _timing(
 
 
 def _sensed(states: dict[str, Row], chain: _Chain, at: _Timing, weights: Floats, feed: float) -> Row:
-    """Return the sensed value of a sum of the dimensionless states and of the input that acts just before."""
+    """Return the sensed value of a sum of the dimensionless states and of the input that acts just before sensing."""
     if at.within is None:
         rows, acting = chain.after([{} for _ in chain.names]), at.before
     elif at.carried:
@@ -169,8 +171,8 @@ def plant_states(device: Device, hand: Hand) -> PlantStates:
 
 
 def velocity_states(device: Device, hand: Hand) -> PlantStates:
-    """Return a device in a hand as `plant_states` does, for a law that needs only the velocity estimate; no state is
-    duplicated.
+    """Return a device in a hand as `plant_states` does, but without duplicate states, for a law that needs only the
+    velocity estimate.
 
     In this form, the low-passes of the velocity act on the command, so that they share the states of the delay. A
     differenced velocity is the distance moved in the previous sample.

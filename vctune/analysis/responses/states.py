@@ -42,7 +42,7 @@ def total(terms: Iterable[tuple[float, Mapping[str, float]]]) -> Row:
 
 
 def late(states: dict[str, Row], name: str, row: Row, samples: int) -> Row:
-    """Return a row delayed by a number of samples, and add the states that store it.
+    """Return a row delayed by a number of samples, and add the states that store the row.
 
     Parameters
     ----------
@@ -67,9 +67,9 @@ def filtered(states: dict[str, Row], name: str, row: Row, coefficient: float, or
     ----------
     states : next value of each state; the function adds the states of the low-passes
     name : name of the filtered row
-    row : x
-    coefficient : a, in (0, 1]
-    order : number of low-passes
+    row : x, the row that enters the low-passes
+    coefficient : coefficient a of the low-passes, in (0, 1]
+    order : number of low-passes in series
     """
     for number in range(1, order + 1):
         kept = f"{name} low-pass {number}[k-1]"
@@ -79,7 +79,7 @@ def filtered(states: dict[str, Row], name: str, row: Row, coefficient: float, or
 
 
 def closed(states: Mapping[str, Row], command: Row) -> dict[str, Row]:
-    """Return states after replacing their input by a sum of states and of another input.
+    """Return states after replacing their input by a sum of states and another input.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def matrices(
     states : next value of each state
     output : the present output, as a row
     units : units of the states, by name
-    signals : input and output
+    signals : names and units of input and output
     sample_time : T, s
     """
     names = _between(states, output)

@@ -108,7 +108,7 @@ class StateSpace:
         return np.asarray(np.linalg.eigvals(self.A), np.complex128)
 
     def at(self, z: Complex) -> Complex:
-        """Return C (z - A)^-1 B + D at points z of the plane; the result has their shape."""
+        """Return C (z - A)^-1 B + D at points z of the complex plane. The result has the shape of z."""
         points = np.asarray(z, np.complex128)
         left = points[..., None, None] * np.eye(len(self.states)) - self.A
         return np.asarray((self.C @ np.linalg.solve(left, self.B.astype(complex)) + self.D)[..., 0, 0])
@@ -143,10 +143,10 @@ class Transfer:
     Attributes
     ----------
     symbol : symbol of the function, such as L, S or Z_c
-    unit : unit of its values; "1" if they are dimensionless
+    unit : unit of the values; "1" if they are dimensionless
     device : device of the loop, with plain numbers
-    response : function that returns its values at omega T, rad, in (0, pi]
-    realised : function that makes its state space
+    response : function that returns the values at given omega T, rad, in (0, pi]
+    realised : function that returns the state space
     """
 
     symbol: str

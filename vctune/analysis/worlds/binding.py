@@ -1,9 +1,10 @@
 """Find the environment with which a design has the least reserve, with its hand and frequency.
 
 At that frequency the environment cancels the reactance of the loop, with the coupling divided by the safety factor.
-Among all passive environments, it is a mass or a spring. In a box, it has the least stiffness, and the mass that then
-cancels the reactance. If that mass is below its range, it has the least mass, and the stiffness that then cancels the
-reactance. The code limits mass and stiffness to the greatest values of the box.
+Among all passive environments, this environment is a mass or a spring. In a box, the environment has the least
+stiffness, and the mass that then cancels the reactance. If that mass is below the range of masses, the environment has
+the least mass, and the stiffness that then cancels the reactance. The code limits mass and stiffness to the greatest
+values of the box.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from vctune.model.hands import Hand
 from vctune.model.worlds import World, Worlds
 
 LEAST = 1e-6
-"""Distance from the ends of the angles within which no environment has a reactance."""
+"""Distance, rad, of an angle from 0 and pi within which no environment has a reactance."""
 
 
 def binding_world(
@@ -29,7 +30,7 @@ def binding_world(
     factor: float,
     worlds: Worlds | None = None,
 ) -> World | None:
-    """Return the environment without additional damping; None at the ends, where any environment suffices.
+    """Return the environment without additional damping; None near angles 0 and pi, where any environment suffices.
 
     Parameters
     ----------

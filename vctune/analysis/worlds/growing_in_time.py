@@ -29,8 +29,8 @@ STEPS_TO_CORNER = 6
 """Number of steps from a member to a corner. With half as many steps, the code may lose the pole; with twice as many,
 it follows the same poles."""
 FARTHEST_MOVE = 0.3
-"""Greatest move of a pole in one step, relative to its angle. With half this move, the code loses some poles; with
-twice this move, it may switch to another pole."""
+"""Greatest move of a pole in one step, relative to the pole's angle. With half this move, the code loses some poles;
+with twice this move, the code may switch to another pole."""
 GROWTH = 1e-9
 """Growth per radian above which the code reports that a motion grows. This threshold exceeds the rounding error of
 Newton's method."""
@@ -53,10 +53,10 @@ def growing_in_time(
 
     Parameters
     ----------
-    device, gains, coupling : a design, plain numbers
+    device, gains, coupling : a design with plain numbers
     hand : hand in which the constraint is violated
     omega : frequency at which the constraint is violated, rad/s, from 0 to pi/T
-    worlds : the box; its greatest numbers may be inf
+    worlds : the box of environments; its greatest numbers may be inf
 
     Returns
     -------
@@ -76,7 +76,8 @@ def growing_in_time(
     growing = [(pole_angle, member) for pole_angle, member in poles if pole_angle.imag < -GROWTH * abs(pole_angle)]
     if not growing:
         return None
-    # z = e^(j pole_angle) grows by -Im in a sample; its angle modulo 2 pi is the aliased frequency, at most Nyquist
+    # the motion z^k, z = e^(j pole_angle), grows by -Im in a sample; the angle modulo 2 pi gives the aliased frequency,
+    # at most Nyquist
     pole_angle, (mass, damping, stiffness) = min(growing, key=lambda held: held[0].imag)
     of_mass = mass > 0
     return GrowingEnvironment(
@@ -106,8 +107,8 @@ def environment_factors(pole_angle: complex, sample_time: float, worlds: Worlds)
 
 
 def member_of_impedance(impedance: complex, factors: np.ndarray, worlds: Worlds) -> Member | None:
-    """Return a member with this impedance. One of its three values is at a finite end of its range, which determines
-    the other two.
+    """Return a member with this impedance. One of the member's three values is at a finite end of its range, and
+    determines the other two values.
 
     The members with a given impedance lie on a line. In one direction along this line, one of the values decreases to
     its least value, which is finite. The function therefore tries only finite ends.

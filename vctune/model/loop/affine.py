@@ -41,14 +41,14 @@ class Affine:
 
 @dataclass(frozen=True, slots=True)
 class LoopConstants:
-    """The constants of the loop at a frequency. They are not scaled.
+    """The constants of the loop at a frequency, without the scale of `LoopResponse`.
 
     Attributes
     ----------
     controller, C : C_0 and F_s C_0
     D, miss, numerator, motor : D, D - C_0, N and W
-    factor : e = 1 + y Z_2, the factor of C_f in D. Without a loop the motor's admittance is e/D, and the handle moves
-        by 1/D per unit of the motor's force
+    factor : e = 1 + y Z_2, the factor of C_f in D. Without a loop, the velocity per unit of the motor's force is e/D
+        at the motor and 1/D at the handle
     """
 
     controller: Affine
@@ -84,8 +84,8 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
     if spring is None:
         one = Pair(1, 0 * omega)
         return LoopConstants(told, C, motor, Affine(Z_1, lost, None), Affine(one, None, None), motor, one)
-    # the masses alone give j omega m (1 - g) of D_0, y Z_1 = -g m/m_2 and y Z_2 = -g m/m_1: D_0 cancels near the
-    # resonance, where enclosures must be sharp
+    # the masses alone give j omega m (1 - g) of D_0, y Z_1 = -g m/m_2 and y Z_2 = -g m/m_1: terms of D_0 cancel near
+    # the resonance, where enclosures must be sharp
     g, m, m_1, m_2 = Pair(spring.bent, spring.bent_im), spring.total, at.mass, spring.own_mass
     y = Pair(-g.im, g.re).scaled(m / (m_1 * m_2) / omega)
     bent, N_0 = g.scaled(-(m / m_1)), (g.scaled(-(m / m_2)) + y.scaled(at.damping)).plus(1)

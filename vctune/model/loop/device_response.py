@@ -29,7 +29,7 @@ class DriveResponse(NamedTuple):
 
     Attributes
     ----------
-    re : Re A H
+    re : Re A H, dimensionless
     lag : -Im A H / omega, s; for omega -> 0 it tends to T/2 + delay plus the actuator's lag
     """
 
@@ -67,7 +67,7 @@ class DeviceResponse(NamedTuple):
     ----------
     omega : frequency, rad/s
     mass, damping : mass and damping of the motor's part, kg and N s/m; a rigid device has no other part
-    drive : A H
+    drive : A H, the response of hold, delay and actuator
     estimate : F, from the motor's velocity to the firmware's estimate; None for 1
     sensor : F_s, from the hand's force to the sensed force; None for 1
     spring : spring between motor and handle; None for a rigid device
@@ -95,7 +95,7 @@ class Mechanism:
     Attributes
     ----------
     motor, handle : the two masses, kg
-    damping : damping of the handle, N s/m; None without damping. The damping of the motor's part is the device's
+    damping : damping of the handle, N s/m; None without damping. The device's damping acts on the motor's part
     stiffness, viscosity : stiffness and damping of the spring, N/m and N s/m
     """
 

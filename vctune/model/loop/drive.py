@@ -59,7 +59,7 @@ def drive_rows(
     Returns
     -------
     dict
-        The shares by name; a full share is the integer 1.
+        The coefficients of states and command, by name. A coefficient of 1 is the integer 1.
     """
     actuator = device.actuator
     if actuator is None:
@@ -85,11 +85,11 @@ def pushed(force: dict[str, Number], share: Number) -> dict[str, Number]:
     Parameters
     ----------
     force : the force as `drive_rows` returns it
-    share : factor of the force; the integer 1 leaves it as it is
+    share : factor of the force; the integer 1 leaves the force unchanged
 
     Returns
     -------
     dict
-        The shares of the states and the command. A share of 1 stays an integer, so that it adds no rounding error.
+        The coefficients of states and command. A coefficient of 1 stays an integer, so that it adds no rounding error.
     """
     return {name: share if type(part) is int and part == 1 else times(part, share) for name, part in force.items()}

@@ -39,8 +39,8 @@ class FilterResponse:
         Returns
         -------
         FilterResponse
-            The function forms the product's curvature from the factors' curvatures, not from 1 - Re, so that no digits
-            cancel.
+            The product. The function computes its curvature from the factors' curvatures, not from 1 - Re, so that no
+            digits cancel.
         """
         one, two = self, other
         crossed = one.curvature * two.curvature * omega2
@@ -58,7 +58,7 @@ def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -
     Parameters
     ----------
     bandwidth_hz : the -3 dB frequency w/(2 pi), Hz, > 0
-    order : 1 or 2
+    order : order of the low-pass, 1 or 2
     omega : angular frequency, rad/s, >= 0
     ops : arithmetic of bandwidth and omega
 
@@ -82,7 +82,7 @@ def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
 
     Parameters
     ----------
-    delay : s, >= 0
+    delay : duration of the delay, s, >= 0
     omega : angular frequency, rad/s, >= 0
     ops : arithmetic of delay and omega
 
@@ -237,7 +237,7 @@ def filter_rows(
     rows : rates of each state by the names of the states, with T = 1; the function adds the rates of the low-pass
     states : names of the output y and of the second state, which exists for order 2 only
     samples : bandwidth times T, that is, the -3 dB frequency in units of the sampling frequency
-    order : 1 or 2
+    order : order of the low-pass, 1 or 2
     ops : arithmetic of the rates
 
     Returns

@@ -21,7 +21,7 @@ class EndLimit:
 
     Attributes
     ----------
-    coupling : the limit of Re Z_c. If `required` is inf, only one of both limits may be divided by a power of omega
+    coupling : the limit of Re Z_c. If `required` is inf, only one of the two limits may be divided by a power of omega
     required : the limit of R; inf if no coupling suffices
     """
 
@@ -38,7 +38,7 @@ class Lags:
     drive : tau, the lag of hold, delay and actuator, s
     estimate, sensor : lags of the velocity estimate and of the force sensor, s
     loss : c/k^2 of the spring, m s/N
-    compliance : 1/k, m/N
+    compliance : 1/k of the spring, m/N
     """
 
     drive: Number
@@ -75,7 +75,7 @@ def lags(device: Device, ops: Arithmetic) -> Lags:
 
 
 def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: Arithmetic = FLOATS) -> EndLimit:
-    """Return the limits of Re Z_c and R for omega -> 0, with any hold.
+    """Return the limits of Re Z_c and R for omega -> 0, for any hold.
 
     See model/README.md, sections 6, 9 and 12. With K_p > 0, Re Z_c -> b_0 and R -> (b + tau_s K_p)^2/(4 (b + k)) with k
     = K_v - tau K_p + K_p^2 c/k_s^2. In this limit, tau is the drive's lag, tau_s the force sensor's lag, and k_s and c
@@ -133,7 +133,7 @@ def high_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> En
     Parameters
     ----------
     device : ideal device in SI units; b_h is the damping of its least operator, 0 without one
-    gains : gains; only K_v matters, N s/m
+    gains : gains of the loop; the function uses only K_v, N s/m
     coupling : b_c, m_c and b_0 of an admittance display
 
     Returns

@@ -4,7 +4,7 @@
 Let G_hh = N/D and q = C/D (`vctune.model.loop.loop`). With an operator that always contains Z_h, absolute stability
 requires
 
-    Re Z_c >= R = (|C||D| - Re(C conj D) - 2 Re Z_h Re(C conj N))/(2 (Re(N conj D) + Re Z_h |N|^2)),
+    Re Z_c >= R = (|C||D| - Re(C conj D) - 2 Re Z_h Re(C conj N))/(2 (Re(N conj D) + Re Z_h |N|^2)).
 
 For Z_h = 0 this is condition 3 of model/README.md, section 4. The operator's mass does not appear, because the hand may
 have any additional reactance. See model/README.md, section 9.

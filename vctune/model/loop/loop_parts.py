@@ -17,7 +17,7 @@ from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 class _Scale:
     """The factor by which the code multiplies the loop's impedances (see `LoopResponse`).
 
-    None stands for the factor 1; the code then omits the product.
+    None stands for a factor of 1, which the code does not multiply by.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class _Scale:
 
 @dataclass(frozen=True, slots=True)
 class _Turned:
-    """Im(C conj D) times the scale, as flat + omega slope; flat is None if it is absent."""
+    """Im(C conj D) times the scale, as flat + omega slope. If there is no constant term, flat is None."""
 
     flat: Number | None
     slope: Number
@@ -196,10 +196,10 @@ def _estimated(
 
 
 def _turned(at: DeviceResponse, gains: Gains, C_0: Impedance, scale: _Scale, ops: Arithmetic) -> _Turned:
-    """Return Im(C_0 conj W), scaled: the sum of the products of C_0 with b, with m omega, and with the loss of F in
-    C_f.
+    """Return Im(C_0 conj W), scaled.
 
-    The code omits the product of C_0 with itself, which has no imaginary part.
+    The result is the sum of the products of C_0 with b, with m omega, and with the loss of F in C_f. The code omits the
+    product of C_0 with itself, which has no imaginary part.
     """
     integral = scale.own is not None
     slope = -(at.mass * C_0.re)

@@ -48,7 +48,7 @@ class Arithmetic(Protocol):
         """
 
     def reciprocal(self, re: Number, im: Number) -> tuple[Number, Number]:
-        """Return 1/(re + j im). The relative width of the result is about that of the number.
+        """Return 1/(re + j im). The result and the number have about the same relative width.
 
         Parameters
         ----------
@@ -100,7 +100,7 @@ class Arithmetic(Protocol):
         """
 
     def interpolated(self, x: Number, table: tuple[tuple[float, float], ...]) -> Number:
-        """Return the value of a table at x, interpolated linearly in the logarithms of both.
+        """Return the value of a table at x, by linear interpolation on logarithmic axes.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class Arithmetic(Protocol):
         """
 
     def magnitude(self, x: Number) -> float:
-        """Return an upper bound of |x| over all elements of x. For plain numbers it may be off by a rounding error."""
+        """Return an upper bound of |x| over all elements of x. For plain numbers it may have a rounding error."""
 
 
 class ArrayArithmetic(Arithmetic, Protocol):
@@ -264,7 +264,7 @@ class _FloatArithmetic:
     @staticmethod
     def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
         at, value = np.log(np.array(table)).T
-        with np.errstate(divide="ignore"):  # below the first point, and also at 0, the value is that of the first point
+        with np.errstate(divide="ignore"):  # below the first point, and also at 0, the first point's value holds
             return np.exp(np.interp(np.log(x), at, value))
 
     @staticmethod

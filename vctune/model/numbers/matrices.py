@@ -96,7 +96,7 @@ def rows_of(matrix: Matrix | Block) -> Matrix:
 
 LEFT_OUT = 2.0**-10
 """Permitted remainder of the Taylor polynomial of e^A, relative to the rounding error, for a norm of A of at most
-1/2. The code encloses the remainder. With half or twice this share, the order of the polynomial is mostly the same:
+1/2. The code encloses the remainder. With half or twice this share, the order of the polynomial is usually the same:
 15 for doubles, 29 for 128 bits."""
 
 
@@ -137,7 +137,7 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
 
 
 def exponentials_less_one(one: Matrix, other: Matrix, ops: Arithmetic) -> tuple[Matrix, Matrix]:
-    """Return e^A - 1 and e^B - 1. The function computes doubles together.
+    """Return e^A - 1 and e^B - 1. If the entries are doubles, the function computes both matrices together.
 
     Parameters
     ----------
@@ -190,8 +190,8 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
     for k in range(2, last + 1):
         term = divided(product(term, square), (2 * k - 1) * (2 * k))
         number = bernoulli(2 * k)
-        # from B_36 on, a double cannot hold the numerator; the unit that enclosures add for one rounding covers this
-        # rounding, too
+        # from B_36 on, a double cannot hold the numerator; the unit that enclosures add for one rounding also covers
+        # this rounding
         numerator = number.numerator if ops.arrays is None else float(number.numerator)
         found = added(found, divided(scaled(term, numerator), number.denominator))
     # all further terms add up to less than 2 zeta(2)/(1 - ratio) < 3.7 times a power of ratio <= 1/pi^2
@@ -204,8 +204,8 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
 
 
 STEP = 4
-"""Number of powers of a matrix in a part of `_series`. The 15 terms of the exponential take 6 products, also with 3
-or 5 powers."""
+"""Number of powers of the matrix in each part into which `_series` divides the sum. The 15 terms of the exponential
+take 6 products with 4 powers, and also with 3 or 5."""
 
 
 def _series(shares: Sequence[float], x: Block) -> Block:
@@ -213,7 +213,7 @@ def _series(shares: Sequence[float], x: Block) -> Block:
 
     Parameters
     ----------
-    shares : the coefficients c_1, c_2, ...
+    shares : coefficients c_1, c_2, ... of the powers of X
     x : X, n x n
     """
     powers = [x.entries]
@@ -241,10 +241,10 @@ def _doubled(less_one: Block, square: Block, times: int) -> Block:
     Parameters
     ----------
     less_one, square : f(A) - 1 and A^2
-    times : k
+    times : k, the number of doublings of A
     """
     n = len(less_one.nonzero)
-    nonzero = _reached(less_one.nonzero | np.eye(n, dtype=bool))  # an inverse has every entry that some power has
+    nonzero = _reached(less_one.nonzero | np.eye(n, dtype=bool))  # an inverse has the nonzero entries of all powers
     total = np.moveaxis(less_one.entries, (0, 1), (-2, -1)) + np.eye(n)
     quarter = np.moveaxis(square.entries, (0, 1), (-2, -1)) / 4
     for k in range(times):
@@ -327,7 +327,7 @@ def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
 
     Parameters
     ----------
-    psi : n x n
+    psi : matrix, n x n
 
     Returns
     -------
@@ -352,7 +352,7 @@ def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
 
 
 def _each(matrix: AnyMatrix, rest: Number) -> AnyMatrix:
-    """Return A with another number added to each entry that is not 0 by structure."""
+    """Return A after adding a number to each entry that is not 0 by structure."""
     if isinstance(matrix, Block):
         return matrix.mapped(matrix.entries + rest, matrix)
     return tuple(tuple(entry if nothing(entry) else entry + rest for entry in row) for row in matrix)
@@ -384,7 +384,7 @@ def add(a: Number, b: Number) -> Number:
 
     Parameters
     ----------
-    a, b : entries of matrices
+    a, b : entries of matrices; the integer 0 stands for an entry that is 0 by structure
 
     Returns
     -------
@@ -399,7 +399,7 @@ def times(a: Number, b: Number) -> Number:
 
     Parameters
     ----------
-    a, b : entries of matrices
+    a, b : entries of matrices; the integer 0 stands for an entry that is 0 by structure
 
     Returns
     -------
@@ -414,7 +414,7 @@ def dot(a: Iterable[Number], b: Iterable[Number]) -> Number:
 
     Parameters
     ----------
-    a, b : arrays of the same length
+    a, b : sequences of entries, of the same length
 
     Returns
     -------
@@ -467,7 +467,7 @@ def added(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
 
     Parameters
     ----------
-    a, b : n x m; both in the same form
+    a, b : A and B, n x m; both in the same form
 
     Returns
     -------
@@ -520,7 +520,7 @@ def column(matrix: Matrix, index: int) -> Vector:
 
     Parameters
     ----------
-    matrix : n x m
+    matrix : matrix with n rows and m columns
     index : index of the column; a negative one counts from the last
 
     Returns

@@ -95,6 +95,6 @@ def im_conj_product(a: Pair, b: Pair) -> Number:
     Returns
     -------
     Number
-        Its unit is the product of their units. Its sign is that of the angle from b to a.
+        Its unit is the product of their units. It has the sign of the angle from b to a.
     """
     return a.im * b.re - a.re * b.im

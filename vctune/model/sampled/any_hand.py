@@ -1,7 +1,7 @@
 """Compute what any passive hand requires of an impedance display in the sampled loop (model/README.md, section 15).
 
-The letters y, s and F are those of `impedance_display`. At each frequency and at each alias omega_n = omega + 2 pi n/T,
-the motor of a rigid device responds with a point of the disc with centre and radius 1/(2b). The hand may choose each
+The module `impedance_display` defines y, s and F. At each frequency and at each alias omega_n = omega + 2 pi n/T, the
+motor of a rigid device responds with a point of the disc with centre and radius 1/(2b). The hand may choose each
 point independently, so that
 
     G_y = sum over n of 4 s^2/(omega_n T)^2 A(j omega_n) e^{-j (theta + omega_n delay)} (1 + u_n)/(2b),   |u_n| <= 1,
@@ -27,7 +27,7 @@ from vctune.model.sampled.impedance_display import Required, firmware_filter
 
 ALIASES = 24
 """Number of pairs of aliases that the code sums one by one if the device has an actuator or a spring. The code bounds
-the sum of the other aliases. With half this number, R at the Nyquist frequency is accurate to 1e-3; with twice this
+the sum over all other aliases. With half this number, R at the Nyquist frequency is accurate to 1e-3; with twice this
 number, to 1e-4."""
 
 
@@ -135,10 +135,10 @@ class _Alias(NamedTuple):
 
 
 def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
-    """Return the disc of a device with an actuator or a structure. Its centre and its radius are weighted sums over all
-    aliases.
+    """Return the disc of a device with an actuator or a structure.
 
-    The first alias has the weight h = (2 s/theta)^2, every other one (2 s/(theta + 2 pi n))^2.
+    The centre and the radius of the disc are weighted sums over all aliases. The first alias has the weight
+    h = (2 s/theta)^2, and alias n has the weight (2 s/(theta + 2 pi n))^2.
     """
     near, short = _first_alias(device, theta, ops)
     others, radius = Pair(0 * theta, 0 * theta), 0 * theta
@@ -175,7 +175,7 @@ def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair
     Parameters
     ----------
     device : device; the function uses its sample time, delay and actuator
-    theta : omega T, rad, in [0, pi]; one half of this turn is due to the hold, the other to the differenced position
+    theta : omega T, rad, in [0, pi]; the hold causes half of this phase lag, and the difference of positions the rest
     at : omega_n T = theta + 2 pi n, rad, with an integer n
     ops : arithmetic of the other arguments
 
@@ -205,9 +205,9 @@ def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, 
 
     Returns
     -------
-    rho : m/(N s)
+    rho : radius of the disc, m/(N s)
     reactance : omega m_1 with the motor's part m_1, N s/m; for a rigid device omega m
-    g : m/(N s); None for a rigid device
+    g : Re 1/Z_s of the spring, m/(N s); None for a rigid device
     """
     b, reactance = device.damping, omega * device.motor_mass
     if device.structure is None:
@@ -233,7 +233,7 @@ class _First(NamedTuple):
 
 
 def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First, Number]:
-    """Return the first alias and h (radius - Re centre)/s^2 = (2/theta)^2 (radius - Re centre), regular at 0."""
+    """Return the first alias, and h (radius - Re centre)/s^2 = (2/theta)^2 (radius - Re centre), regular at 0."""
     T, b = device.sample_time, device.damping
     omega, d = theta / T, device.delay / T
     alias, (rho, reactance, g) = _alias(device, theta, theta, ops), motor_disc(device, omega, ops)

@@ -31,7 +31,7 @@ class Circle(NamedTuple):
         Returns
         -------
         Any
-            The type of the result is that of `number`.
+            The number that `number` makes.
         """
         if isinstance(whole, int) and whole == 0:
             return number(self.cos, -1)

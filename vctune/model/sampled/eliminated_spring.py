@@ -4,14 +4,15 @@ The two states of device and hand have the determinant x + j s p (model/README.m
 
     x = K T^2/m (c^2 - 4 s^2 beta^2) - 4 s^2 alpha Q_22,   p = 2 c (alpha h - 2 beta K T^2/m),   h = (b + B) T/m.
 
-The stiffness K of the hand appears in x. In everything else it appears only through p, alpha and beta, which hardly
-depend on it. Multiplied by S = c - 2 j s beta, the unknowns of the equations are affine in x + j s p.
-The margin of `hand_margin` times |S|^4 is therefore
+The stiffness K of the hand appears in x. Elsewhere, K appears only through p, alpha and beta, which hardly depend on K.
+Multiplied by S = c - 2 j s beta, the unknowns of the equations are affine in x + j s p. The margin of `hand_margin`
+times |S|^4 is therefore
 
     A (x^2 + s^2 p^2) + L x + E p + C.
 
-If A > 0 and 4 A (A s^2 p^2 + E p + C) > L^2, the margin is positive for every x, so for every resonance that a spring
-can have with the device. If also 2 A s^2 p + E > 0, this holds for every greater p, so for every greater damping.
+If A > 0 and 4 A (A s^2 p^2 + E p + C) > L^2, the margin is positive for every x, and therefore for every resonance that
+a spring can have with the device. If also 2 A s^2 p + E > 0, the margin is positive for every greater p, and therefore
+for every greater damping.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class InSpring(NamedTuple):
     def for_every_spring(self) -> tuple[Number, Number, Number]:
         """Three numbers. If all are positive, the margin is positive for every x and every p from `damped` on.
 
-        The first is the greater one of both sides of the condition on x, less the other.
+        The first number is 4 A (A s^2 p^2 + E p + C) - L^2, where p is `damped`.
         """
         bent = self.half_sine * (self.square * self.damped)
         least = (bent + self.rise) * self.damped + self.constant
@@ -57,8 +58,9 @@ class InSpring(NamedTuple):
 
 
 def moves_as_two_states(device: Device) -> bool:
-    """Return whether `margin_in_spring` holds for a device: a rigid one that measures, actuates and senses at once or
-    late.
+    """Return whether `margin_in_spring` holds for a device.
+
+    The device must be rigid. It must measure, actuate and sense without filters, at once or after a delay.
 
     Parameters
     ----------
@@ -84,10 +86,10 @@ def margin_in_spring(
     Parameters
     ----------
     plant : device and hand over one sample
-    device, hand : the numbers of the plant
-    least_damping : B in `InSpring.damped`, at most that of the hand, N s/m
+    device, hand : device and hand of the plant
+    least_damping : B in `InSpring.damped`, at most the damping of the hand, N s/m
     gains : K_v and K_p, N s/m and N/m
-    offered : Re Z_c, N s/m
+    offered : Re Z_c of the coupling, N s/m
     factor : least permitted Re Z_c / R
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments

@@ -6,9 +6,9 @@ difference and the impedance that the environment sees:
 
     Delta = 1 + K_v G_v + K_p G_x,   Z_seen = -G_f (K_v + (T/2) K_p (1 + z^-1)/d)/Delta,
 
-where the firmware samples f just before the next command acts. Multiplied by their common denominators they are F and
-P/(2 j s), which are numbers even + j s odd. F and P stay regular at theta = 0, and are affine in the gains. Their
-constants depend on device and hand alone:
+where the firmware samples f just before the next command acts. Multiplying by common denominators turns the return
+difference and the numerator of Z_seen into F and P/(2 j s). F and P are numbers even + j s odd, which stay regular at
+theta = 0 and are affine in the gains. Their constants depend on device and hand alone:
 
     R = -Re Z_seen = -o/(2 |F|^2),   P conj F = e + j s o.
 """
@@ -57,12 +57,12 @@ class LoopInHand(NamedTuple):
 
 
 class CommandInHand(NamedTuple):
-    """The impedance that the environment sees of a servo in a hand, Z_seen = seen/(2 j s). It does not depend on gains.
+    """The impedance that a servo in a hand presents to the environment, Z_seen = seen/(2 j s), whatever the gains.
 
     Attributes
     ----------
     seen : numerator, regular at theta = 0
-    blur : greatest increase of -odd/2 in a disc of responses, `Servo.radii`; 0 without a disc
+    blur : greatest increase of -odd/2 over the disc of responses, `Servo.radii`; 0 without a disc
     """
 
     seen: EvenOdd
@@ -148,7 +148,7 @@ def required_in_limp_hand(
     plant : the device in one or several hands
     velocity : K_v, N s/m
     theta : omega T, rad, in [0, pi]
-    rest : terms of rho; they need not match theta, the hand and K_p
+    rest : terms of rho, which need not match theta, the hand and K_p
     ops : arithmetic of the other arguments
 
     Returns
@@ -164,7 +164,7 @@ def required_in_limp_hand(
 
 
 def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic) -> Seen:
-    """Return `seen_in_hand` divided by rho^2, and its swing also divided by s, for K_p = 0.
+    """Return `seen_in_hand` divided by rho^2, with the swing also divided by s, for K_p = 0.
 
     Parameters
     ----------
@@ -185,11 +185,11 @@ def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest:
 def _next_to_rest(
     plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic
 ) -> tuple[EvenOdd, EvenOdd]:
-    """Return F and the sensed force divided by rho, as numbers even + j turned odd.
+    """Return F and the sensed force, both divided by rho, as numbers even + j turned odd.
 
     Near theta = 0, K = 0 and K_p = 0, both vanish with rho. The function replaces the unknown x_1, the position, by rho
-    x_1. The substitution divides the position's column of the equations by rho, whose terms contain the factors 2 s and
-    K of the column.
+    x_1. The substitution divides the position's column of the equations by rho, whose terms contain the column's
+    factors 2 s and K.
     """
     at, turned, half = circle(theta, ops), rest.turned, rest.rho / 2
     square = turned * turned
@@ -300,7 +300,7 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
 
 
 def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
-    """Return Z_seen, the impedance that the environment sees of the loop in a hand.
+    """Return Z_seen, the impedance that the loop in a hand presents to the environment.
 
     Parameters
     ----------
@@ -315,7 +315,7 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
 
 
 class SeenByTool(NamedTuple):
-    """The impedance of an impedance display in a hand that its virtual tool meets, coupling included.
+    """The impedance that the virtual tool of an impedance display in a hand meets, coupling included.
 
     It is 1/(y/Z_c + G) = (given - lost)/size - j swing/(s size), with a share y of the coupling's admittance.
 
@@ -333,7 +333,7 @@ class SeenByTool(NamedTuple):
 
     @property
     def whole(self) -> Seen:
-        """The impedance as that of one loop."""
+        """The impedance as the impedance of one loop, without a separate coupling."""
         return Seen(self.lost - self.given, self.swing, self.size)
 
     @property
@@ -353,7 +353,7 @@ def seen_by_tool(loop: ForceInHand, gains: Gains, at: Offered, share: Number) ->
     loop : loop in a hand, at one or several angles
     gains : gains in numbers of the loop's arithmetic
     at : response of the coupling
-    share : y, from 1/g to 1
+    share : y, the share of the coupling's admittance, from 1/g to 1
     """
     alone, F, P = seen_in_hand(loop, gains), loop.closed(gains), loop.numerator(gains)
     held = EvenOdd(at.spring, at.above, F.square) * P.scaled(0.5) + F.scaled(-share)
@@ -374,14 +374,14 @@ def met_in_hand(
     theta: Number,
     ops: Arithmetic,
 ) -> tuple[OfferedBySeries, Seen]:
-    """Return the two parts of the impedance that an environment meets: that of the coupling, and that of the loop.
+    """Return the two parts of the impedance that an environment meets: the coupling's and the loop's.
 
     Parameters
     ----------
     loop : loop in a hand
     device : device that runs the coupling
     gains, coupling : design in numbers of the arithmetic
-    share : share of the coupling, for an impedance display; the function ignores it for other displays
+    share : share of the coupling, for an impedance display; the function ignores the share for other displays
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
     """
@@ -395,7 +395,7 @@ def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmeti
 
     Parameters
     ----------
-    coupling : coupling; its type decides the display
+    coupling : coupling; its type determines the kind of display
     device : device that runs the coupling; the function uses its sample time and, for an impedance display, its
         velocity filter
     theta : omega T, rad, in [0, pi]
@@ -421,7 +421,7 @@ def room(
 
     Parameters
     ----------
-    coupling : coupling; its type decides the display
+    coupling : coupling; its type determines the kind of display
     device : device that runs the coupling
     required : R at theta, as a quotient
     factor : least permitted value of offered/R, > 0
@@ -444,7 +444,7 @@ def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops
 
     Parameters
     ----------
-    coupling : b_c and k_c
+    coupling : b_c, N s/m, and k_c, N/m
     device : device that runs the coupling; the function uses its sample time and its velocity filter
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments

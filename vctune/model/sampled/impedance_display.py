@@ -6,8 +6,8 @@ position, F its low-pass, and f_c the coupling's force. The environment and the 
     Z_c = b_c F + k_c T/(1 - z^-1) = b_c F + k_c T/2 - j k_c (T/2) cot(theta/2),
 
 act through y, so all responses are admittances. The loop is stable with every environment that is passive in (f, y) if
-Re 1/Z_c > R = -Re(G_y/(1 + K_v F G_y)), where G_y is the response of y to the commanded force. Both sides vanish at
-omega = 0 with s^2 = sin^2(theta/2) and are therefore divided by it: the offer is Re(1/Z_c)/s^2, the requirement R/s^2.
+Re 1/Z_c > R = -Re(G_y/(1 + K_v F G_y)), where G_y is the response of y to the commanded force. At omega = 0, both sides
+vanish like s^2 = sin^2(theta/2). The code therefore divides them by s^2: Re(1/Z_c)/s^2 must exceed R/s^2.
 
 In one hand, G_y = 2 j s e^{-j theta/2} G_x/T comes from the sampled mechanism (`hand_loop`). The module `any_hand`
 covers any passive hand.
@@ -125,7 +125,7 @@ def offered_by_spring(
 def spring_forms(
     device: Device, theta: Number, ops: Arithmetic
 ) -> tuple[tuple[Number, Number], tuple[Number, Number, Number]]:
-    """Return the coefficients of b_c and k_c in numerator and denominator of `offered_by_spring`.
+    """Return the coefficients of b_c and k_c in the numerator and the denominator of `offered_by_spring`.
 
     Numerator: Re Z_c = a_1 b_c + a_0 k_c. Denominator: s^2 |Z_c|^2 = q_2 b_c^2 + q_1 b_c k_c + q_0 k_c^2. The function
     evaluates three couplings; their values determine the quadratic form.
@@ -159,7 +159,7 @@ def spring_damper_admittance(
     ----------
     coupling : b_c >= 0, N s/m, and k_c > 0, N/m
     sample_time : T, s
-    low_pass : F at theta; None for 1
+    low_pass : F at theta, which filters the damper's velocity; None for 1
     theta : omega T, rad, in (0, pi]
     ops : arithmetic of the other arguments
 
@@ -181,7 +181,7 @@ class Required(NamedTuple):
     Attributes
     ----------
     lost : numerator; N s/m with the size 1, for an impedance display m/(N s)
-    size : |F|^2 in one hand. For any hand, it is positive if no hand makes the loop with K_v alone unstable at this
+    size : |F|^2 in one hand. For any hand, `size` is positive if no hand makes the loop with K_v alone unstable at this
         frequency
     """
 

@@ -1,16 +1,16 @@
 """Evaluate the sampled velocity loop without a hand, in a form whose enclosures stay narrow for uncertain parameters.
 
 See model/README.md, section 14. The polynomials of a sampled device are sums whose terms cancel, so that uncertain
-parameters give wide enclosures. This module holds and samples x' = A x + b u exactly as
+parameters give wide enclosures. This module writes the exact sampling of x' = A x + b u with a hold as
 
-    (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2),
+    (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2).
 
 The enclosures of the numbers in this equation are hardly wider than their ranges. All numbers are dimensionless, with
 the sample time as the unit of time. The states are the position of the motor, the velocity of the centre of mass, the
-bend of the spring with its rate, and the states of the actuator. The bend is the motor's position minus the handle's,
-opposite to `vctune.simulation.scene.Equilibrium.bend`. In these states the resonance does not depend on the mass. No
-rate depends on the position, so the position appears in its own row alone, with the factor 2 j s. The code solves for
-2 j s times the position, whose factor is 1.
+bend of the spring with its rate, and the states of the actuator. The bend is the motor's position minus the handle's
+position, and has the opposite sign of `vctune.simulation.scene.Equilibrium.bend`. In these states the resonance does
+not depend on the mass. No rate depends on the position, so the position appears in its own row alone, with the factor
+2 j s. The code therefore solves for 2 j s times the position, which has the factor 1.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class PlantLetGo:
     ----------
     rates, step : A and Q
     push, older : b and b_1; b_1 is None if it is 0
-    handle_share : handle's share of the mass, and coefficient of the bend's rate in the motor's velocity, which is the
-        velocity of the centre of mass plus that term; None for a rigid device
+    handle_share : handle's share r of the mass; None for a rigid device. The motor's velocity is the velocity of the
+        centre of mass plus r times the rate of the bend
     whole_samples : N, the number of whole samples in the delay
     sample_time, mass : T and m, which define the units
     difference : whether the firmware differences positions to get the velocity
@@ -72,8 +72,9 @@ POSITION, VELOCITY, BEND, BENDING = range(4)
 def prefers_this_form(device: Device) -> bool:
     """Return whether the code uses this form for a device, and not the polynomials of `velocity_loop`.
 
-    A rigid device without an actuator has polynomials in closed form, which enclose it tightly. This form encloses an
-    actuator or a structure more tightly, unless the resonance of the structure is above `HIGHEST_RESONANCE`.
+    For a rigid device without an actuator, the polynomials have a closed form, whose enclosures are tight. For a device
+    with an actuator or a structure, this form gives tighter enclosures, unless the resonance of the structure is above
+    `HIGHEST_RESONANCE`.
 
     Parameters
     ----------
@@ -87,8 +88,8 @@ def prefers_this_form(device: Device) -> bool:
 def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
     """Sample a device without a hand exactly, in the form of this module (model/README.md, section 14).
 
-    The result includes the structure's load. The result excludes the force sensor, because no loop without a hand
-    contains the sensor.
+    The result includes the structure's load, but not the force sensor, because no loop without a hand contains the
+    sensor.
 
     Parameters
     ----------
@@ -138,10 +139,10 @@ def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number 
         m V' = u - b v - d (v - B'),
         B'' = (u - b v)/((1 - r) m) + d (v - B')/(r m) - w^2 B - 2 zeta w B'.
 
-    With a load, w^2 and 2 zeta w are those of the free masses times the ratio of the reciprocal reduced masses.
+    With a load, w^2 and 2 zeta w are the values of the free masses times the ratio of the reciprocal reduced masses.
     """
     T, structure = device.sample_time, device.structure
-    one = 0 * T + 1  # a number of the arithmetic, so that the quotient below is enclosed
+    one = 0 * T + 1  # a number of the arithmetic, so that the code encloses the quotient below
     names = ["position", "velocity"]  # in the order of POSITION, VELOCITY, BEND, BENDING
     names += ["bend", "bending"] if structure is not None else []
     names += drive_states(device)
@@ -210,7 +211,7 @@ def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position:
 
     rows = equations(plant.rates, plant.step, plant.push, plant.older, cos, square)
     rows[POSITION][POSITION] = EvenOdd(1, 0, square)  # the unknown is 2 j s times the position
-    solved = numerators(rows)  # of each state, and then the determinant
+    solved = numerators(rows)  # the numerator of each state, then the determinant
     delayed = Pair(ops.cos(theta * steps), -ops.sin(theta * steps))  # z^-(N + 1/2)
     half_sample_back = Pair(cos, -sin)  # z^(-1/2): the difference 1 - 1/z is 2 j s z^(-1/2)
     open_loop, travel = pair(solved[len(rows)]), pair(solved[POSITION]) * delayed * half_sample_back
@@ -226,7 +227,7 @@ def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position:
             travel = travel * denominator
     if not position:
         return ReturnDifference(open_loop, velocity.scaled(unit), Pair(0, 0))
-    difference = Pair(2 * square, 2 * sin * cos)  # 1 - 1/z; the position is the travel in one sample divided by it
+    difference = Pair(2 * square, 2 * sin * cos)  # 1 - 1/z; the position is the travel in one sample over 1 - 1/z
     return ReturnDifference(
         open_loop * difference, velocity.scaled(unit) * difference, travel.scaled(unit * plant.sample_time)
     )

@@ -7,8 +7,8 @@ mechanism is
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = f(A/E) E,   f(X) = (X/2) coth(X/2),
 
 where d = 1 - z^-1, b_1 is the share of a sample's older force, and f(X) = 1 + X^2/12 - .... At low frequencies Q is
-nearly E. The equation is then nearly that of the mechanism with 2 j tan(theta/2) instead of s, and its response hardly
-depends on the mass.
+nearly E. The equation is then nearly the equation of the continuous mechanism with 2 j tan(theta/2) instead of the
+Laplace variable, and its response hardly depends on the mass.
 """
 
 from __future__ import annotations
@@ -75,11 +75,11 @@ class Mechanism(NamedTuple):
     Attributes
     ----------
     names : names of the states
-    inertia : diagonal of E by state; for all other states it is 1
+    inertia : diagonal entries of E by state; the entry of a state without a key is 1
     sensed : additional entries of E, which belong to the handle's acceleration, by the row of the sensor's filter
     rates : rows of A
     push : b
-    felt : share of each state in the sensed force, by state
+    felt : coefficient of each state in the sensed force, by state
     felt_inertia : share of the handle's acceleration in the sensed force; None with a filter
     handle : name of the state that is the handle's velocity
     """
@@ -103,8 +103,9 @@ class PlantInHand:
     rates, step : A and Q
     push, older, felt_older : b, b_1 of the loop, and b_1 of the sensed force, whose delay is longer; None for a b_1 of
         0
-    felt : share of each state in the sensed force; -G_f includes the handle's inertia
-    felt_inertia : row of the shares of d x in the sensed force, and the share of d b_1 u; None with a filter
+    felt : coefficient of each state in the sensed force; -G_f includes the handle's inertia
+    felt_inertia : row of the coefficients of d x in the sensed force, and the coefficient of d b_1 u; None with a
+        filter
     delays : whole samples of the delays
     sample_time, mass : T and m, which define the units
     difference : whether the firmware differences positions to get the velocity
@@ -129,7 +130,7 @@ class PlantInHand:
 
     @property
     def poles(self) -> int:
-        """Return the number of poles of F without those of the delays.
+        """Return the number of poles of F, not counting the poles of the delays.
 
         If no pole of the loop is unstable, this number determines how often the curve of F encircles 0.
         """
@@ -160,13 +161,13 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
     ----------
     device : device in SI units; the hand takes the place of its least operator
     hand : M, B and K at the handle
-    delays : whole samples of the device's delay, and of that delay plus the force sensor's
+    delays : whole samples of the device's delay, and of the sum of the device's and the force sensor's delay
     ops : arithmetic of device and hand
 
     Returns
     -------
     AnyPlantInHand
-        Its type depends on the display. Its numbers have the shape of the device's and the hand's.
+        Its type depends on the display. Its numbers have the shape of the device's and the hand's numbers.
     """
     if device.servo is not None:
         own = SensedDelay(delays.loop, delays.loop_fractional)
@@ -228,7 +229,8 @@ class Sample(NamedTuple):
 def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
     """Return the sample of a rigid device without further states, in closed form.
 
-    Return None for any other device, for single numbers, and if device and hand are too stiff for the sample time.
+    The result is None for any other device, for single numbers, and if device and hand are too stiff for the sample
+    time.
     """
     if len(parts.names) > 2 or ops.arrays is None:
         return None
@@ -271,7 +273,7 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
     ops : arithmetic of device and hand
     """
     T, m, sensor = device.sample_time, device.mass, device.sensing
-    one = 0 * T + 1  # a number of the arithmetic, so that the quotient below is enclosed
+    one = 0 * T + 1  # a number of the arithmetic, so that the code encloses the quotient below
     carried, held, grip = hand.mass / m, hand.damping * T / m, hand.stiffness * (T * T) / m
     own = device.damping * T / m
     names = ["position", "velocity"]
@@ -300,7 +302,7 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         driven = ("felt", "felt rate")[sensor.order - 1]
         rows[driven] |= {name: -share for name, share in felt.items()}
-        sensed[driven], felt = carried, {"felt": -corner}  # divided by the corner: A/E then lacks its square
+        sensed[driven], felt = carried, {"felt": -corner}  # divided by the corner: A/E then lacks the corner squared
     return Mechanism(
         names=names,
         inertia=inertia,
@@ -347,7 +349,7 @@ def equations(
     ----------
     rates, step : A and Q, n x n, dimensionless with T = 1
     push : b, of length n
-    older : b_1, of length n, the older force's share; None for 0
+    older : b_1, of length n, the effect of the older force; None for 0
     cos, square : c = cos(theta/2) and s^2, s = sin(theta/2)
 
     Returns

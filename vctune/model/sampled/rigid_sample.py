@@ -1,14 +1,14 @@
 """Compute functions of a rigid device and hand over a sample in closed form (model/README.md, section 14).
 
 The matrix X = A/E of two states satisfies X^2 = -c X - k with c = (b + B) T/(m + M) and k = K T^2/(m + M), so every
-power of X, and every function of X, has the form u + v X. A sample needs two functions. Both are power series with
-Bernoulli's numbers and polynomials,
+power of X, and every function of X, has the form u + v X. A sample needs two functions. The coefficients of their power
+series are Bernoulli numbers and Bernoulli polynomials,
 
     (X/2) coth(X/2) = sum of B_n/n! X^n over even n,
     (e^X - e^((1-d) X))/(e^X - 1) = sum of w_n(d) X^(n-1) over n >= 1,
 
-w_n(d) = (B_n(1) - B_n(1 - d))/n!. The second function is the effect of an older force that acts for the share d of a
-sample, relative to a force that acts throughout.
+where w_n(d) = (B_n(1) - B_n(1 - d))/n!. The second function is the effect of an older force that acts for the share d
+of a sample, relative to the effect of a force that acts throughout.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ limit, the series would need twice as many terms."""
 COEFFICIENT = 3.3
 """Upper bound of 2 zeta(2). If n >= 2 and x is between 0 and 1, |B_n(x)|/n! is at most 2 zeta(n)/(2 pi)^n."""
 RAISED = 1 + 1e-9
-"""Factor that covers the rounding errors in a bound. Half or twice its excess over 1 would serve as well."""
+"""Factor that covers the rounding errors in a bound. Half or twice the excess of this factor over 1 would also do."""
 
 
 class Linear(NamedTuple):
@@ -51,7 +51,7 @@ def powers_of(c: Number, k: Number, ops: ArrayArithmetic) -> Powers | None:
 
     Parameters
     ----------
-    c, k : numbers with X^2 = -c X - k
+    c, k : dimensionless numbers with X^2 = -c X - k
     ops : arithmetic of both
 
     Returns
@@ -77,7 +77,7 @@ def half_coth_of(powers: Powers, ops: ArrayArithmetic) -> Linear:
     Parameters
     ----------
     powers : powers of X
-    ops : their arithmetic
+    ops : arithmetic of the powers
     """
     even = {n: _coefficient(bernoulli(n) / factorial(n), ops) for n in range(2, len(powers.each), 2)}
     return _summed({0: 1, **even}, powers, ops)
@@ -127,7 +127,7 @@ def _polynomial(coefficients: Sequence[Fraction], powers: Sequence[Number], ops:
 
 
 def _coefficient(exact: Fraction, ops: ArrayArithmetic) -> Number:
-    """Return a coefficient. An arithmetic of enclosures includes the rounding error of its double."""
+    """Return a coefficient as a number. An arithmetic of enclosures includes the rounding error of the double."""
     rounded = float(exact)
     return rounded + ops.within(2.0**-52 * abs(rounded))
 

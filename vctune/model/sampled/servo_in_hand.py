@@ -1,5 +1,5 @@
-"""Compute the impedance that the environment sees of a servo in a hand, and the resistance that it requires of the
-coupling.
+"""Compute the impedance that a servo in a hand presents to the environment, and the resistance that this impedance
+requires of the coupling.
 
 See model/README.md, section 17. The motion follows the command alone, and the sensed force of a hand is linear in this
 motion:
@@ -8,11 +8,12 @@ motion:
 
 With the letters of `vctune.model.sampled.servo_plant` and d = 1 - w = 2 j s e^(-j theta/2),
 
-    Z_seen = w^(N+1) (K T (1 - delta + delta w)/d + B - K T l - (B, M/T, K T) (q_0, q_1, q_-1)),
+    Z_seen = w^(N+1) (K T (1 - delta + delta w)/d + B - K T l - (B, M/T, K T) (q_0, q_1, q_-1)).
 
 For a position command, Z_seen also has the factor cos(theta/2) e^(-j theta/2). A filter a/(1 - b w), b = 1 - a, of the
 sensed samples is a/(a + b d). For the term with 1/d, the code writes this filter as 1 - b d/(a + b d), so that one d
-cancels. The firmware's own spring adds its stiffness times the G_x of a servo without force sensor to Z_seen.
+cancels. The firmware's own spring adds its stiffness times G_x to Z_seen, where G_x belongs to a servo without a force
+sensor.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ Radii = tuple[tuple[float, float], ...]
 constant above the last point, and proportional to the frequency below the first, because a servo follows a constant
 command exactly."""
 BEYOND = 1e9
-"""Multiple of the disc's last frequency up to which r is constant. The product must lie above the Nyquist frequency.
-With half or twice this multiple, the product does as well."""
+"""Multiple of the disc's last frequency up to which r is constant. The product must lie above the Nyquist frequency,
+and does so with half or twice this multiple as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ class Seen:
 
     Attributes
     ----------
-    even, odd : regular at theta = 0
+    even, odd : the two parts, N s/m, regular at theta = 0
     """
 
     even: Number
@@ -55,7 +56,7 @@ class Seen:
 
 
 def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic) -> Seen:
-    """Return Z_seen, the impedance that the environment sees of a servo in a hand (model/README.md, section 17).
+    """Return Z_seen, the impedance that a servo in a hand presents to the environment (model/README.md, section 17).
 
     Z_seen includes the firmware's own spring, if there is one.
 
@@ -122,7 +123,7 @@ def _regular(plant: ServoPlant, hand: Hand, spring: Number, at: Circle) -> Pair:
 
 
 def _driven(plant: ServoPlant, d: Pair, ops: Arithmetic) -> list[Pair]:
-    """Return p. The states of the sensor depend on those of the servo, but not the reverse."""
+    """Return p. The states of the sensor depend on the states of the servo, but not the reverse."""
     first = len(plant.held) - plant.order
     servo, sensor = plant.below[first:], plant.below[:first]
     moved = _solved(servo[0][first:], [Pair(h, 0) for h in plant.held[first:]], d, ops)
@@ -194,12 +195,12 @@ class Demand:
     vertices: Hand
 
     def in_each(self, theta: Floats) -> Floats:
-        """Return R at each vertex, N s/m, of shape (v, n), for angles of shape (n,)."""
+        """Return R at each vertex for angles of shape (n,), N s/m. The result has shape (v, n)."""
         seen = seen_of_servo(self.plant, self.vertices, theta, FLOATS)
         return np.asarray(blur_of(self.plant, seen, theta, FLOATS) - 0.5 * seen.odd)
 
     def at(self, theta: Floats) -> Floats:
-        """Return R, N s/m, at angles; the result has their shape."""
+        """Return R at angles, N s/m. The result has the shape of the angles."""
         return np.asarray(self.in_each(np.ravel(theta)).max(axis=0).reshape(np.shape(theta)))
 
 

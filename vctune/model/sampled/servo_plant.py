@@ -1,10 +1,9 @@
 """Sample a servo and its force sensor exactly (model/README.md, section 17).
 
 Velocity, acceleration and position pass through both servo and sensor. The code may therefore put the sensor's low-pass
-after
-the servo's, and add both delays to (N + delta) T. The two low-passes form a chain x' = A x + b u with T = 1. The first
-state of the chain is the sensed velocity. All states are 1 at rest with u = 1. With w = z^-1 and d = 1 - w, the pulse
-transfer functions from the held velocity are
+after the servo's low-pass, and write the sum of both delays as (N + delta) T. The two low-passes form a chain with the
+states x' = A x + b u and T = 1. The first state of the chain is the sensed velocity. All states are 1 at rest with u =
+1. With w = z^-1 and d = 1 - w, the pulse transfer functions from the held velocity are
 
     G_v = w^(N+1) (1 - q_0),   G_a = -w^(N+1) q_1/T,   G_x = T w^(N+1) ((1 - delta + delta w)/d - l - q_-1),
 
@@ -43,9 +42,9 @@ from vctune.model.parts import Servo
 from vctune.model.sampled.velocity_loop import split_delay
 
 FAR = 4.0
-"""Greatest |A| times half a time for which the code expands the exponential around the middle of the time. With half
-this number, the code could enclose servos up to half the bandwidth; with twice this number, up to twice the
-bandwidth."""
+"""Greatest product of |A| and half the width of an interval of times for which the code expands the exponential around
+the middle of the interval. With half this number, the code could enclose servos up to half the bandwidth; with twice
+this number, up to twice the bandwidth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +59,7 @@ class ServoPlant:
     older : delta, the share of a sample for which the older command acts
     order : order of the servo, the number of its states
     turns : N + 1/2; N + 1 for a position command
-    interpolated : whether the command is a position, which multiplies everything by cos(theta/2)
+    interpolated : whether the command is a position, which adds the factor cos(theta/2) to all responses
     share : a of the firmware's filter y += a (x - y) of the sensed samples; None without a filter
     sample_time : T, s
     pull : the firmware's own spring; None without one
@@ -151,7 +150,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     Returns
     -------
     ServoPlant
-        Its numbers have the shape of the device's.
+        Its numbers have the shape of the device's numbers.
     """
     T, servo = device.sample_time, device.servo
     assert servo is not None
@@ -194,7 +193,7 @@ def _let_go(rates: Matrix, time: Number, ops: Arithmetic) -> Vector:
         size *= reach / order
         term = tuple(x * (off / order) for x in applied(rates, term))
         found = tuple(map(add, found, term))
-    # the omitted terms are less than the series of e^FAR would add
+    # the omitted terms add up to less than e^FAR times the bound of the last term
     return tuple(x + ops.within(exp(FAR) * size) for x in found)
 
 

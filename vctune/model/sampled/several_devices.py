@@ -19,7 +19,7 @@ class SeveralDevices(NamedTuple):
     Attributes
     ----------
     device : device whose numbers are plain where all devices agree, and arrays elsewhere
-    delays : whole samples of its delays, plain or arrays in the same way
+    delays : whole samples of the device's delays, plain where all devices agree, and arrays elsewhere
     """
 
     device: Device
@@ -29,9 +29,7 @@ class SeveralDevices(NamedTuple):
 def alike(devices: Sequence[Device]) -> list[list[int]]:
     """Return groups of devices that `as_one` can join, by their indices.
 
-    The devices of a group differ in numbers alone.
-
-    Each servo is a group of its own, because no hand moves it.
+    The devices of a group differ only in their numbers. Each servo forms its own group, because no hand moves it.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Compute the exact step over one sample of a device with an actuator or a structure.
 
-Time is in units of T and impedance in units of m/T. All numbers are then dimensionless, and their size shows their
-effect on the sampled loop (README, section 12).
+Time is in units of T and impedance in units of m/T. All numbers are then dimensionless, and the size of a number shows
+its effect on the sampled loop (README, section 12).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from vctune.model.numbers.matrices import (
 
 @dataclass(frozen=True, slots=True)
 class StepResponse:
-    """The effect of one sample, x[k+1] - x[k] = psi x[k] + the effect of the forces, as polynomials of z - 1.
+    """The change over one sample, x[k+1] - x[k] = psi x[k] + the effect of the forces, as polynomials of z - 1.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ def sampled_chain(rates: Matrix, older: Number | None, ops: Arithmetic) -> Sampl
 
 
 def stepped(rates: Matrix, older: Number | None, ops: Arithmetic) -> tuple[Matrix, Vector, Vector]:
-    """Return the change of a linear system over one sample, and the shares of the newer and the older force in it.
+    """Return the change of a linear system over one sample, and its parts due to the newer and to the older force.
 
     Parameters
     ----------
@@ -160,9 +160,9 @@ def _moved_on(early: Matrix, late: Matrix) -> Vector:
 
 
 def _rates(device: Device, ops: Arithmetic) -> Matrix:
-    """Return the matrix of d/dt for position, motor's velocity, bend, handle's velocity, drive and command."""
+    """Return the matrix of d/dt for position, motor velocity, bend, handle velocity, drive and command."""
     T, m = device.sample_time, device.mass
-    one = 0 * T + 1  # a number of the arithmetic, so that the quotient below is enclosed
+    one = 0 * T + 1  # a number of the arithmetic, so that the code encloses the quotient below
     bent = ("bend", "handle") if device.structure is not None else ()
     names = ("position", "velocity", *bent, *drive_states(device), COMMAND)
     rows: Rows = {name: {} for name in names}

@@ -6,8 +6,8 @@ With w = z^-1 and d = 1 - w, the pulse transfer functions from the held command 
     G_v = w^N (V_0 + w V_1)/O,   G_x = w^N (P_0 + w P_1)/(d O)
 
 with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k). As polynomials of z - 1, they have the same
-coefficients, and no terms cancel near z = 1. The firmware estimates the velocity as L G_v or L d G_x/T, with the
-low-pass L = a^r/(d + a w)^r. The loop's return difference, multiplied by its denominators, is therefore
+coefficients, and no terms cancel near z = 1. The response of the firmware's velocity estimate is L G_v or L d G_x/T,
+with the low-pass L = a^r/(d + a w)^r. The loop's return difference, multiplied by its denominators, is therefore
 
     F = d O (d + a w)^r + K_v V d + K_p P (d + a w)^r,
 
@@ -115,7 +115,7 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
 
     Parameters
     ----------
-    device : device in SI units; its force sensor and operator are ignored
+    device : device in SI units; the function ignores its force sensor and its operator
     whole_samples : N, the number of whole samples in its delay
     ops : arithmetic of the device's parameters
     fractional : whether the delay is longer than N samples, delta > 0
@@ -123,7 +123,7 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
     Returns
     -------
     SampledPlant
-        Its numbers have the shape of the device's.
+        Its numbers have the shape of the device's numbers.
     """
     T = device.sample_time
     older = device.delay - whole_samples * T if fractional else None
@@ -146,7 +146,7 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
 
 
 def _rigid(device: Device, older: Number | None, ops: Arithmetic) -> StepResponse:
-    """Sample 1/(m s + b) in closed form, with a separate formula for 1 - e^{-bT/m}."""
+    """Sample 1/(m s + b) in closed form. A separate formula for 1 - e^{-bT/m} avoids cancellation."""
     m, T = device.mass, device.sample_time
     rate = device.damping / m
 
@@ -157,7 +157,7 @@ def _rigid(device: Device, older: Number | None, ops: Arithmetic) -> StepRespons
         return t * t / m * ops.phi_2(rate * t)
 
     t_0 = T if older is None else T - older
-    drift = T * ops.phi_1(rate * T)  # distance that the device coasts in one sample from unit velocity
+    drift = T * ops.phi_1(rate * T)  # distance that the device coasts in one sample if it starts with unit velocity
     fall = rate * drift
     beta_0, gamma_0 = velocity_step(t_0), position_step(t_0)
     beta_1 = gamma_1 = 0

@@ -33,7 +33,8 @@ def coupling_coefficients(
     Returns
     -------
     dict
-        coupling_step and resistance, N s/m, and coupling_decay; or coupling_stiffness, coupling_damping, resistance.
+        The coefficients coupling_step and resistance, N s/m, and coupling_decay; or coupling_stiffness,
+        coupling_damping and resistance.
     """
     if coupling is None:
         return {"resistance": 0.0}

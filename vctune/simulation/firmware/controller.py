@@ -1,8 +1,6 @@
 """Run the firmware as one pure function from (state, measurement) to (state, command).
 
-`equations` describes this function.
-
-`vctune export` makes C from the same equations.
+The module `equations` describes this function. `vctune export` makes C from the same equations.
 """
 
 from __future__ import annotations
@@ -32,14 +30,14 @@ class Law:
 
     Attributes
     ----------
-    sample_time : s
+    sample_time : T, s
     velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
     coupling : damping b_c and mass m_c in series with the drag b_0 in parallel; for an impedance display a stiffness in
         parallel with a damping; None without a coupling
     virtual_mass, virtual_damping : mass and damping in parallel with the environment, kg, N s/m
     environment : the rendered environment
     position_resolution : resolution of the encoder, m; 0 for an ideal encoder
-    difference : True if the velocity is the backward difference of the measured position, False if a sensor measures it
+    difference : True if the velocity is the backward difference of the measured position; False for a velocity sensor
     smoothing : a of the low-passes y += a (x - y) of the velocity; None without low-passes
     low_passes : number of these low-passes, up to 2
     limit : greatest force, N; None without a limit. At the limit, the integral terms of the law do not wind up
@@ -84,7 +82,7 @@ class State:
     filtered, twice_filtered : velocity after the first and after the second low-pass, m/s
     inertia : force of the environment's mass, N; only the trapezoidal rule needs this force
     smoothed, twice_smoothed : v_e after the first and after the second low-pass, m/s; for an impedance display
-    ahead : v_e of the next sample, m/s; for a mass by explicit Euler
+    ahead : v_e of the next sample, m/s; for a mass that explicit Euler integrates
     late_1 to late_10 : forces of the environment, N, that act 1 to 10 samples later; for a late environment
     """
 
@@ -155,7 +153,7 @@ _REMEMBERED = tuple(field.name for field in fields(State))
 
 
 def parts_of(law: Law) -> Parts:
-    """Return the parts that a firmware with a given law has."""
+    """Return the parts of the firmware that runs a given law."""
     rendered = law.environment
     return Parts(
         quantised=law.position_resolution > 0,

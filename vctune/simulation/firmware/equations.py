@@ -51,9 +51,9 @@ class Parts:
 
     Attributes
     ----------
-    quantised : whether the firmware rounds the position to the encoder's steps; a real encoder rounds the position
-        itself
-    difference : True if the velocity is the backward difference of the position, False if a sensor measures it
+    quantised : whether the firmware rounds the position to the encoder's steps; False with a real encoder, which rounds
+        the position itself
+    difference : True if the velocity is the backward difference of the position; False for a velocity sensor
     low_passes : number of low-passes of the velocity, 0 to 2
     coupling : whether there is a virtual coupling
     virtual : whether there is a virtual mass and damping in parallel with the environment
@@ -63,7 +63,7 @@ class Parts:
     late : number of samples by which the environment's force is late
     wall : whether stiffness and damping may be one-sided
     integral : whether the law also integrates the position error
-    limit : whether the force is limited, and with it the integral terms of the law
+    limit : whether the firmware limits the force, and with the force also the integral terms of the law
     spring : whether the coupling is a spring and a damper, as for an impedance display; the firmware then has no law
     command : kind of command: a force, or the velocity or the position that a servo follows. A servo's firmware reads
         the force only, and has neither a law nor a limit
@@ -239,8 +239,8 @@ def _middle() -> Equation:
 def _pulled(parts: Parts) -> Iterator[Equation]:
     """Yield the force of spring and damper between handle and tool, without the part that depends on the new v_e.
 
-    The spring acts between positions, because a sum of velocities would drift. x_e lags the position that determines
-    the spring's force by T/2 v_e.
+    The spring acts between positions, because a sum of velocities would drift. The position that determines the
+    spring's force is T/2 v_e ahead of x_e.
     """
     yield _middle()
     apart: Expression = _now("velocity")
@@ -257,7 +257,7 @@ def _pulled(parts: Parts) -> Iterator[Equation]:
 
 
 def environment(parts: Parts) -> Iterator[Equation]:
-    """Yield the built-in environment: v_e with resistance v_e + f_e = drive, and f_e.
+    """Yield the built-in environment: f_e, and the v_e that solves resistance v_e + f_e = drive.
 
     Mass and spring follow backward Euler, or the lossless trapezoidal rule. Backward Euler keeps the environment
     passive and damps motions that are too fast for the sample time. A wall may therefore be arbitrarily stiff.
@@ -296,7 +296,7 @@ def environment(parts: Parts) -> Iterator[Equation]:
 
 
 def _explicit_environment() -> Iterator[Equation]:
-    """Yield an environment with a mass by explicit Euler, which responds to a force at the next sample."""
+    """Yield an environment whose mass steps by explicit Euler and responds to a force at the next sample."""
     yield _kept("desired", _was("ahead"))
     yield _contact()
     inertia = _now("drive") - _now("resistance") * _now("desired") - _now("contact")
@@ -308,9 +308,9 @@ def _explicit_environment() -> Iterator[Equation]:
 def _late_environment(parts: Parts) -> Iterator[Equation]:
     """Yield an environment whose force acts some samples later.
 
-    The next velocity of a mass by explicit Euler gives the force of the mass. The firmware knows this velocity one
-    sample early, so it delays the force by one sample less. If the environment is late by one sample, the force acts at
-    once.
+    If a mass steps by explicit Euler, its next velocity gives the force of the mass. The firmware knows this velocity
+    one sample early, and therefore delays the force by one sample less. If the environment is late by one sample, the
+    force acts at once.
     """
     inertia_delay = parts.late - 1 if parts.explicit else parts.late
     inertia_acts_at_once = parts.mass and inertia_delay == 0
@@ -359,7 +359,7 @@ def law(parts: Parts) -> Iterator[Equation]:
     acts, x_e stays as near to the handle as the limit permits, and the integral stays within its range. Neither
     integrator therefore winds up.
 
-    An impedance display has no such law: its command is the coupling's force plus the damping force of K_v. The command
+    An impedance display has no such law. Its command is the coupling's force plus the damping force of K_v. The command
     of a servo is v_e or x_e.
     """
     if parts.spring:
@@ -398,7 +398,7 @@ def law(parts: Parts) -> Iterator[Equation]:
 
 
 def _rendered(parts: Parts) -> Iterator[Equation]:
-    """Yield the state of the tool, and the command, which opposes the motion with coupling and damping."""
+    """Yield the state of the tool, and the command, with which coupling and damping oppose the motion."""
     source = "desired"
     for name in ("smoothed", "twice_smoothed")[: parts.low_passes]:
         yield _kept(name, _was(name) + _now("smoothing") * (_now(source) - _was(name)))

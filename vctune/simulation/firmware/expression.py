@@ -124,7 +124,7 @@ def value(term: Term, values: Mapping[Symbol, Number], ops: Arithmetic) -> Numbe
 
 
 def _operate(operator: Operator, on: list[Number], ops: Arithmetic) -> Number:
-    """Return the value of an operator; only the selected operation is evaluated."""
+    """Return the value of an operator. The function evaluates only the selected operation."""
     evaluated: dict[Operator, Callable[[], Number]] = {
         "+": lambda: on[0] + on[1],
         "-": lambda: on[0] - on[1],

@@ -21,10 +21,11 @@ from vctune.simulation.run import Traces, has_diverged, motion_inputs, traces_of
 from vctune.simulation.scene import Scene, equilibrium
 
 REWRITTEN = 1e-9
-"""Share of the greatest command by which a firmware in double precision may differ. Another order of the operations
-changes the command by about 1e-12. A constant with only seven correct digits changes the command by about 1e-7."""
+"""Greatest permitted difference of a firmware in double precision, as a share of the greatest command. Another order of
+the operations changes the command by about 1e-12. A constant with only seven correct digits changes the command by
+about 1e-7."""
 ROUNDED = 2.0
-"""For a firmware in single precision: factor by which its difference may exceed the effect of single precision on the
+"""Factor by which the difference of a firmware in single precision may exceed the effect of single precision on the
 design's own commands. replay.c uses the same factor."""
 
 
@@ -43,8 +44,8 @@ class Controller(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The difference between the commands of a firmware and of the design for the same measurements, in the firmware's
-    precision.
+    """The difference between a firmware's commands and the design's commands for the same measurements, in the
+    firmware's precision.
 
     Attributes
     ----------
@@ -137,8 +138,8 @@ def _sample(
 
 
 class _OwnFirmware:
-    """The design's own firmware, run on the measurements of an external firmware, in the external precision and in
-    double precision."""
+    """The design's own firmware, which runs on the measurements of an external firmware, in the precision of that
+    firmware and in double precision."""
 
     def __init__(self, scene: Scene, precision: Precision) -> None:
         begin, law = equilibrium(scene), scene.law

@@ -1,6 +1,6 @@
 """Define the operations of controller and friction on plain floats.
 
-`vctune.simulation.mechanics.step` defines them on symbols.
+`vctune.simulation.mechanics.stretches` defines them on symbols.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Step a design's own firmware sample by sample in one precision.
 
-The result equals that of the exported C to the last bit.
+The result equals the result of the exported C to the last bit.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class SteppedFirmware:
     """A firmware with its state. The object rounds the result of every operation to one precision."""
 
     def __init__(self, parts: Parts, coefficients: Mapping[str, float], start: Start, precision: Precision) -> None:
-        """Set the firmware up before the first sample.
+        """Set up the firmware before the first sample.
 
         Parameters
         ----------

@@ -3,9 +3,9 @@
 The parts are an actuator, a handle on a spring, a servo, and a force sensor with a low-pass or with a delay that is not
 a whole number of samples. Everything except friction is linear. Without friction, matrix exponentials give the exact
 motion (`transition`). With friction, the only approximation is that the friction's force is constant over a step
-(`assembly_friction`). The module `rigid_motion` treats a device that moves as one mass and whose force is sensed at a
-sample. A servo follows its command. The hand does not affect the servo's rates, and the hand's force follows from the
-motion.
+(`assembly_friction`). The module `rigid_motion` treats a device that moves as one mass and whose sensor samples the
+force at the firmware's sample. A servo follows its command. The hand does not affect the servo's rates, and the hand's
+force follows from the motion.
 """
 
 from __future__ import annotations
@@ -98,8 +98,10 @@ def sensing(scene: Scene) -> Sensing:
 
 
 def assembly(scene: Scene) -> Assembly | None:
-    """Return the moving parts of a scene; None for a single mass whose force is sensed at a sample without a
-    low-pass."""
+    """Return the moving parts of a scene.
+
+    The result is None for a single mass whose sensor has no low-pass and samples the force at the firmware's sample.
+    """
     device, hand = scene.device, scene.operator
     if device.servo is not None:
         return _servo(device, device.servo, hand)
@@ -145,7 +147,7 @@ def assembly(scene: Scene) -> Assembly | None:
 
 
 def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
-    """Return a servo with the force of the hand on it: -(M a + B v + K x) plus the push of its spring and damper."""
+    """Return a servo with the hand's force on it: -(M a + B v + K x) plus the push of the hand's spring and damper."""
     velocity = ("velocity", "velocity_rate")[: servo.order]
     states, T = ("position", *velocity, *_sensed_states(device.sensing)), device.sample_time
     names = (*states, *GIVEN)
@@ -187,7 +189,7 @@ def _assembled(
 
     Parameters
     ----------
-    states : names of the states, including those of the sensor
+    states : names of the states, including the sensor's states
     row_of : unit row of each state and each given input
     rates : rows of the states that change
     units : units of states and given
@@ -212,8 +214,10 @@ def _assembled(
 def _low_pass(
     name: str, bandwidth_hz: float, order: int, source: Floats, row_of: dict[str, Floats]
 ) -> dict[str, Floats]:
-    """Return the rates of a low-pass's states: its output and, for order 2, the output's rate in units of the
-    corner."""
+    """Return the rates of the states of a low-pass.
+
+    The states are the output and, for order 2, the output's rate in units of the corner frequency.
+    """
     corner = float(2 * FLOATS.pi * bandwidth_hz)
     if order == 1:
         return {name: corner * (source - row_of[name])}
@@ -222,7 +226,7 @@ def _low_pass(
 
 
 def _units(names: tuple[str, ...], force: float, command: float, sample_time: float, bend_frequency: float) -> Floats:
-    """Return units: T for time, given units for forces and commands, and the size of its oscillation for a bend."""
+    """Return units: T for time, given units for forces and commands, and the size of the oscillation for a bend."""
     units = {"position": 1.0, "command": command, "bend": 1 / (1 + bend_frequency * sample_time)}
     units |= dict.fromkeys(("velocity", "handle_velocity", "velocity_rate"), 1 / sample_time)
     units |= {f"push_{k}": force / sample_time**k for k in (1, 2, 3)}
@@ -232,8 +236,8 @@ def _units(names: tuple[str, ...], force: float, command: float, sample_time: fl
 def transition(scene: Scene, moving: Assembly) -> Transition:
     """Return the exact transition of an assembly without friction over one sample.
 
-    If the force is sensed between samples, the sensed value is an additional element after the states. This value does
-    not affect the states.
+    If the sensor samples the force between the firmware's samples, the sensed value is an additional element after the
+    states. This value does not affect the states.
 
     Parameters
     ----------
@@ -243,7 +247,7 @@ def transition(scene: Scene, moving: Assembly) -> Transition:
     Returns
     -------
     Transition
-        Over the states and, if there is one, the force that is sensed between samples.
+        The transition of the states and, if there is one, of the force that is sensed between samples.
     """
     command_timing, reading, n = timing(scene), sensing(scene), moving.size
     command, push = n + GIVEN.index("command"), slice(n + GIVEN.index("push"), None)

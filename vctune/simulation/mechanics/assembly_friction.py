@@ -1,13 +1,13 @@
 """Integrate friction on the motor of a device with parts by fixed steps, which are exact for the bristles and for the
 linear parts.
 
-Over a step, the code holds the friction force F at its mean. The mean is computed for bristles that follow the motor's
-mean velocity w. All other parts are linear and move exactly (`assembly`); w is the motor's mean velocity under the held
-force. Over a step of length h, the friction takes the work F h w from the motor, and the bristles receive this work. No
-step therefore creates energy, for any h, any stiffness of the parts and any predicted velocity. Neither a fast actuator
-nor a stiff handle makes this step stiff. The step approximates only the variation of the friction within a step, to
-second order. If a motion is faster than a step, the step gives the mean of this motion over the step, to first order.
-An example is the motion of a hand's mass on a nearly rigid handle.
+Over a step, the code holds the friction force F at its mean. The code computes this mean for bristles that follow the
+motor's mean velocity w. All other parts are linear, and their motion is exact (`assembly`). w is the motor's mean
+velocity under the held force. Over a step of length h, the friction takes the work F h w from the motor, and the
+bristles receive this work. No step therefore creates energy, for any h, any stiffness of the parts and any predicted
+velocity. Neither a fast actuator nor a stiff handle makes this step stiff. The step approximates only the variation of
+the friction within a step, to second order. If a motion is faster than a step, the step gives the mean of this motion
+over the step, to first order. An example is the motion of a hand's mass on a nearly rigid handle.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ class FrictionStep:
 
     Attributes
     ----------
-    length : h, s
+    length : length h of the step, s
     change : e^(rates h) - 1
-    friction : column of the friction's force
+    friction : index of the column of the friction's force
     """
 
     length: float
@@ -58,7 +58,7 @@ def friction_step(moving: Assembly, length: float) -> FrictionStep:
     Parameters
     ----------
     moving : the moving masses
-    length : h, s
+    length : length h of the step, s
     """
     return FrictionStep(length, moving.changed(length), moving.size + GIVEN.index("friction"))
 
@@ -66,7 +66,7 @@ def friction_step(moving: Assembly, length: float) -> FrictionStep:
 def assembly_step(
     step: FrictionStep, friction: Friction, at: AssemblyState, foreseen: Number, ops: Arithmetic
 ) -> tuple[AssemblyState, Number]:
-    """Advance by one step. Return the new state and the motor's mean velocity w, m/s.
+    """Advance by one step, and return the new state and the motor's mean velocity w, m/s.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def assembly_steps(step: AdvanceStep, at: AssemblyState, count: int) -> Assembly
 
     Parameters
     ----------
-    step : one step
+    step : function that advances by one step
     at : states and bristles at the beginning
     count : number of steps
 

@@ -1,6 +1,6 @@
-"""Model LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky 1995), and integrate it by a step designed for it.
+"""Model LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky 1995), and integrate it with a dedicated step.
 
-With the bristles' deflection z, the rate a(v) = stiffness |v|/g(v) and Stribeck's curve g,
+With the bristles' deflection z, the rate a(v) = stiffness |v|/g(v) and the Stribeck curve g,
 
     dz/dt = v - a(v) z,   F = stiffness z + damping(v) dz/dt,   g = coulomb + (stiction - coulomb) e^{-(v/v_s)^2}.
 
@@ -85,7 +85,7 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
 
     Parameters
     ----------
-    step : step of length h
+    step : function that advances by one step of length h
     at : state at the beginning
     push : function that returns the force of motor and hand, N, at a time since the beginning, s
     h : length of a step, s
@@ -116,16 +116,15 @@ def slide_step(
     theta: float,
     ops: Arithmetic,
 ) -> tuple[Slide, Number]:
-    """Advance by one step h under the force `push`.
+    """Advance by one step h under the force `push`, and return the new state and the velocity of the step.
 
-    Return the new state and the step's velocity w = v + theta (v_new - v).
+    The velocity of the step is w = v + theta (v_new - v).
 
-    The function evaluates rate and damping at the predicted velocity, and assumes that w is constant over the step. The
-    motion of the bristles is then exact: with y = a h, their mean deflection is phi_1 z + phi_2 h w, phi_1 = (1 -
-    e^-y)/y, phi_2 = (1
-    - phi_1)/y. The friction is linear in w, and the function solves the momentum balance for w. The bristles receive
-      exactly the work that friction does at the velocity w. No step therefore creates energy, for any h, any stiffness
-      and any predicted velocity.
+    The function evaluates rate and damping at the predicted velocity, and assumes that the velocity w is constant over
+    the step. The motion of the bristles is then exact. With y = a h, their mean deflection is phi_1 z + phi_2 h w with
+    phi_1 = (1 - e^-y)/y and phi_2 = (1 - phi_1)/y. The friction is linear in w, and the function solves the momentum
+    balance for w. The bristles receive exactly the work that friction does at the velocity w. No step therefore creates
+    energy, for any h, any stiffness and any predicted velocity.
 
     Parameters
     ----------
@@ -157,7 +156,7 @@ class BristleStep:
     Attributes
     ----------
     rate : a(v), 1/s
-    time : h phi_1, s; at its initial rate, z would take this time to change as much as it changes in the step
+    time : h phi_1, s, the time in which z would change by its change over the step if it kept its initial rate
     stiffness, slope : coefficients of the mean force, N/m and N s/m
     """
 

@@ -43,7 +43,7 @@ class HandChanges:
         return sample > 0 and self._until(sample) > self._until(sample - 1)
 
     def hands(self, sample: int) -> tuple[int, int]:
-        """Return the index of the hand whose force is sampled, and the index of the hand after this sample."""
+        """Return the index of the hand whose force the sensor samples, and the index of the hand after this sample."""
         if not self.alternates:
             return 0, 0
         return self._until(max(sample - 1, 0)) % 2, self._until(sample) % 2
@@ -83,7 +83,7 @@ def steps_of_hands(scene: Scene, build: Callable[[Scene, Scene], Any]) -> dict[t
     Parameters
     ----------
     scene : scene of the run
-    build : function that builds the step with the hand that is sampled, and with the hand from then on
+    build : function that builds the step from two scenes: with the hand before the sample, and with the hand after it
     """
     hands = scenes_of_hands(scene)
     return {(now, then): build(hands[now], hands[then]) for now, then in hand_changes(scene).pairs}
@@ -110,7 +110,7 @@ def after_sample(advance: OneSample, inputs: Floats, grip: float, *, regrips: bo
 
 
 def from_state(step: Any, state: Floats) -> OneSample:
-    """Return a compiled step from a state, with arrays for CasADi's matrices.
+    """Return a compiled step from a state, with arrays instead of CasADi's matrices.
 
     Parameters
     ----------

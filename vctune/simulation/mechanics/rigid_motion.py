@@ -23,7 +23,7 @@ class Timing:
     Attributes
     ----------
     whole_samples : N, the number of whole samples in the delay
-    early, late : durations, s; early is 0 if the delay has no fraction of a sample
+    early, late : durations of the two commands, s; early is 0 if the delay is a whole number of samples
     """
 
     whole_samples: int
@@ -32,7 +32,7 @@ class Timing:
 
 
 def timing(scene: Scene) -> Timing:
-    """Return the timing of a scene's commands, with the real zero-order hold for any `hold` of the frequency model."""
+    """Return the timing of a scene's commands. The hold is the real zero-order hold, whatever the device's `hold`."""
     T = scene.device.sample_time
     whole, fraction = split_delay(scene.device.latency, T)
     return Timing(whole, fraction * T, T - fraction * T)

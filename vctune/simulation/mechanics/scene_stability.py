@@ -26,19 +26,19 @@ from vctune.simulation.scene import Scene, baseline_scene
 
 STANDING = 1e-6
 """Distance from 1 within which an eigenvalue belongs to a position without a restoring force, not to an oscillation.
-The numerical error of a double eigenvalue is the square root of rounding, 1e-8. The results with half or twice this
-distance differ only for a mode that lasts a million samples."""
+The numerical error of a double eigenvalue is the square root of the rounding error, 1e-8. The results with half or
+twice this distance differ only for a mode that lasts a million samples."""
 DECADES = 4
 """Number of decades, up and down from the file's virtual mass and damping, in which the code searches for a stable
-share. The results within the range are the same with half or twice as many decades."""
+share. With half or twice as many decades, the results within the range are the same."""
 BISECTIONS = 30
-"""Number of bisections of half a decade, down to 1e-9. Half as many bisections leave 4e-5, which sometimes shows in the
-fourth digit. Twice as many bisections reach rounding errors."""
+"""Number of bisections of half a decade, down to 1e-9. Half as many bisections leave an error of 4e-5, which sometimes
+shows in the fourth digit. Twice as many bisections reach rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """The mode of a sampled loop that grows the fastest: factor per sample, and frequency in Hz."""
+    """The fastest growing mode of a sampled loop: its factor per sample, and its frequency in Hz."""
 
     radius: float
     hz: float
@@ -72,7 +72,7 @@ def fastest_mode(scene: Scene) -> Mode:
 
     If the hand has a dwell time, the mode belongs to one period of the changes. The growth is still per sample. The
     frequency is the frequency at which the mode repeats from period to period. If the hand changes at given times, the
-    function examines each of the two hands separately and returns the mode that grows most.
+    function examines each of the two hands separately and returns the fastest growing mode.
     """
     T, changes = scene.device.sample_time, hand_changes(scene)
     if changes.every == 0:
@@ -85,8 +85,7 @@ def fastest_mode(scene: Scene) -> Mode:
 
 
 def _period_matrix(scene: Scene, changes: HandChanges) -> Floats:
-    """Return the matrix over state and grip from one change of the hand to the next change, or to the change after
-    it."""
+    """Return the matrix over state and grip from one change of the hand to the next one, or to the one after that."""
     with interrupt_deferred():
         steps = steps_of_hands(scene, lambda now, then: build(now, then=then))
 
@@ -120,7 +119,7 @@ def _fastest(matrix: Floats, sample_time: float, samples: int = 1) -> Mode:
 
 
 def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> float | None:
-    """Return the smallest factor on the virtual mass and damping of a regular PID above which its loop is stable.
+    """Return the least factor of the virtual mass and damping of a regular PID above which the PID's loop is stable.
 
     The search covers 10^-`DECADES` to 10^`DECADES` times the values of the file.
 

@@ -87,8 +87,8 @@ def build(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = Non
     ----------
     scene : the scene of the run
     stretch : function that integrates the friction; not used without friction
-    then : the scene with the changed hand, which acts from this sample on; the next sample is the first to sense its
-        force. None if the hand does not change
+    then : the scene with the changed hand, which acts from this sample on, and whose force the sensor first samples at
+        the next sample; None if the hand does not change
 
     Returns
     -------
@@ -136,8 +136,8 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None 
 
 @dataclass(frozen=True, slots=True)
 class _Firmware:
-    """The state of a firmware before (`memory`) and after (`kept`) a sample and at the start, and its outputs, as in
-    `ANSWER`."""
+    """The state of a firmware before a sample (`memory`), after the sample (`kept`) and at the start (`start`), and the
+    firmware's outputs (`answer`, as in `ANSWER`)."""
 
     memory: list[Any]
     kept: list[Any]
@@ -212,10 +212,11 @@ def _motion(scene: Scene, inputs: Any) -> Any:
 
 
 def _with_friction(scene: Scene, mechanism: Assembly | None, friction: Friction, stretch: Stretch, outputs: Any) -> Any:
-    """Return the step of a device with friction; `outputs` is the function to kept state, record, early, late command.
+    """Return the step of a device with friction.
 
-    A step computes the firmware, and then the motion over stretches of time with constant motor force. There are one or
-    two stretches, and one more if the sensor takes the force within a stretch.
+    The function `outputs` returns kept state, record, early command and late command from state and inputs. A step runs
+    the firmware, and then computes the motion over stretches of time with constant motor force. There are one or two
+    stretches, and one more if the sensor samples the force within a stretch.
     """
     T, early_ends, force_taken = scene.device.sample_time, timing(scene).early, sensing(scene).instant
     derivatives = ca.DM(hand_force_derivatives(scene.operator, T))

@@ -40,7 +40,7 @@ class SampleSymbols:
     body : states of the moving parts (position and velocity first), then z if there is friction, then the force sensed
         within the last sample if the sensor samples the force between the firmware's samples
     inputs : inputs of the step
-    commands : commands of past samples that have not acted completely, the newest first
+    commands : commands of past samples that have not finished acting, the newest first
     unread : past forces that the sensor has sampled and the firmware has not read, the newest first
     filtered, filtered_after : force after the filter of the sensed samples, before and after this sample; empty without
         a filter
@@ -74,7 +74,7 @@ def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
     sensor, mechanism, begin = sensing(scene), assembly(scene), equilibrium(scene)
     body, inputs = ca.SX.sym("body", len(at_rest(scene, mechanism, begin))), ca.SX.sym("inputs", input_count)
     # past commands that still act: one for each whole sample of delay, and one that ends within a sample; a servo that
-    # interpolates between positions also needs the position before
+    # interpolates between positions also needs the position before these
     count = timing(scene).whole_samples + (2 if _interpolates(scene) else 1)
     commands = [ca.SX.sym(f"u{age}") for age in range(count)]
     unread = [ca.SX.sym(f"f{age}") for age in range(sensor.whole_samples)]
@@ -109,7 +109,7 @@ def _interpolates(scene: Scene) -> bool:
 
 
 def acting(scene: Scene, commands: list[Any]) -> list[Any]:
-    """Return the held values of commands, one for each sample, the newest first as the commands are.
+    """Return the held values of commands, one for each sample, the newest first, like the commands.
 
     A position command becomes the velocity from the previous position, so the oldest position has no value.
 
@@ -129,8 +129,8 @@ def at_rest(scene: Scene, mechanism: Assembly | None, begin: Equilibrium) -> lis
     Parameters
     ----------
     scene : the scene of the run
-    mechanism : its moving parts; None for a single mass
-    begin : its equilibrium
+    mechanism : moving parts of the scene; None for a single mass
+    begin : equilibrium of the scene
     """
     not_zero = {"position": begin.position, "bend": begin.bend, "sensed": begin.hand}
     not_zero |= {name: share * begin.motor for name, share in drive_at_rest(scene.device).items()}
@@ -163,7 +163,7 @@ def _push(scene: Scene, inputs: Any) -> Any:
 
 
 def values_at(scene: Scene, body: list[Any], size: int, motor: Any, push: Any) -> list[Any]:
-    """Return states and inputs at a moment, as in `assembly.GIVEN`; the derivatives of the push are not used.
+    """Return states and inputs at a moment, as in `assembly.GIVEN`, with 0 for the derivatives of the push.
 
     Parameters
     ----------
@@ -180,8 +180,8 @@ def values_at(scene: Scene, body: list[Any], size: int, motor: Any, push: Any) -
 def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
     """Return f_h just before the sample: spring, damper, and the hand's mass with the acceleration at that moment.
 
-    Newton's law of hand and device, m dv/dt = push - pull + motor - resisting, eliminates dv/dt from the hand's own,
-    f_h = push - pull - m_h dv/dt. Hence f_h = (1 - m_h/m)(push - pull) - (m_h/m)(motor - resisting).
+    Newton's law of hand and device, m dv/dt = push - pull + motor - resisting, eliminates dv/dt from Newton's law of
+    the hand, f_h = push - pull - m_h dv/dt. Hence f_h = (1 - m_h/m)(push - pull) - (m_h/m)(motor - resisting).
     """
     hand, carriage, push = scene.operator, scene.carriage, _push(scene, inputs)
     pull = hand.stiffness * at.x + hand.damping * at.v

@@ -23,7 +23,7 @@ STEPS_PER_RADIAN = 64
 large in half the time. With twice as many steps, the error is a quarter in twice the time
 (results/work-precision.csv)."""
 LEAST_STEPS, MOST_STEPS = 4, 256
-"""Least and greatest number of steps in a sample. The least number resolves a motion that crosses Stribeck's curve
+"""Least and greatest number of steps in a sample. The least number resolves a motion that crosses the Stribeck curve
 within a sample, even with soft bristles. Bristles that need more than the greatest number of steps are stiffer than a
 hand can feel. The simulation time is proportional to the number of steps."""
 
@@ -45,7 +45,7 @@ SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 Stretch = Callable[[Scene, Friction, float, float], Any]
 """Function that returns the function (body, motor, push) -> body, which integrates the motion over part of a sample.
-Its arguments are a scene, its friction, the start of that part, s, and its length, s."""
+The arguments are a scene, the scene's friction, the start of that part, s, and the length of that part, s."""
 MIDPOINT = 0.5
 """Point of a fixed step at which the forces are evaluated. With the midpoint, the rule is of second order
 (`friction.slide`)."""
@@ -100,7 +100,7 @@ def fixed_steps(
 
 
 def _assembly_stretch(moving: Assembly, friction: Friction, begin: float, length: float, count: int) -> Any:
-    """Return `fixed_steps` for an assembly, as repeated calls of one compiled step."""
+    """Return the function of `fixed_steps` for an assembly. The function calls one compiled step repeatedly."""
     n, over = moving.size, friction_step(moving, length / count)
     at, foreseen = ca.SX.sym("at", n + len(GIVEN) + 1), ca.SX.sym("foreseen")
     *values, z = ca.vertsplit(at)

@@ -1,7 +1,7 @@
 """Sample a device in a hand as rows of named states, for hands whose damping changes between samples.
 
-Numbers are dimensionless, in units of the sample time and of the device's mass. The damping of the hand from this
-sample on may differ from its damping when the force was sampled.
+Numbers are dimensionless, in units of the sample time and of the device's mass. The hand's damping from this sample on
+may differ from the hand's damping at the time when the sensor sampled the force.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def held_plant(
     if estimate is not None and estimate.filter_hz is not None:
         share, _ = smoothing(device.velocity.filter_hz, device.sample_time, ops)  # type: ignore[union-attr]
         velocity = low_passed(memory, "velocity", velocity, share, estimate.filter_order)
-    meeting = sensing if times_of.within is None else body  # within a sample the hand is the present one
+    meeting = sensing if times_of.within is None else body  # within a sample, the present hand acts
     felt = sensed(memory, chain, times_of, (now, older), (meeting.weights, meeting.feed), ops)
     if stiffness is None:
         del change["position"]
@@ -98,7 +98,7 @@ class _Body(NamedTuple):
     Attributes
     ----------
     chain : A and b
-    weights, feed : shares of the states and of the command that acts in the sensed force
+    weights, feed : coefficients of the states and of the acting command in the sensed force
     """
 
     chain: Chain
@@ -124,7 +124,7 @@ def _body(device: Device, hand: Hand, ops: Arithmetic) -> _Body:
 
 
 def _by_pull(own: _Body, unit: _Body, spring: Number) -> _Body:
-    """Return a body with the force of the hand's spring as a state. With this state, nothing depends on the position.
+    """Return a body with the force of the hand's spring as a state, so that nothing depends on the position.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def _at_rest(
         rest = {"position": kappa}
     else:
         k_s = mechanism(device, device.structure, ops).stiffness * unit
-        share = 1 / (1 + k / k_s)  # stiffness of the hand's spring and the structure's in series, divided by the hand's
+        share = 1 / (1 + k / k_s)  # stiffness of the hand and the structure in series, divided by the hand's stiffness
         kappa = k_p / (k * share + k_p)
         rest = {"position": kappa, "bend": kappa * share * (k / k_s)}
         kappa = kappa * share

@@ -67,9 +67,9 @@ def held_servo(plain: Device, device: Device, hand: Hand, before: Number, ops: A
 
 
 def _chain(device: Device, hand: Hand, before: Number, ops: Arithmetic) -> tuple[Chain, Row, Number]:
-    """Return position, servo and sensor, and the shares of states and command in the sensor's output.
+    """Return position, servo and sensor, and the coefficients of states and command in the sensor's output.
 
-    Dimensionless with m = 1 kg.
+    All numbers are dimensionless with m = 1 kg.
     """
     T, servo, sensor = device.sample_time, device.servo, device.sensing
     assert servo is not None

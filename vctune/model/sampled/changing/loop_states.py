@@ -1,9 +1,9 @@
 """Write, in state-space form, the sampled loop in a hand whose damping changes (model/README.md, section 21).
 
-All numbers are dimensionless, in units of the sample time T and of the device's mass m. The states are those of the
-device in the hand, the delayed commands and sensed forces, the memory of the firmware's filters, the position q that
-v_e has reached, and the coupling's g. With v_e = 0 the loop can rest at any q. The states zeta are the deviations of
-the other states from this rest, and do not include q.
+All numbers are dimensionless, in units of the sample time T and of the device's mass m. The states are the states of
+the device in the hand, the delayed commands and sensed forces, the memory of the firmware's filters, the position q
+that v_e has reached, and the coupling's g. With v_e = 0 the loop can rest at any q. The states zeta are the deviations
+of the other states from this rest, and do not include q.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ DESIRED, REACHED, COUPLED = "v_e", "q", "g"
 
 
 class Pull(NamedTuple):
-    """The hand's spring in a loop whose first state is the spring's force p. Over a sample, p grows by K times the
-    motion d.
+    """The hand's spring in a loop whose first state is the spring's force p. Over a sample, p grows by K d, where d is
+    the motion of the handle.
 
     Attributes
     ----------
@@ -52,14 +52,16 @@ class Pull(NamedTuple):
 
 
 class LoopStates(NamedTuple):
-    """zeta[k+1] = (stays) + change zeta[k] + push v_e[k], y = Z_c v_e - f = seen zeta + spring q + direct v_e.
+    """The loop zeta[k+1] = change zeta[k] + push v_e[k], y = Z_c v_e - f = seen zeta + spring q + direct v_e.
+
+    For the leading states, the right-hand side also contains zeta[k].
 
     Attributes
     ----------
     names : names of the entries of zeta
     staying : number of leading states that hardly change over a sample
-    change : zeta[k+1]; for the leading states, zeta[k+1] - zeta[k]
-    push, seen : n numbers each
+    change : coefficients of zeta[k] in zeta[k+1]; for the leading states, in zeta[k+1] - zeta[k]
+    push, seen : coefficients of v_e in zeta[k+1] and of zeta in y, n numbers each
     direct : immediate response of y to v_e
     spring : k_eq, of all springs in series
     pull : the hand's spring, if its force is the first state; None if the loop holds the position
@@ -98,7 +100,7 @@ def loop_states(
     plain : device and law in plain numbers; they determine the states
     exact : the same device and law in any arithmetic
     hand : hand from this sample to the next
-    sensed : damping of the hand when the force is sampled, which may differ, N s/m
+    sensed : damping of the hand when the force is sampled, N s/m; it may differ from the damping of `hand`
     ops : arithmetic of exact and hand
 
     Returns

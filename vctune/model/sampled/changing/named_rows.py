@@ -22,7 +22,7 @@ COMMAND = "command"
 
 
 def total(terms: Iterable[tuple[Number, Mapping[str, Number]]]) -> Row:
-    """Return a weighted sum of rows. A weight that is the integer 1 adds no product."""
+    """Return a weighted sum of rows. For a weight that is the integer 1, the function omits the product."""
     found: Row = {}
     for weight, row in terms:
         for name, x in row.items():
@@ -37,23 +37,23 @@ def substituted(row: Row, name: str, by: Row) -> Row:
 
     Parameters
     ----------
-    row : the sum
+    row : a weighted sum of states and inputs
     name : name of the state or input to replace
-    by : the sum that replaces it
+    by : the sum that replaces this state or input
     """
     rest = {other: x for other, x in row.items() if other != name}
     return total([(1, rest), (row.get(name, 0), by)])
 
 
 def late(memory: dict[str, Row], name: str, row: Row, samples: int) -> Row:
-    """Return a row delayed by some samples, and add the states that store the row.
+    """Return a row delayed by some samples, and add the states that store the row to the memory.
 
     Parameters
     ----------
     memory : next value of each state; the function adds to it
     name : name of the stored row
-    row : the sum
-    samples : >= 0
+    row : a weighted sum of states and inputs
+    samples : number of samples of the delay, >= 0
     """
     for ago in range(1, samples + 1):
         memory.setdefault(f"{name}[k-{ago}]", row)
@@ -62,14 +62,14 @@ def late(memory: dict[str, Row], name: str, row: Row, samples: int) -> Row:
 
 
 def low_passed(memory: dict[str, Row], name: str, row: Row, share: Number, order: int) -> Row:
-    """Return a row after the firmware's low-passes y += a (x - y), and add the states of the low-passes.
+    """Return a row after the firmware's low-passes y += a (x - y), and add their states to the memory.
 
     Parameters
     ----------
     memory : next value of each state; the function adds to it
     name : name of the row
-    row : x
-    share : a
+    row : x, the sum that enters the low-passes
+    share : coefficient a of the low-passes
     order : number of low-passes in series
     """
     for number in range(1, order + 1):
@@ -83,9 +83,9 @@ class Timing(NamedTuple):
 
     Attributes
     ----------
-    whole, sensed : whole samples in the delay of the command and in that of the sensor
+    whole, sensed : whole samples in the delay of the command and in the delay of the sensor
     older : share of a sample in which the previous command acts; None if it does not act
-    within : time within a sample at which the sensor samples; None for the end of the sample
+    within : time within a sample at which the sensor samples the force; None for the end of the sample
     carried : whether the previous command acts at that time
     """
 

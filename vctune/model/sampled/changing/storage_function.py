@@ -14,9 +14,9 @@ from vctune.model.numbers.matrices import Matrix, Vector, add, blocked, nothing,
 from vctune.model.sampled.changing.loop_states import LoopStates
 
 OF_HAND = ("1", "mu", "nu", "sigma", "beta")
-"""Names of the functions of a hand that weight the matrices of a storage function. The value of each function lies
-between -1 and 1 in a box. Each uncertain parameter of the device has such a function as well, which runs from -1 to 1
-in the parameter's range."""
+"""Names of the functions of a hand that weight the matrices of a storage function. In a box, the value of each function
+lies between -1 and 1. Each uncertain parameter of the device also has such a function, which runs from -1 to 1 over the
+parameter's range."""
 BETA = OF_HAND.index("beta")
 
 
@@ -99,20 +99,21 @@ def moved_mass(device: Device) -> Number:
 def weights(box: Holding, device: Device, hand: Hand, number: Callable[[float], Number]) -> Vector:
     """Return the functions `terms_of` of a hand and a device.
 
-    mu, sigma and beta are mass, stiffness and damping, scaled from their ranges to -1 to 1. nu is 0 at both ends of the
-    range of masses. 1/(m + M), where m moves rigidly with the hand, is a linear combination of 1, mu and nu.
+    mu, sigma and beta are mass, stiffness and damping, scaled linearly from their ranges to [-1, 1]. nu is 0 at both
+    ends of the range of masses. 1/(m + M), where the mass m moves rigidly with the hand, is a linear combination of 1,
+    mu and nu.
 
     Parameters
     ----------
     box : box, in plain numbers
     device : device of the box, in any arithmetic
-    hand : the hand; its damping is that of the last sample
-    number : a plain number in the arithmetic of device and hand
+    hand : the hand, with the damping of the last sample
+    number : function that returns a plain number in the arithmetic of device and hand
 
     Returns
     -------
     Vector
-        A function of a parameter that is the same throughout the box is the integer 0.
+        The values of the functions. If a parameter is the same throughout the box, its function is the integer 0.
     """
 
     def centred(value: Number, low: float, high: float) -> Number:
@@ -126,15 +127,14 @@ def weights(box: Holding, device: Device, hand: Hand, number: Callable[[float], 
 
 
 def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) -> Matrix:
-    """Return a matrix with this property: if it is positive definite, the storage grows by less than 2 v_e y in every
-    sample.
+    """Return a matrix whose positive definiteness implies that the storage grows by less than 2 v_e y in every sample.
 
     The term k_eq q^2 of the storage grows by k_eq (2 q + v_e) v_e. The part 2 k_eq q v_e cancels against the same part
     of 2 v_e y, so q drops out.
 
     Parameters
     ----------
-    loop : n states
+    loop : the sampled loop, with n states
     Y : matrix of the storage for the damping from now on, symmetric, n x n
     more : the matrix for the damping when the force was sampled, minus Y
     ops : arithmetic of both

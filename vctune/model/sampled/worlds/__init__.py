@@ -1,1 +1,1 @@
-"""The sampled loop in a hand with each environment of a box: on time, late, and with walls."""
+"""Evaluate the sampled loop in a hand with each environment of a box: on time, late, and with walls."""

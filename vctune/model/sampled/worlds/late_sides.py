@@ -1,10 +1,17 @@
-"""Sides of the set of environments that run late or step by Euler's rules, in double precision (model/README.md, 20).
+"""Compute, in doubles, the sides of the set of environments that run late or step by Euler's rules (model/README.md,
+section 20).
 
-The search uses a set that is greater than the polygon of the environments z^-n (m f_m + b + k f_k): the set also
+The search uses a set that is larger than the polygon of the environments z^-n (m f_m + b + k f_k): the set also
 contains each of these environments with any additional damping, which acts on time. If -Y is never in this set, the
+<<<<<<< HEAD
 loop is stable without further proof, because it is stable with infinite damping, v_e = 0. The sides of the set are the
 sides of the polygon whose normal has a positive real part, and two sides along the real axis. Masses that step by
 explicit Euler on time do not tolerate any damping. For these masses, the search uses the polygon itself.
+=======
+loop is stable without further proof, because the loop is stable with infinite damping, v_e = 0. The sides of the set
+are the sides of the polygon whose normal has a positive real part, and two sides along the real axis. Masses that step
+by explicit Euler on time do not tolerate any damping. For them the search uses the polygon itself.
+>>>>>>> s-rc
 """
 
 from __future__ import annotations
@@ -21,8 +28,8 @@ from vctune.model.worlds import World, Worlds
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating[Any, Any]]
 SIDES = 8
-"""Greatest number of sides: their normals are perpendicular to the three factors and along the real axis, two for
-each. The polygon of a box need not have all of these sides."""
+"""Greatest number of sides. Two sides have normals perpendicular to each of the three factors, and two have normals
+along the real axis. The polygon of a box need not have all of these sides."""
 LEAST = 1e-9
 """Least distance of an angle from 0 and pi, rad, because factors may be infinite at 0 and pi. With half or twice this
 distance, the sides are the same."""
@@ -36,13 +43,13 @@ def open_sides(worlds: Worlds, sample_time: float, theta: Floats) -> list[HalfPl
 
     Parameters
     ----------
-    worlds : the box, in plain numbers
+    worlds : the box of environments, in plain numbers
     sample_time : T, s
     theta : omega T, rad
     """
     theta = np.clip(theta, LEAST, np.pi - LEAST)
     each, across, along = _factors(worlds, sample_time, theta), 1 + 0j * theta, 1j + 0 * theta
-    factors = each[:2] if worlds.rule == "trapezoid" else each  # here mass and spring have parallel factors
+    factors = each[:2] if worlds.rule == "trapezoid" else each  # by this rule, mass and spring have parallel factors
     normals = [1j * factor / np.abs(factor) for factor in factors]
     normals = [np.where(normal.real < 0, -normal, normal) for normal in normals]
     others = [-across, *(-normal for normal in normals)] if worlds.ahead else [along, -along]

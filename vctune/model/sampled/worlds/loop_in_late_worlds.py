@@ -1,4 +1,4 @@
-"""The sampled loop in a hand with every environment of a box that runs late or steps by Euler's rules.
+"""Evaluate the sampled loop in a hand with every environment of a box that runs late or steps by Euler's rules.
 
 An environment z^-n (m f_m + b + k f_k) of the box holds a pole of the loop at the angle theta if -Y' is a point of the
 polygon of all m f_m + b + k f_k, with Y' = z^n (y Z_c + Z_seen) (model/README.md, section 20). The factors are
@@ -7,8 +7,8 @@ polygon of all m f_m + b + k f_k, with Y' = z^n (y Z_c + Z_seen) (model/README.m
 
 with q = 1 for explicit Euler and q = -1 for implicit Euler. For the trapezoidal rule, f_m = (2 j s/T)/c and f_k = 1/f_m
 with c = cos(theta/2). A point is outside a polygon if and only if it is beyond one of the polygon's sides. Each side
-defines a half-plane, whose normal is perpendicular to 1, f_m or f_k. At theta = pi all three are real or infinite, so
-that the real direction decides.
+defines a half-plane, whose normal is perpendicular to 1, f_m or f_k. At theta = pi, 1, f_m and f_k are real or
+infinite, so that the real direction decides.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ LEADING: Mapping[WorldRule, int] = MappingProxyType({"trapezoid": 0, "explicit":
 
 
 class HalfPlane(NamedTuple):
-    """A margin as a function of Y', regular at both ends: the factors of the parts of Y', and the environment's part.
+    """A margin as a function of Y', regular at 0 and pi: the factors of the parts of Y', and the environment's part.
 
     Attributes
     ----------
@@ -73,13 +73,13 @@ class HalfPlane(NamedTuple):
     room: Number
 
     def terms(self, offered: Offered, seen: Seen, share: Number = 1.0) -> tuple[Number, ...]:
-        """Return the margin with a share of the coupling as the terms of its sum.
+        """Return the terms whose sum is the margin with a share of the coupling.
 
         Parameters
         ----------
-        offered : response of the coupling
+        offered : impedance Z_c of the coupling
         seen : Z_seen of the loop in a hand
-        share : y, from 1/g to 1
+        share : y, the share of the coupling, from 1/g to 1
         """
         size = seen.size
         return (
@@ -96,7 +96,7 @@ def sides_of(worlds: Worlds) -> tuple[str, ...]:
 
     Parameters
     ----------
-    worlds : the box, in plain numbers
+    worlds : the box of environments, in plain numbers
     """
     low, high, moved = worlds.low, worlds.high, LEADING[worlds.rule] != 0
     wanted: dict[Normal, Any] = {
@@ -117,7 +117,7 @@ def sides_at_nyquist(worlds: Worlds, *, rigid: bool) -> tuple[str, ...]:
 
     Parameters
     ----------
-    worlds : the box, in plain numbers
+    worlds : the box of environments, in plain numbers
     rigid : whether the coupling is rigid
     """
     if worlds.rule != "trapezoid":
@@ -137,7 +137,7 @@ def half_planes(
 
     Parameters
     ----------
-    worlds : the box, in numbers of the arithmetic
+    worlds : the box of environments, in numbers of the arithmetic
     names : names of the sides, from `sides_of`
     sample_time : T, s
     theta : omega T, rad, in [0, pi]

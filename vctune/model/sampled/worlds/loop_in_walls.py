@@ -1,4 +1,4 @@
-"""The sampled loop in a hand with every wall of a box of environments (model/README.md, section 19).
+"""Evaluate the sampled loop in a hand with every wall of a box of environments (model/README.md, section 19).
 
 The force of a wall is a function phi of the position x_e + l (T/2) v_e. This function does not change with time, and
 its slope is everywhere between k_1 and k_2. The wall acts in parallel with a mass and a damping of the box. The
@@ -12,10 +12,10 @@ corner is w_c = h (1 - a)/(1 + a), let
 and C = l k_1 (w_c/h + t^2 (1 + k_1/kappa)). E = f(p) + g(r) must be positive for all masses and dampings of the box.
 Both terms are convex. E is therefore at least the sum of two tangents,
 
-    f >= tau/c^2 p - kappa/4 (tau/c^2 - n)^2 + C,   g >= (w + 2 u^2 r_0/kappa) r - u^2 r_0^2/kappa,
+    f >= tau/c^2 p - kappa/4 (tau/c^2 - n)^2 + C,   g >= (w + 2 u^2 r_0/kappa) r - u^2 r_0^2/kappa.
 
 The sum is least at the greatest mass if tau > 0, at the least mass if tau < 0, and at the least damping if the slope in
-r is not negative. Tangents at the minima of f and g give E itself; any other tangents give a lower bound.
+r is not negative. With tangents at the minima of f and g, the sum is E; with other tangents, it is a lower bound.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from vctune.model.sampled.worlds.loop_in_worlds import NOTHING, Disjuncts, Offer
 from vctune.model.worlds import Worlds
 
 LEADS = (0.0, 1.0)
-"""l of the trapezoidal rule and l of backward Euler. The firmware may step a wall by either."""
+"""l of the trapezoidal rule and l of backward Euler. The firmware may step a wall by either rule."""
 
 
 class Strip(NamedTuple):
-    """The ranges of p and r over the masses and dampings of a box, each as the terms of a sum.
+    """The ranges of p and r over the masses and dampings of a box. Each number is stored as the terms of a sum.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Tangent(NamedTuple):
 
     Attributes
     ----------
-    rising, falling : tau if it is positive, else 0; tau if it is negative, else 0
+    rising, falling : the positive part of tau, and the negative part of tau (tau if tau < 0, else 0)
     excess : r_0, with w c^2 kappa + 2 h^2 s^2 r_0 >= 0
     """
 
@@ -82,8 +82,8 @@ def strip_in_walls(
 
     Parameters
     ----------
-    offered : response of the coupling
-    worlds : the box, in numbers of the arithmetic; an infinite limit is a plain float
+    offered : impedance Z_c of the coupling
+    worlds : the box of environments, in numbers of the arithmetic; an infinite limit is a plain float
     sample_time : T, s
     seen : impedance of the loop in a hand
     share : y, the share of the coupling, from 1/safety_factor to 1
@@ -146,16 +146,16 @@ def _condition(worlds: Worlds, lead: Number, sample_time: Number, theta: Number,
 def disjuncts_in_walls(
     strip: Strip, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return the terms of sums, the margins. E is positive if and only if one of the margins is.
+    """Return margins as the terms of their sums. E is positive if and only if one of the margins is positive.
 
-    If the first margin is positive, r suffices for every p. If one of the others is positive, p lies above, or below,
-    every value at which E could vanish with this r.
+    If the first margin is positive, E is positive for every p with this r. If one of the others is positive, p lies
+    above, or below, every value at which E could vanish with this r.
 
     Parameters
     ----------
     strip : ranges of p and r over masses and dampings
-    worlds : the box, with the corner
-    lead : l, 0 or 1
+    worlds : the box of environments, with the corner frequency of the multiplier
+    lead : l of the integration rule, 0 or 1
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments; its numbers must have a sign
@@ -198,8 +198,8 @@ def shares_of(
     ----------
     strip : ranges of p and r over masses and dampings
     tangent : points of the tangents
-    worlds : the box, with the corner
-    lead : l, 0 or 1
+    worlds : the box of environments, with the corner frequency of the multiplier
+    lead : l of the integration rule, 0 or 1
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments

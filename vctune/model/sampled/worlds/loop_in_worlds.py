@@ -1,4 +1,4 @@
-"""The sampled loop in a hand with every environment of a box (model/README.md, section 18).
+"""Evaluate the sampled loop in a hand with every environment of a box (model/README.md, section 18).
 
 An environment Z_e = b + m s_d + k/s_d puts a pole of the loop at the angle theta if -Y = Z_e there, with Y = y Z_c +
 Z_seen, s_d = j u and u = (2/T) tan(theta/2). Since b has no upper limit, the box contains no such Z_e if
@@ -14,7 +14,7 @@ case is
     Re Z_c (-Im Z_seen - m_2 u + k_1/u) > Im Z_c (R - b_1).
 
 The code multiplies these numbers by s c |F|^2, with s = sin(theta/2) and c = cos(theta/2). The products are regular at
-both ends.
+theta = 0 and at theta = pi.
 
 The coupling of an impedance display is a part of the loop that the environment meets. With a share y of the coupling's
 admittance, that loop is Z_seen = 1/(y/Z_c + G), and there is no other coupling
@@ -33,12 +33,12 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.worlds import Worlds
 
 NOTHING = 1e-30
-"""Value that the code adds to a divisor that is a sum of magnitudes, because all of them may be 0. Any value far
+"""Value that the code adds to a divisor that is a sum of magnitudes, because all the magnitudes may be 0. Any value far
 below the magnitudes and above the square root of the least positive double would serve."""
 
 
 class Seen(NamedTuple):
-    """Z_seen = -lost/size - j swing/(s size), the impedance of the loop in a hand that the environment sees.
+    """The impedance that the loop in a hand presents to the environment, Z_seen = -lost/size - j swing/(s size).
 
     For an impedance display, Z_seen is the impedance that the virtual tool meets, or G/s^2 if the coupling is not
     included.
@@ -59,8 +59,8 @@ class Offered(NamedTuple):
 
     Attributes
     ----------
-    resistance : Re Z_c
-    reactance : c Im Z_c
+    resistance : Re Z_c, N s/m
+    reactance : c Im Z_c, N s/m, with c = cos(theta/2)
     """
 
     resistance: Number
@@ -70,15 +70,15 @@ class Offered(NamedTuple):
 class Disjuncts(NamedTuple):
     """Margins, each as the terms of its sum.
 
-    If one of the margins is positive, no environment puts a pole at this angle.
-
-    A field is None if no coupling can make this margin positive, or if another margin covers it.
+    If one of the margins is positive, no environment puts a pole at this angle. A field is None if no coupling can make
+    its margin positive, or if another margin covers it.
 
     Attributes
     ----------
     resistive : margin of the real part
-    above, below : margins of the reactance above, and below, that of every environment
-    turned : positive if, at each y, the real part suffices or the reactance lies above that of every environment
+    above, below : margins by which the reactance lies above, or below, the reactance of every environment
+    turned : margin that is positive if, at each y, the real part suffices or the reactance lies above the reactance of
+        every environment
     """
 
     resistive: tuple[Number, ...]
@@ -88,7 +88,7 @@ class Disjuncts(NamedTuple):
 
 
 UNCOUPLED = Offered(0, 0)
-"""No coupling, for an impedance display, because its loop already contains the coupling."""
+"""No coupling. An impedance display uses this value, because its loop already contains the coupling."""
 
 
 def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Offered:
@@ -98,7 +98,7 @@ def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arit
     ----------
     coupling : coupling in numbers of the arithmetic
     sample_time : T, s
-    theta : rad, in [0, pi]
+    theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
     """
     return Offered(
@@ -111,8 +111,8 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
 
     Parameters
     ----------
-    worlds : the box
-    factor : g, >= 1
+    worlds : the box of environments
+    factor : safety factor g, >= 1
     inverse : True for an impedance display, whose margins belong to one share of the coupling
     """
     if worlds.resistive:
@@ -129,11 +129,11 @@ def disjuncts(
 
     Parameters
     ----------
-    offered : response of the coupling, `UNCOUPLED` for an impedance display
-    worlds : the box, in numbers of the arithmetic; an infinite limit is a plain float
+    offered : impedance Z_c of the coupling; `UNCOUPLED` for an impedance display
+    worlds : the box of environments, in numbers of the arithmetic; an infinite limit is a plain float
     sample_time : T, s
     seen : impedance of the loop in a hand
-    factor : g, >= 1; 1 for an impedance display, whose loop has a share of the coupling
+    factor : safety factor g, >= 1; 1 for an impedance display, whose loop has a share of the coupling
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
     """
@@ -175,7 +175,7 @@ def limp_disjuncts(
 
 
 def room_of(terms: tuple[Number, ...], absolute: Callable[[Number], Number]) -> Number:
-    """Return the distance of a margin from 0: twice the sum of its terms, divided by the sum of their magnitudes.
+    """Return the relative distance of a margin from 0: twice the sum of its terms over the sum of their magnitudes.
 
     Near 0 this is the logarithm of the ratio of positive to negative terms.
 
