@@ -219,12 +219,12 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
 def _ends_beyond(
     points: LimitPoints, low: Floats, high: Floats, number: int, known: float | None
 ) -> list[tuple[float, Floats, Floats]]:
-    """Return the stiffnesses or the masses to prove, one for each reserve, each with the box of environments up to it.
+    """Return the stiffnesses or the masses to prove, one for each reserve, each with the box whose range ends there.
 
     Parameters
     ----------
     points : points at which environments have poles, in double precision
-    low, high : the box
+    low, high : least and greatest mass, damping and stiffness of the problem's box, shape (3,)
     number : `STIFFNESS` or `MASS`
     known : value that is already proved; the function returns only better values. None if no value is proved
     """

@@ -94,7 +94,7 @@ def numbers_of(
     posed : prepared problem, dimensionless
     structure : structure of the NLP
     free : the n free variables of the NLP
-    start : the variables of the design from which IPOPT starts, and of the fixed variables
+    start : all variables of the design from which IPOPT starts, including the fixed ones
     box : least and greatest coordinates, each of shape (n,)
     working_set : points at which the relaxation imposes the constraints
     tightening : relative tightening of the constraints, so that rounding the result does not violate them

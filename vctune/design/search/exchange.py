@@ -1,5 +1,5 @@
 """The exchange method: solve an NLP with few frequencies, add the frequencies at which its answer violates a
-constraint, repeat.
+constraint, and repeat.
 
 See design/README.md, section 6. Each NLP is confined to a trust box in log coordinates around the last point with a
 stable loop. Without this box, the exchange could end at an unstable loop, because unstable loops beyond |S| = inf also
@@ -110,7 +110,7 @@ def polish(
     scanned : result of the scan, which decides which constraints the first NLP has
     incumbent : error above which the exchange ends, because more frequencies can only raise the error of the NLP
     tightening : relative tightening of the constraints
-    witnesses : points that a proof has refuted, which the first NLP includes
+    witnesses : points at which a proof has refuted a design; the first NLP includes these points
     demands : points of the first NLP if the start is a known optimum; None for a coarse grid and the worst points at
         the start
 
@@ -151,7 +151,7 @@ def by_scale(problem: Problem) -> bool:
 
 
 def _stiffest(posed: Posed, start: Start, found: Stiffest | None, tightening: float) -> Polished | None:
-    """Return the stiffest coupling of an impedance display with the multipliers of the places that limit it."""
+    """Return the stiffest coupling of an impedance display, and the multipliers of the places that limit it."""
     if found is None:
         return None
     values, worlds = point(found.gains, found.coupling), posed.problem.worlds

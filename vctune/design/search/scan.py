@@ -36,7 +36,7 @@ between two of them. The factor allows for errors of the estimate, which uses fe
 the search may miss a separate basin behind a low rise of the error. With a smaller factor, the search optimises twice
 in one basin."""
 WORTH_ANOTHER = 0.9995
-"""The search optimises from a new start near an optimum if its estimated error, divided by that of the optimum, is at
+"""The search optimises from a new start near an optimum if the start's estimated error, divided by the optimum's, is at
 most this ratio. The search distinguishes basins whose errors differ by 0.1 %; the frequencies of the scan resolve half
 of this."""
 PROMISING = 3.0

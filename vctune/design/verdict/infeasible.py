@@ -59,7 +59,7 @@ def out_of_time_before_a_design() -> Infeasibility:
 
 
 def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> Infeasibility:
-    """Describe the constraint that the nearest miss violates, which is the point of the scan with the least violation.
+    """Describe the constraint that the nearest miss, the point of the scan with the least violation, violates.
 
     Parameters
     ----------

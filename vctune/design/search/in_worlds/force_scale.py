@@ -136,7 +136,7 @@ class _Quadratic(NamedTuple):
 
 
 def times(limit: float, number: Floats) -> Floats:
-    """Return a limit times a number >= 0; without a limit the product is infinite, also at 0.
+    """Return a limit times a number >= 0; without a limit the product is infinite, even if the number is 0.
 
     Parameters
     ----------
