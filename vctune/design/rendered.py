@@ -31,8 +31,8 @@ the proof fails with the one before. A smaller distance needs more boxes."""
 DIGITS = 3
 """Number of significant digits of a stated limit."""
 WORTH = 0.01
-"""Relative distance by which a limit must exceed the value that is already proved; otherwise vctune does not prove
-it."""
+"""Relative distance by which a limit must be better than the value that is already proved; otherwise vctune does not
+prove the limit."""
 MASS, STIFFNESS = 0, 2
 
 

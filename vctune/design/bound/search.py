@@ -74,8 +74,8 @@ Improve = Callable[[Gains, float], Judgement | None]
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """State of the search: number of computed lower bounds, proved bound, error of the best known design, open
-    boxes."""
+    """State of the search: number of computed lower bounds, proved bound, error of the best known design, and number of
+    open boxes."""
 
     boxes: int
     bound: float

@@ -118,7 +118,7 @@ def _best_axis(
     axes: Sequence[Axis], candidates: list[_Candidate], parents: OpenNodes, incumbent: float
 ) -> NDArray[np.intp]:
     """Return the index of the candidate with the greatest score, for each box."""
-    # the search prunes a half far above the incumbent, so it does not matter how far
+    # the search prunes a half whose bound is far above the incumbent, so the score caps such a bound
     most = 2 * incumbent if incumbent < inf else 1.0
     scores = []
     for candidate in candidates:

@@ -21,8 +21,8 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 
 STARTS = 8
-"""Greatest number of local minima that the scan refines on a grid, that it refines on the gain limits, and that it
-returns. With half this number, the scan still finds all basins of the tests."""
+"""Greatest number of local minima that the scan refines on a grid, greatest number that it refines on the gain limits,
+and greatest number that it returns. With half this number, the scan still finds all basins of the tests."""
 CLOSE = 0.02
 """Two starts count as one if each of their variables differs by at most this share. It is less than the spacing of the
 refined grid."""

@@ -114,7 +114,7 @@ class _Quadratic(NamedTuple):
 
         Parameters
         ----------
-        factor : the number
+        factor : factor of the other quadratic
         other : the other quadratic
         """
         return _Quadratic(*(x + factor * y for x, y in zip(self, other, strict=True)))

@@ -78,7 +78,7 @@ class KnownPlaces:
         ----------
         gains, coupling : the design
         met : the environments
-        reserve : least ratio
+        reserve : the least ratio that the design must have at every place
         """
         need = needs_in_hands(self.loop, self.device, gains, coupling, self.theta, met)
         return bool(np.nanmax(need) * reserve <= 1)

@@ -51,8 +51,8 @@ RESERVE = 5e-4
 this value, one of twenty random displays stays undecided. With twice this value, the compliance rises by a share of
 5e-4."""
 ENOUGH = 2e-5
-"""Share by which the scale that a hand forbids may exceed that of the known hands before the hand joins them. With half
-or twice this share, the errors are the same to 1e-8."""
+"""Share by which the scale that a hand forbids may exceed the scale of the known hands before the hand joins them. With
+half or twice this share, the errors are the same to 1e-8."""
 PER_DECADE, WINDOW, ZOOMS = 120, 17, 3
 """Number of angles per decade in each hand, number of angles in a window around the worst of them, and number of times
 that the search narrows the window. With half as many angles the errors of two displays agree to 1e-4. With twice as
