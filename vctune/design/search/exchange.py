@@ -43,9 +43,10 @@ ROUNDS = 40
 slowly along the stability boundary ends too early. With twice this number, the exchange takes longer without a better
 result."""
 STALLED = 8
-"""Number of rounds within which the greatest violation must halve while an exchange with a box of environments has no
-feasible answer, although another start has one; otherwise the exchange ends. Such an exchange may add a few points in
-each round and hardly reduce the violation. An exchange whose violation falls slowly can still find a design."""
+"""Number of rounds within which the greatest violation must halve; otherwise the exchange ends. This rule applies to an
+exchange with a box of environments that has no feasible answer although another start has one. Such an exchange may add
+a few points in each round and hardly reduce the violation. An exchange whose violation falls slowly can still find a
+design."""
 RADIUS = 2.0
 """Half-width of the first trust box, and the greatest half-width, in log coordinates. This width permits variables from
 1/7 to 7 times those of the start, which is near a local minimum. With twice this width IPOPT ends beyond |S| = inf more
@@ -76,8 +77,8 @@ OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
 error changes with the gains. With a limit of 1e-5, the exchange takes 5 % more time. With half or twice the limit, the
 error of the design changes by about the same share."""
 NEAR = 0.02
-"""Half-width of the trust box in which the NLP of an impedance display with a box of environments is solved for its
-multipliers. The optimum is already known, and the trust box only keeps IPOPT near it."""
+"""Half-width of the trust box in which the exchange solves the NLP of an impedance display with a box of environments
+for its multipliers. The optimum is already known, and the trust box only keeps IPOPT near it."""
 UPHILL = 1e-4
 """Share by which the error of an answer must exceed that of a known design for the exchange to reject the answer. This
 share exceeds the effect of the tightening and of IPOPT's tolerance. The share is well below 0.1 %, the accuracy to
