@@ -1,4 +1,4 @@
-"""Measure the time of `vctune solve` until each design, with the report, and the time of a sweep."""
+"""Measure run times: to each design of a problem, of `vctune solve` with its report, and of a sweep."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ class Row:
 
     Attributes
     ----------
-    work : the scan; the search from the starts of the scan; both with the proof; the command with its report; or a
-        point of a sweep
+    work : measured work: the scan alone; the scan and the search; the scan, the search and the proof; the command with
+        its report; or one point of a sweep
     problem : name of the problem, or the criterion of the sweep
-    seconds : processor time; for a point of a sweep the wall time, including the start of the command
+    seconds : processor time, s; for a point of a sweep the wall time, s, including the start of the command
     error : error of the design; nan for commands
     """
 

@@ -51,10 +51,10 @@ class Dense:
     numbers: NlpNumbers
 
     def values(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the logarithm of the error, and the constraints minus their levels.
+        """Return the logarithm of the error, and the constraints minus their lower bounds.
 
         A design satisfies a constraint if the difference is >= 0. If Re G_hh <= 0, a constraint has no logarithm, and
-        its value is `MISSED`.
+        the difference is -`MISSED`.
         """
         f, g = functions(self.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
@@ -72,7 +72,7 @@ class Dense:
 
     @property
     def levels(self) -> Floats:
-        """The least values of the constraints."""
+        """The lower bounds of the constraints in use."""
         return self.numbers.least[self.posed]
 
     def design(self, z: Floats) -> tuple[Gains, AnyCoupling]:

@@ -21,7 +21,7 @@ class Exact:
 
     Attributes
     ----------
-    offered, required, ratio : Re Z_c, R, and Re Z_c/R (inf if R <= 0); R has no meaning if Re h11 <= 0
+    offered, required, ratio : Re Z_c, R, and Re Z_c/R (inf if R <= 0); R is meaningless if Re h11 <= 0
     resistance : Re h11
     rollett : Rollett's stability factor of the two-port with Z_c; inf if q = 0
     admittance, tracking, coupling : |G_hh|, |1 - G_he| and |Z_c|, without the operator
@@ -101,7 +101,7 @@ def characteristic(case: Case, law: Sequence[Any]) -> list[Any]:
     Parameters
     ----------
     case : one case; the polynomial has a higher order if K_p > 0
-    law : K_v and K_p, N s/m and N/m, instead of the case's own; both 0 for the open loop
+    law : K_v and K_p, N s/m and N/m, which replace the gains of the case; both 0 for the open loop
 
     Returns
     -------

@@ -24,8 +24,8 @@ Floats = NDArray[np.float64]
 POINTS = 20_001
 """Number of frequencies in each band. The number is odd, as Simpson's rule requires."""
 ENDLESS = 1e-6
-"""Factor, relative to the other frequencies, that replaces 0 as the lower end of a band. Its reciprocal replaces
-inf."""
+"""If a band begins at 0, its grid begins at this number times the least other frequency. If a band ends at inf, its
+grid ends at the greatest other frequency divided by this number."""
 WHOLE = 1e-12
 """Greatest deviation of a delay from a whole number of samples, as a share of a sample, for the delay to count as
 whole."""
@@ -69,7 +69,7 @@ class Case:
     @property
     def loops(self) -> tuple[Case, ...]:
         """The loops that must be stable on their own: without a hand and, if the problem has a least operator, with
-        it."""
+        this operator."""
         if self.m_h == self.b_h == 0:
             return (self,)
         return self.bare, replace(self.bare, mass=self.mass + self.m_h, damping=self.damping + self.b_h)
@@ -258,7 +258,7 @@ def by_kind(case: Case, evaluate: Callable[[Case], Floats]) -> Any:
     Parameters
     ----------
     case : one case or n
-    evaluate : function that takes cases with arrays of m loops and returns an array of shape (m,)
+    evaluate : function of a `Case` of m loops that returns an array of shape (m,)
 
     Returns
     -------

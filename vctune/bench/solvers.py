@@ -36,7 +36,8 @@ between two grid points."""
 MAX_VIOLATION = 1e-6
 """Greatest violation on the grid with which the benchmark accepts another solver's answer."""
 REPEATS, SLOW_SECONDS = 5, 1.0
-"""Number of timed pairs of a solver and vctune, and the run time, s, above which the benchmark times only one pair."""
+"""Number of timed pairs of runs, one of a solver and one of vctune; and run time, s, above which the benchmark times
+only one pair."""
 OURS, MULTISTART, IPOPT = "vctune", "SciPy SLSQP", "IPOPT, "
 AIMED_PACE = 1 / 3
 """Largest share of the multi-start's time that vctune may take for a certified design."""
@@ -75,8 +76,8 @@ class Row:
     Attributes
     ----------
     grid : number of frequencies of each kind; 0 for vctune, which chooses its own frequencies
-    seconds : median processor time, without compiling the solver's functions. Only vctune's time includes the scan for
-        the starts and the proof
+    seconds : median processor time, s, without the compilation of the solver's functions. Only vctune's time includes
+        the proof and the scan for the starts
     pace : vctune's time divided by the solver's time, the median over pairs of consecutive runs
     starts : number of the solver's starts
     unstable : number of the solver's answers with an unstable sampled loop

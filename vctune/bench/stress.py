@@ -59,8 +59,8 @@ class Row:
     wrong : contradiction between the verdict and the independent evaluation; "" if there is none
     float_error : largest relative error of the float formulas against 50 digits, over Re Z_c/R, |G_hh|, |1 - G_he| and
         |Z_c|; nan without a design
-    reason : remark on a device without an answer or with a wrong one; else ""
-    device : parameters of the same devices; else ""
+    reason : remark on a device without an answer or with a wrong answer; else ""
+    device : parameters of a device without an answer or with a wrong answer, as JSON; else ""
     """
 
     number: int
@@ -150,8 +150,8 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
     Parameters
     ----------
     problem : problem with its constraints
-    judgement : judgement of a design; only a certified design can be contradicted, by
-        its least Re Z_c/R, its |S| and the poles of its sampled loop
+    judgement : judgement of a design; the function can contradict only a certified design, by its least Re Z_c/R, its
+        |S| or the poles of its sampled loop
     """
     from vctune.bench import digits
 

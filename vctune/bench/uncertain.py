@@ -33,15 +33,15 @@ COMBINATIONS = tuple(some for count in (1, 2, 3) for some in combinations(NUMBER
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One device, with the result.
+    """The result for one device.
 
     Attributes
     ----------
     mass, damping, sample_time, delay : parameters of the device, SI units
     uncertain : the uncertain parameters with their relative half-widths
-    status : certified, infeasible, undecided, or late: no answer within `PATIENCE`
-    seconds : processor time of the solve
-    error : error of the design; nan if there is none
+    status : certified, infeasible, undecided, or late if there is no answer within `PATIENCE`
+    seconds : processor time of the solve, s
+    error : error of the design; nan if there is no design
     """
 
     number: int

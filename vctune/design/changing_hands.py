@@ -21,7 +21,7 @@ EXAMINED = "the proof of changing hands"
 def with_changing(solved: Solved) -> Solved:
     """Return a result that also states whether the damping of the hand may change, if the design is certified in hands.
 
-    The function does not examine impedance displays, uncertain devices and boxes of environments. No verdict depends on
+    The function does not examine impedance displays, uncertain devices or boxes of environments. No verdict depends on
     its result.
 
     Parameters

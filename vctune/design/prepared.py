@@ -72,7 +72,7 @@ class Posed:
     objective : problems of the devices whose greatest error is the objective
     box : box of all devices for which the prover must prove a design; None if the problem has one exactly known device
     demands : the constraints on a design
-    span : the part of the stability band that sampling can reach, rad/s
+    span : the part of the stability band that a grid covers, rad/s
     """
 
     problem: Problem
@@ -109,7 +109,7 @@ class Prepared:
     def on_device(self, device: Device) -> Device:
         """Return a device of the given problem in the optimiser's units.
 
-        If the device has no unmodelled response, the result has that of the problem's own device.
+        If the device has no unmodelled response, the result has the unmodelled response of the problem's own device.
         """
         disc = self.problem.device.unmodelled if device.unmodelled is None else device.unmodelled
         return _dimensionless(with_device(self.problem, replace(device, unmodelled=disc)), self.units).device

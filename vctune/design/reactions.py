@@ -252,7 +252,10 @@ class LimitPoints:
         return [self._nearest(over[cell], under[cell], runs[both[cell]].tolist()) for cell in range(low.shape[1])]
 
     def _nearest(self, over: Marks, under: Marks, runs: Sequence[Sequence[int]]) -> tuple[int, int, int] | None:
-        """Return the two points of a run on opposite sides of a box between which the least damping is greatest."""
+        """Return the curve and the angles of two points of a run on opposite sides of a box; None if there are none.
+
+        Among all such pairs of points, the function chooses the pair between which the least damping is greatest.
+        """
         best, found = -inf, None
         for start, end in runs:
             flagged = start + np.flatnonzero(over[start:end] | under[start:end])
@@ -268,7 +271,8 @@ class LimitPoints:
 
         Parameters
         ----------
-        low, high : mass, damping and stiffness, shape (3,); the function ignores the greatest stiffness
+        low, high : least and greatest mass, damping and stiffness of the box, shape (3,); the function ignores the
+            greatest stiffness
         """
         with_pole = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
         return float(np.min((low[0] * self.u - self.reactance)[with_pole] * self.u[with_pole], initial=inf))
@@ -278,7 +282,8 @@ class LimitPoints:
 
         Parameters
         ----------
-        low, high : mass, damping and stiffness, shape (3,); the function ignores the least mass
+        low, high : least and greatest mass, damping and stiffness of the box, shape (3,); the function ignores the
+            least mass
         """
         with_pole = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
         return float(np.max((self.reactance + high[2] / self.u)[with_pole] / self.u[with_pole], initial=0.0))

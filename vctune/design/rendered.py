@@ -31,8 +31,8 @@ the proof fails with the one before. A smaller distance needs more boxes."""
 DIGITS = 3
 """Number of significant digits of a stated limit."""
 WORTH = 0.01
-"""Relative distance by which a limit must exceed the value that is already proved; otherwise vctune does not prove
-it."""
+"""Relative distance by which a limit must be better than the value that is already proved; otherwise vctune does not
+prove the limit."""
 MASS, STIFFNESS = 0, 2
 
 
@@ -219,12 +219,12 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
 def _ends_beyond(
     points: LimitPoints, low: Floats, high: Floats, number: int, known: float | None
 ) -> list[tuple[float, Floats, Floats]]:
-    """Return the stiffnesses or the masses to prove, one for each reserve, each with the box of environments up to it.
+    """Return the stiffnesses or the masses to prove, one for each reserve, each with the box whose range ends there.
 
     Parameters
     ----------
     points : points at which environments have poles, in double precision
-    low, high : the box
+    low, high : least and greatest mass, damping and stiffness of the problem's box, shape (3,)
     number : `STIFFNESS` or `MASS`
     known : value that is already proved; the function returns only better values. None if no value is proved
     """

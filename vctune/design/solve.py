@@ -66,7 +66,8 @@ def solve(
     ----------
     problem : problem in SI units
     progress : function that receives the current stage
-    gap : the function proves that the error of no design is lower by more than this share; None for no such proof
+    gap : relative gap; the function proves that no design has an error that is lower than the result's by more than
+        this share. None for no such proof
     exhaustive : whether to search every box if the optimiser finds no design, or if `gap` is given
 
     Returns

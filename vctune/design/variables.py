@@ -84,7 +84,7 @@ def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]
     Parameters
     ----------
     problem : problem, dimensionless
-    integrator : whether the law has its term K_p/s
+    integrator : whether the law has the term K_p/s
 
     Returns
     -------

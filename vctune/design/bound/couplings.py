@@ -100,7 +100,7 @@ class SeriesCouplings:
     Attributes
     ----------
     problem : problem in SI units
-    omega : frequencies of the error, rad/s; None for its mean
+    omega : frequencies of the error, rad/s; None for the mean over the band
     """
 
     problem: Problem

@@ -40,7 +40,7 @@ class SampledConditions:
     Attributes
     ----------
     offer : resistance of the couplings at these places
-    required : R; for an impedance display R/s^2
+    required : R, the resistance that the loop requires of the coupling; for an impedance display R/s^2
     """
 
     offer: Offer

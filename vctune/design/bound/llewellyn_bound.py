@@ -109,7 +109,7 @@ def _conditions(device: Device, omega: Floats) -> LlewellynConditions:
 
 
 def _resistance(device: Device, at: LoopConstants, omega: Floats, *, crossed: bool) -> Coefficients:
-    """Return Re W + Re y |W|^2 + b_h |N|^2."""
+    """Return the coefficients of the loop's resistance, Re W + Re y |W|^2 + b_h |N|^2."""
     W, exact = at.motor, device.converted(decimal)
     assert W.constant is not None and W.velocity is not None and W.position is not None
     constant, square, cross = 0 * Enclosure(omega) + W.constant.re, None, None
@@ -133,7 +133,7 @@ def _resistance(device: Device, at: LoopConstants, omega: Floats, *, crossed: bo
 
 
 def _relief(device: Device, at: LoopConstants, *, crossed: bool) -> Quadratic | None:
-    """Return 2 b_h Re(C conj N)."""
+    """Return 2 b_h Re(C conj N), rounded up; None without an operator."""
     if device.operator is None:
         return None
     b_h = decimal(device.operator.damping)

@@ -27,8 +27,8 @@ class LowerBounds:
     Attributes
     ----------
     error : a lower bound on the error of the feasible designs; inf if no design is feasible
-    infeasibility : a lower bound of the greatest of |S| and the coupling's elements, each divided by its limit; if it
-        is above 1, no design is feasible
+    infeasibility : a lower bound of the greatest of |S| and the coupling's elements, each divided by its limit; if this
+        bound is above 1, no design is feasible
     """
 
     error: Floats

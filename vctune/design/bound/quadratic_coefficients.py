@@ -46,7 +46,7 @@ def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, cross
 
     Parameters
     ----------
-    of : Re or Im of the first number times the conjugate of the second
+    of : function that returns Re or Im of the first number times the conjugate of the second
     a, b : two numbers at the same frequencies; a coefficient of the result is None if no product contributes to it
     crossed : whether the product K_v K_p has a coefficient; it has no coefficient if the complex coefficients of K_v
         and K_p are at right angles
@@ -177,7 +177,7 @@ def concatenated(parts: Sequence[Sequence[Number]]) -> list[Number]:
 
     Parameters
     ----------
-    parts : for each device its enclosed numbers, in the same order
+    parts : the enclosed numbers of each device, in the same order for all devices
     """
     return [
         Enclosure(np.concatenate([x.mid for x in row]), np.concatenate([x.rad for x in row]))

@@ -122,8 +122,8 @@ def relaxation(
     Returns
     -------
     Relaxation
-        The relaxation. Each feasible design of the problem is feasible for the relaxation, where its error is not
-        greater.
+        The relaxation. Each feasible design of the problem is also feasible for the relaxation, and its error is not
+        greater there.
     """
     terms = objective_of(problem, objective, intervals)
     return Relaxation(

@@ -74,8 +74,8 @@ Improve = Callable[[Gains, float], Judgement | None]
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """State of the search: number of computed lower bounds, proved bound, error of the best known design, open
-    boxes."""
+    """State of the search: number of computed lower bounds, proved bound, error of the best known design, and number of
+    open boxes."""
 
     boxes: int
     bound: float
@@ -84,7 +84,7 @@ class SearchState:
 
     @property
     def gap(self) -> float:
-        """Greatest share by which the incumbent's error exceeds the bound."""
+        """The share by which the incumbent's error exceeds the bound."""
         return self.incumbent / self.bound - 1 if 0 < self.bound < inf else inf
 
     def __str__(self) -> str:
@@ -118,7 +118,7 @@ class Optimality:
 
     @property
     def gap(self) -> float:
-        """Greatest share by which the incumbent's error exceeds the bound."""
+        """The share by which the incumbent's error exceeds the bound."""
         return self.history[-1].gap
 
 

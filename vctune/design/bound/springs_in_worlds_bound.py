@@ -87,12 +87,13 @@ class SpringsInWorlds:
 
     Attributes
     ----------
-    lost, size, swing : R/s^2 times |F|^2, |F|^2 and the swing, as functions of K_v
+    lost, size, swing : R/s^2 times |F|^2, |F|^2, and e/2 (`coefficients_in_hands`), as functions of K_v
     above, spring, below : 1/Z_c/s^2 = (above + j spring/s)/below for k_c = 1, as functions of tau
     met : |P|^2/4
-    heavy, light : s c times k_1/u - m_2 u, and s c times m_1 u - k_2/u; None if the box has no such limit
-    kept : b_1
-    cos, square : c and s^2
+    heavy, light : s c (k_1/u - m_2 u), None if the mass has no limit; and s c (m_1 u - k_2/u), None if the stiffness
+        has no limit
+    kept : b_1, the least damping of the environments
+    cos, square : c = cos(theta/2), and s^2 with s = sin(theta/2)
     """
 
     lost: Bounded
@@ -114,7 +115,7 @@ class SpringsInWorlds:
         Parameters
         ----------
         boxes : n boxes of designs
-        factor : g
+        factor : safety factor g
         """
         tau = DesignBoxes(*(np.stack((edge[TAU_C], 0 * edge[TAU_C])) for edge in (boxes.low, boxes.high)))
         lost, size, swing = (each.over(boxes) for each in (self.lost, self.size, self.swing))

@@ -30,7 +30,7 @@ BETTER_HALF = 0.1
 """Weight of the greater increase relative to the smaller one. In the paper's mixed-integer programs it is 0.2 (mu =
 1/6)."""
 LENGTH = 1e-2
-"""Weight in the score of the share of its axis that a box spans. This term decides if no axis raises the bound, for
+"""Weight, in the score, of the share of an axis that a box spans. This term decides if no axis raises the bound, for
 example at the root; otherwise it is small compared with the increases. With the weight 0, a search whose bound does not
 rise might halve the same axis again and again."""
 DIGITS = 9
@@ -118,7 +118,7 @@ def _best_axis(
     axes: Sequence[Axis], candidates: list[_Candidate], parents: OpenNodes, incumbent: float
 ) -> NDArray[np.intp]:
     """Return the index of the candidate with the greatest score, for each box."""
-    # the search prunes a half far above the incumbent, so a greater bound of it does not matter
+    # the search prunes a half whose bound is far above the incumbent, so the score caps such a bound
     most = 2 * incumbent if incumbent < inf else 1.0
     scores = []
     for candidate in candidates:

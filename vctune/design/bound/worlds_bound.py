@@ -38,7 +38,7 @@ class ConditionsInWorlds:
     Attributes
     ----------
     offer : resistance of the couplings at these places
-    required : R
+    required : R, the resistance that the loop requires of the coupling, N s/m
     kept : b_1, the least damping of the environments, N s/m
     light_enough : (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2; if it is positive, `above` is negative for every
         coupling. None if the mass has no limit
@@ -59,7 +59,7 @@ class ConditionsInWorlds:
         Parameters
         ----------
         boxes : n boxes of designs
-        factor : g
+        factor : safety factor g
         """
         resistance = factor * (_least(self.required, boxes) - self.kept)
         first, second = elements_for(resistance, self.offer, boxes)

@@ -53,10 +53,10 @@ IPOPT's barrier keeps the point away from the side. If a point counts as lying o
 round. With half this distance, the exchange misses some optima on a side; with twice this distance it takes another
 round."""
 TRACKING_REACH = 0.5
-"""Greatest change of the log frequency of a tracked peak of |S| in one NLP. This limit is less than the distance of two
-peaks, whose frequencies differ by about a factor of two with a delay. With half this distance the exchange takes more
-rounds, because it repeats each NLP whose peak reaches the end of its range. With twice this distance the NLP may end at
-another stationary point of |S|."""
+"""Greatest change of the log frequency of a tracked peak of |S| in one NLP. This limit is less than the distance
+between two peaks. With a delay, the frequencies of two peaks differ by about a factor of two. With half this distance
+the exchange takes more rounds, because it repeats each NLP whose peak reaches the end of its range. With twice this
+distance the NLP may end at another stationary point of |S|."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ def numbers_of(
     posed : prepared problem, dimensionless
     structure : structure of the NLP
     free : the n free variables of the NLP
-    start : the variables of the design from which IPOPT starts, and of the fixed variables
+    start : all variables of the design from which IPOPT starts, including the fixed ones
     box : least and greatest coordinates, each of shape (n,)
     working_set : points at which the relaxation imposes the constraints
     tightening : relative tightening of the constraints, so that rounding the result does not violate them

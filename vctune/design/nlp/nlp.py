@@ -267,9 +267,9 @@ def _demanded_in_hand(
 
 
 ALIKE = 4
-"""Number of sides of late environments whose margins are nearly equal at low frequencies; `_greatest` needs this
-number. With half this number, the answers violate their own constraints; with twice this number, the coupling is 0.3 %
-greater."""
+"""Number of sides of the polygon of late environments whose margins are nearly equal at low frequencies; `_greatest`
+needs this number. With half this number, the answers violate their own constraints; with twice this number, the
+coupling is 0.3 % greater."""
 
 
 def _margin_in_time(structure: NlpStructure, in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
@@ -307,12 +307,13 @@ def _margin_in_worlds(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoup
 
 
 ENDLESS = 1e12
-"""Greatest mass of a box without a limit of mass, in units of Z_0 T. The formulas for walls need a finite number."""
+"""Substitute for the greatest mass of a box that does not limit the mass, in units of Z_0 T. The formulas for walls
+need a finite number."""
 
 
 def _margin_with_walls(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX) -> Number:
-    """Return the margin of the condition on walls; at a point for linear environments, return the margin for linear
-    ones."""
+    """Return the margin of the condition on walls or, at a point for linear environments, the margin for these
+    environments."""
     theta, (low, high), T = in_hand["theta"], _box_of(in_hand), 1.0
     at = offered_at(series_coupling(coupling), T, theta, SYMBOLS)
     high = replace(high, mass=high.mass + ENDLESS * (1 - in_hand["by_above"]))

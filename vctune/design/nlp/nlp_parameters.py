@@ -232,7 +232,7 @@ def packed(parts: dict[str, Table], numbers: dict[str, dict[str, Any]]) -> Float
     ----------
     parts : the tables, from `tables`
     numbers : for each table, arrays of shape (columns,) or (rows, columns), keyed by the names of its rows. If a table
-        has more columns, the last one is repeated; a table without an entry is 0
+        has more columns than the arrays, the last column is repeated. A table without an entry is filled with 0
     """
     return np.concatenate([_packed(table, numbers.get(name)) for name, table in parts.items()])
 

@@ -44,16 +44,17 @@ class NlpStructure:
     in_time : whether the environments run late or by Euler's rules
     shares : shares of the coupling for each of which the NLP imposes the constraint with environments
     free : (index among a design's variables, whether it may be 0) for each free variable
-    integrator : whether the law has its term K_p/s
+    integrator : whether the law has the term K_p/s
     terms : terms of the error with a positive weight
     norm : "rms", or "peak", which adds an epigraph variable
     panels : number of panels of the quadrature; 0 for "peak"
     capacities : number of slots for each kind of constraint in `DEMANDS`
     tracked_peaks : number of peaks of |S| whose frequencies are variables
     operator_damping : whether the damping of a least operator relaxes the constraints
-    parts : fields of `DeviceResponse` that an ideal device lacks
+    parts : fields of `DeviceResponse` that the device has and an ideal device lacks
     order : order of the sampled device; 1 for an ideal device
-    differenced, low_passes : whether the velocity is a difference of positions; number of its low-passes
+    differenced, low_passes : whether the device computes the velocity as a difference of positions, and number of
+        low-passes of this velocity
     uncertain : whether the NLP has several devices; if so, each frequency has the parameters of its device
     objective_devices : number of devices whose greatest error is the objective, for "rms"
     """
@@ -98,7 +99,7 @@ class NlpStructure:
 def nlp_structure(
     posed: Posed, free: tuple[Coordinate, ...], working_set: WorkingSet, panels: int, *, integrator: bool
 ) -> NlpStructure:
-    """Return the structure of the NLP of a problem on a working set. The NLP has no constraints or terms without an
+    """Return the structure of the NLP of a problem on a working set. The NLP omits constraints and terms that have no
     effect.
 
     Parameters

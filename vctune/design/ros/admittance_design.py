@@ -2,8 +2,8 @@
 
 The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`). The
 parameters M = m_c + D T and D = b_0 therefore render the mass and drag of a design. The controller has no damper in
-series with the mass. The file states D by a damping ratio, which refers to M and S, and by joint_damping. All axes have
-the same joint_damping. On an axis without stiffness, joint_damping gives all the damping.
+series with the mass. The file states D by two parameters: a damping ratio, which refers to M and S, and joint_damping.
+All axes have the same joint_damping. On an axis without stiffness, joint_damping gives all the damping.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 """The exchange method: solve an NLP with few frequencies, add the frequencies at which its answer violates a
-constraint, repeat.
+constraint, and repeat.
 
 See design/README.md, section 6. Each NLP is confined to a trust box in log coordinates around the last point with a
 stable loop. Without this box, the exchange could end at an unstable loop, because unstable loops beyond |S| = inf also
@@ -43,9 +43,10 @@ ROUNDS = 40
 slowly along the stability boundary ends too early. With twice this number, the exchange takes longer without a better
 result."""
 STALLED = 8
-"""Number of rounds within which the greatest violation must halve while an exchange with a box of environments has no
-feasible answer, although another start has one; otherwise the exchange ends. Such an exchange may add a few points in
-each round and hardly reduce the violation. An exchange whose violation falls slowly can still find a design."""
+"""Number of rounds within which the greatest violation must halve; otherwise the exchange ends. This rule applies to an
+exchange with a box of environments that has no feasible answer although another start has one. Such an exchange may add
+a few points in each round and hardly reduce the violation. An exchange whose violation falls slowly can still find a
+design."""
 RADIUS = 2.0
 """Half-width of the first trust box, and the greatest half-width, in log coordinates. This width permits variables from
 1/7 to 7 times those of the start, which is near a local minimum. With twice this width IPOPT ends beyond |S| = inf more
@@ -76,8 +77,8 @@ OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
 error changes with the gains. With a limit of 1e-5, the exchange takes 5 % more time. With half or twice the limit, the
 error of the design changes by about the same share."""
 NEAR = 0.02
-"""Half-width of the trust box in which the NLP of an impedance display with a box of environments is solved for its
-multipliers. The optimum is already known, and the trust box only keeps IPOPT near it."""
+"""Half-width of the trust box in which the exchange solves the NLP of an impedance display with a box of environments
+for its multipliers. The optimum is already known, and the trust box only keeps IPOPT near it."""
 UPHILL = 1e-4
 """Share by which the error of an answer must exceed that of a known design for the exchange to reject the answer. This
 share exceeds the effect of the tightening and of IPOPT's tolerance. The share is well below 0.1 %, the accuracy to
@@ -110,7 +111,7 @@ def polish(
     scanned : result of the scan, which decides which constraints the first NLP has
     incumbent : error above which the exchange ends, because more frequencies can only raise the error of the NLP
     tightening : relative tightening of the constraints
-    witnesses : points that a proof has refuted, which the first NLP includes
+    witnesses : points at which a proof has refuted a design; the first NLP includes these points
     demands : points of the first NLP if the start is a known optimum; None for a coarse grid and the worst points at
         the start
 
@@ -151,7 +152,7 @@ def by_scale(problem: Problem) -> bool:
 
 
 def _stiffest(posed: Posed, start: Start, found: Stiffest | None, tightening: float) -> Polished | None:
-    """Return the stiffest coupling of an impedance display with the multipliers of the places that limit it."""
+    """Return the stiffest coupling of an impedance display, and the multipliers of the places that limit it."""
     if found is None:
         return None
     values, worlds = point(found.gains, found.coupling), posed.problem.worlds

@@ -43,7 +43,7 @@ class GainLimits:
     Attributes
     ----------
     corner, below : index of the corner in the grid, and index of the last K_v of the grid below the limit
-    velocity : greatest feasible K_v, to 1 %
+    velocity : greatest feasible K_v, accurate to 1 %
     scores : scores of the designs at the limits, shape (corners, 1, time constants, drags)
     """
 

@@ -77,7 +77,7 @@ class Scores:
     missed : most serious violated constraint
     violation : amount of the violation; 0 without one
     error : transparency error if the design violates no constraint, else inf
-    damping : least scale within the bounds, which decides between designs with equal errors
+    damping : least scale within the bounds, b_c or 1/k_c, which decides between designs with equal errors
     """
 
     missed: Kinds

@@ -84,8 +84,8 @@ class Optimum:
     judgement : judgement of the best proved design, or else of the best undecided one; None if there is neither
     polished : the local optimum before rounding
     optima : number of local optima
-    seconds : seconds of polishing and of proving
-    cut : stages that the time limit cut short
+    seconds : time of polishing and of proving, s
+    cut : names of the stages that the time limit cut short
     """
 
     judgement: Judgement | None
@@ -136,11 +136,13 @@ def _best_known(optima: Sequence[Polished], unit: float) -> str:
 
 @np.errstate(all="ignore")
 def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best design of a problem in SI units, which meets the constraints in double precision, without proof.
+    """Return the best design that the optimiser finds, SI units; None if it finds none.
+
+    The design meets the constraints in double precision. The function proves nothing.
 
     Parameters
     ----------
-    problem : problem that leaves a variable free
+    problem : problem in SI units that leaves a variable free
     """
     if impossible(problem) is not None:
         return None
@@ -165,8 +167,8 @@ def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
 def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
     """Return a design of a problem that the optimiser considers feasible, SI units; None if it finds none.
 
-    The function stops at the first design and proves nothing. If it finds none, it does not search every box. Its run
-    time is a small part of that of `solve`.
+    The function stops at the first design and proves nothing. If it finds no design, it does not search every box. It
+    takes a small part of the run time of `solve`.
 
     Parameters
     ----------
@@ -217,7 +219,7 @@ def local_optima(
     prepared : prepared problem that leaves a variable free
     scanned : starts of the problem, dimensionless
     progress : function that receives the current stage
-    worth : factor by which a start's error may exceed the least known error
+    worth : greatest ratio of a start's error to the least known error for the function to polish the start
 
     Returns
     -------
@@ -371,7 +373,7 @@ def _collect(
     known : points of the working set, to which the function adds the point
     outcome : outcome of a claim
     prepared : prepared problem
-    of_walls : judgement of the design if the claim is that on walls, else None
+    of_walls : judgement of the design if the claim is the claim on walls, else None
     """
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
         wall, device = None, outcome.device or prepared.problem.device
@@ -383,9 +385,10 @@ def _collect(
 
 
 def _with_least_coupling(prepared: Prepared, judgement: Judgement) -> Judgement:
-    """Return the judgement of the same gains with the least feasible coupling in the mean square, if it is certified.
+    """Return the judgement of the same gains with the feasible coupling whose mean square is least.
 
-    The error of the problem does not contain the coupling, so both designs have the same error.
+    If that design is not certified, return the given judgement. The error of the problem does not contain the coupling,
+    so both designs have the same error.
     """
     problem, gains = prepared.problem, judgement.gains
     bounds = problem.bounds

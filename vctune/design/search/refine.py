@@ -22,10 +22,10 @@ Index = tuple[int, ...]
 
 
 def minima_of(problem: Problem, scores: Scores) -> list[Index]:
-    """Return the local minima of the feasible designs of a grid, the best first; of all designs if none is feasible.
+    """Return the local minima among the feasible designs of a grid, the best first.
 
-    If the coupling has weight 0 in the error, every feasible coupling of a loop has the same error. The function then
-    compares only loops.
+    If no design is feasible, the function returns the local minima among all designs. If the coupling has weight 0 in
+    the error, every feasible coupling of a loop has the same error. The function then compares only loops.
 
     Parameters
     ----------

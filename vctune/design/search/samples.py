@@ -66,11 +66,11 @@ class Samples:
     Attributes
     ----------
     device : the device whose loops are evaluated
-    integrator : whether the law has its term K_p/s
+    integrator : whether the law has the term K_p/s
     band : frequencies of the stability band
     nodes, averages : nodes and weights of the transparency band's quadrature
-    circles : return differences of the sampled loops on the unit circle, first that of the device without a hand; empty
-        for a device that has the same loops as another one
+    circles : return differences of the sampled loops on the unit circle, beginning with the loop without a hand; empty
+        for a device that has the same loops as another device
     radius : radius of the unmodelled dynamics at the angles of the first circle; None if there are none
     in_hand : loops in some hands, and in soft springs at angle 0, or in any passive hand; empty if the problem has no
         claim in hands
@@ -102,7 +102,7 @@ def samples_of(posed: Posed, *, integrator: bool) -> Samples:
     Parameters
     ----------
     posed : prepared problem, dimensionless
-    integrator : whether the law has its term K_p/s
+    integrator : whether the law has the term K_p/s
 
     Returns
     -------

@@ -21,8 +21,8 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 
 STARTS = 8
-"""Greatest number of local minima that the scan refines on a grid, that it refines on the gain limits, and that it
-returns. With half this number, the scan still finds all basins of the tests."""
+"""Greatest number of local minima that the scan refines on a grid, greatest number that it refines on the gain limits,
+and greatest number that it returns. With half this number, the scan still finds all basins of the tests."""
 CLOSE = 0.02
 """Two starts count as one if each of their variables differs by at most this share. It is less than the spacing of the
 refined grid."""
@@ -36,7 +36,7 @@ between two of them. The factor allows for errors of the estimate, which uses fe
 the search may miss a separate basin behind a low rise of the error. With a smaller factor, the search optimises twice
 in one basin."""
 WORTH_ANOTHER = 0.9995
-"""The search optimises from a new start near an optimum if its estimated error, divided by that of the optimum, is at
+"""The search optimises from a new start near an optimum if the start's estimated error, divided by the optimum's, is at
 most this ratio. The search distinguishes basins whose errors differ by 0.1 %; the frequencies of the scan resolve half
 of this."""
 PROMISING = 3.0

@@ -29,11 +29,10 @@ contains only a piece of this curve, so few tangents suffice. If the exchange ne
 
 
 def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
-    """Return the start with K_p, or both gains, reduced until its loops are proved stable, since the scan only
-    estimates.
+    """Return the start with K_p, or both gains, reduced until its loops are proved stable.
 
-    If possible, the function also reduces the gains until Re(D + Z_h) > 0, because the NLP's formulas are undefined
-    otherwise.
+    The reduction is needed because the scan only estimates stability. If possible, the function also reduces the gains
+    until Re(D + Z_h) > 0, because the NLP's formulas are undefined otherwise.
 
     Parameters
     ----------

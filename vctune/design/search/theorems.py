@@ -34,7 +34,7 @@ def impossible(problem: Problem) -> Infeasibility | None:
 
 
 def _without_damping(problem: Problem) -> Infeasibility | None:
-    """Exclude an impedance display without damping in any passive hand, which can answer its force with any motion."""
+    """Exclude an impedance display without damping in any passive hand: such a hand may answer with any motion."""
     if not problem.any_hand or problem.device.least_damping > 0:
         return None
     cause = (
@@ -65,8 +65,9 @@ def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
 
 
 def _at_zero_in_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
-    """In hands with only a stiffness K, R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, while Re Z_c is the drag.
+    """Compare R with Re Z_c at omega = 0 in hands.
 
+    In hands with only a stiffness K, R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, while Re Z_c is the drag.
     The loss in the spring of a structure may reduce R. Without an integrator, both sides of the constraint vanish like
     omega^2 in hands without damping and stiffness, and the proof cannot decide a margin that vanishes.
     """

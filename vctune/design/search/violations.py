@@ -78,7 +78,7 @@ def violations(
     cases : one problem for each evaluated device: the devices of `posed`, and those on which a proof refuted a design
     values : the variables of the design
     tightening : relative tightening of the constraints
-    refuted : points in hands at which a proof refuted a design, which the search for the least ratio may miss
+    refuted : points in hands at which a proof refuted a design; the search for the least ratio may miss these points
 
     Returns
     -------

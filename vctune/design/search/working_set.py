@@ -61,7 +61,7 @@ class WorkingSet:
     ratio : points for Re Z_c >= safety_factor R
     sensitivity : points for |S| <= max_sensitivity
     stability : tangents of the stability boundary
-    peak : points for e <= epigraph, with the norm "peak"
+    peak : points at which the error must not exceed the epigraph variable, for the norm "peak"
     unmodelled : points for |1 - S| r < 1
     in_hand : points for Re Z_c >= safety_factor R in a hand
     tracked_peaks : points where |S| peaks near its limit; the frequency of the peak is a variable of the NLP
@@ -78,8 +78,8 @@ class WorkingSet:
     def points(self, quantity: Quantity) -> list[ConstraintPoint] | None:
         """Return the points at which the NLP limits the quantity of a claim.
 
-        The result is None for the claims on poles, for which the set has tangents instead, and for storage functions,
-        which the search does not use.
+        The result is None for the claims on poles, for which the set has tangents instead, and for the claims on
+        storage functions, which the search does not use.
         """
         known = {
             "ratio": self.ratio,
@@ -110,7 +110,7 @@ class WorkingSet:
         Parameters
         ----------
         changed : function that converts a device, in the units of the set
-        time : sample time of the devices, the unit of time of the new set
+        time : sample time of the new devices, in the set's unit of time; this time is the new set's unit of time
         held : function that converts a hand, in the units of the set
         """
 

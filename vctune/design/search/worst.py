@@ -1,4 +1,4 @@
-"""Estimate the devices of an uncertain box on which the ratio Re Z_c / R of a design is least, or |S| greatest.
+"""Estimate the devices of an uncertain box on which the ratio Re Z_c / R of a design is least or |S| is greatest.
 
 At a frequency omega, only the phase omega d of a delay d matters. This phase repeats when d changes by 2 pi/omega. The
 search therefore considers only a range of delays of at most 2 pi/omega.
@@ -62,7 +62,7 @@ class Worst:
 
     Attributes
     ----------
-    ratio : Re Z_c / R, or Re(D + Z_h)/|D| if that is not positive
+    ratio : Re Z_c / R, or Re(D + Z_h)/|D| if Re(D + Z_h) is not positive
     omega : frequency, rad/s
     device : a device that is not a vertex of the box
     """
@@ -77,8 +77,7 @@ Value = Callable[[Floats], Floats]
 
 
 def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Worst]:
-    """Return the local minima of the ratio over frequency and box that are not at a vertex of the box, the lowest
-    first.
+    """Return the local minima of the ratio over frequency and the box of devices, except those at vertices of the box.
 
     Parameters
     ----------
@@ -88,7 +87,7 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
     Returns
     -------
     list of Worst
-        Estimates of the minima; the list may be empty.
+        Estimates of the minima, the lowest first; the list may be empty.
     """
     box, (low, high) = posed.box, posed.span
     assert box is not None
@@ -104,9 +103,7 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
 
 
 def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[Problem, Minima] | None:
-    """Move uncertain parameters to the ends of their ranges at which |S| is greater; return the device and the maxima
-    of
-    |S|.
+    """Move uncertain parameters to the ends of their ranges at which |S| is greater.
 
     The function moves one parameter after the other until no move increases |S|. Few moves suffice, because |S| is
     usually a monotonic function of each parameter.
@@ -120,7 +117,8 @@ def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[P
     Returns
     -------
     problem and Minima, or None
-        None if the result is the first device, or if the search evaluates all vertices of the box anyway.
+        The problem of the resulting device, and the maxima of its |S|. None if that device is the first device, or if
+        the search evaluates all vertices of the box anyway.
     """
     if posed.box is None or len(posed.box.modelled.uncertain) <= MOST_AT_ONCE:
         return None
@@ -143,8 +141,8 @@ def _device(box: DeviceBox, numbers: Sequence[Any]) -> Device:
 
 
 def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
-    """Return the width of the range of an uncertain parameter at each frequency, for a delay at most one turn of the
-    phase."""
+    """Return the width of the range of an uncertain parameter at each frequency. The width for a delay is at most one
+    turn of the phase."""
     reach = box.high.number(name) - box.low.number(name)
     return np.minimum(reach, 2 * pi / omega) if name in DELAYS else np.full_like(omega, reach)
 

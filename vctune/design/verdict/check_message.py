@@ -26,7 +26,7 @@ def check_message(
     judgement : judgement of the design
     repairs : repairs of a refuted design; None if vctune did not look for any
     changed : gains that the user edited since the design was solved, with their earlier values as limits
-    together : edited gains; the design passes only if all of them are restored
+    together : edited gains, if the design passes only after all of them are restored; else empty
     """
     if judgement.status is Status.CERTIFIED:
         return _proved(judgement)

@@ -1,4 +1,4 @@
-"""Record each claim; for a failed one also its place, and a hand and environment with which the loop is unstable."""
+"""Record each claim; for a failed one, also record its place, and a hand and environment that destabilise the loop."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ COMPARISON = "the comparison of criteria"
 
 
 def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
-    """Return a solved problem with the least error under each criterion separately; unchanged if it has one criterion.
+    """Return a solved problem with the least error under each criterion; unchanged if the problem has one criterion.
 
     For each criterion, vctune solves the problem file with only this criterion, and with the defaults that depend on
     it. The errors refer to the transparency band and the Z_0 of the original problem.
@@ -48,7 +48,7 @@ def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
 
 
 def _under(criterion: Criterion, tables: dict[str, Any], problem: Problem) -> Problem | None:
-    """Return the problem of a file with one criterion; None if this contradicts the rest of the file."""
+    """Return the problem of a file with one criterion; None if this criterion contradicts the rest of the file."""
     stability = {**tables.get("stability", {}), "criterion": criterion}
     return reading.pose({**tables, "stability": stability}, problem.name, problem)[0]
 

@@ -59,7 +59,9 @@ def out_of_time_before_a_design() -> Infeasibility:
 
 
 def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> Infeasibility:
-    """Describe the constraint that the nearest miss violates, which is the point of the scan with the least violation.
+    """Describe the constraint that the nearest miss violates.
+
+    The nearest miss is the point of the scan with the least violation.
 
     Parameters
     ----------
@@ -98,8 +100,8 @@ def _tried(problem: Problem, gains: Gains, coupling: AnyCoupling) -> str:
 
 
 def _on(case: Problem, problem: Problem) -> str:
-    """Return the parameters in which the device of a case differs from that of the problem, in words; "" if none
-    differs."""
+    """Return the parameters in which the device of a case differs from the device of the problem, in words; "" if no
+    parameter differs."""
     own = problem.device
     other = {key: number for key, number in case.device.numbers().items() if number != own.number(key)}
     return f"with {', '.join(f'{key} {number:.6g}' for key, number in other.items())}: " if other else ""

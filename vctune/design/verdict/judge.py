@@ -63,7 +63,7 @@ STATUS_OF = {
 IDLE = 0.5
 """Mean or greatest |1 - G_he| above which vctune warns that a design hardly uses its velocity loop. Without a loop, |1
 - G_he| is 1; at 0.5, the handle does not follow half of the environment's motion. The value does not affect the design.
-With half this value, vctune warns about more designs; with twice this value, about none."""
+With half this value, vctune warns about more designs; with twice this value, it warns about none."""
 
 
 PROVING = 0.85
@@ -84,7 +84,7 @@ class Judgement:
     gains, coupling : the design
     transparency : error and its three terms on the nominal device
     error : the objective: the error on the nominal device, or the greatest error at the vertices of a box of devices
-    compared : the objective with only the terms that can differ between designs, to which bounds on the error refer
+    compared : the objective with only the terms that can differ between designs; bounds on the error refer to it
     min_ratio, worst : least Re Z_c / R of all claims, and its frequency, rad/s (0 or inf at an end of the axis)
     tightest : the device with the least ratio, among the nominal device and those of a box
     in_hand : the least Re Z_c / R in the hands of the claim, with its hand; None without this claim
@@ -239,7 +239,8 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     Returns
     -------
     Judgement
-        Certificate, status, transparency and margins, in SI units and rad/s. A time limit cuts only the proof short.
+        Certificate, status, transparency and margins, in SI units and rad/s. A time limit can cut short only the proof
+        and the evaluation of the devices in hands.
     """
     posed = with_best_corner(posed, gains, coupling)
     with time_limit(PROVING * seconds_left()):

@@ -44,7 +44,7 @@ usual. With half as many, vctune misses some repairs; with twice as many, it fin
 REPAIRS = "the repairs"
 """Name of a stage that a time limit may cut short."""
 LONGEST = 30.0
-"""Seconds after which vctune tries no more changes. The search needs so much time only for problems that take long to
+"""Seconds after which vctune tries no more changes. The search needs this much time only for problems that take long to
 solve. With half this time, vctune misses some repairs on a slow machine and warns of it (`CUT_SHORT`); the listed
 repairs are the same."""
 COMPARING = 0.25

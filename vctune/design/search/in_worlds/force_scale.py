@@ -114,7 +114,7 @@ class _Quadratic(NamedTuple):
 
         Parameters
         ----------
-        factor : the number
+        factor : factor of the other quadratic
         other : the other quadratic
         """
         return _Quadratic(*(x + factor * y for x, y in zip(self, other, strict=True)))
@@ -136,7 +136,7 @@ class _Quadratic(NamedTuple):
 
 
 def times(limit: float, number: Floats) -> Floats:
-    """Return a limit times a number >= 0; without a limit the product is infinite, also at 0.
+    """Return a limit times a number >= 0; without a limit the product is infinite, even if the number is 0.
 
     Parameters
     ----------

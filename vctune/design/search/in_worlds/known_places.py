@@ -28,8 +28,8 @@ PER_DECADE = 24
 """Number of angles per decade in the hands at the corners of their box. Worse places join the known places later. With
 half as many angles, the search needs more rounds. With twice as many, it finds the same designs."""
 AROUND = np.exp(np.linspace(-0.1, 0.1, 21))
-"""Angles at which the code evaluates a place that joins, relative to its angle. With half or twice this range, the
-search finds the same designs."""
+"""Angles at which the code evaluates a new place, relative to the angle of that place. With half or twice this range,
+the search finds the same designs."""
 TRIED, HALVINGS, SOFTEST = 24, 10, 1e4
 """Number of scales, number of halvings of the interval below the first scale that suffices, and greatest factor between
 the scales. The last interval is 4e-4 of the scale. With half as many scales, the search may miss a narrow range of
@@ -78,7 +78,7 @@ class KnownPlaces:
         ----------
         gains, coupling : the design
         met : the environments
-        reserve : least ratio
+        reserve : the least ratio that the design must have at every place
         """
         need = needs_in_hands(self.loop, self.device, gains, coupling, self.theta, met)
         return bool(np.nanmax(need) * reserve <= 1)

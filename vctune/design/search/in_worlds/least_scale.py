@@ -150,7 +150,7 @@ def _forbidding(
     Parameters
     ----------
     met : the environments and the safety factor
-    sample_time : T
+    sample_time : sample time T
     held : loops in hands
     gains : arrays that broadcast against each other
     """

@@ -1,11 +1,11 @@
 """Find the stiffest coupling of an impedance display with which no environment of a box puts a pole on the unit circle.
 
 In a given hand, a design may fail only in a window of frequencies with a relative width of 1e-4, because the reactance
-of a stiff coupling changes sign next to the frequency at which its resistance is too small. The answers of an NLP at
-single frequencies fall between these windows. The scales 1/k_c that an environment forbids have a closed form, and the
-greatest of them covers all windows. This search therefore takes the scale from the closed form, and exchanges hands
-instead of frequencies. It minimises the error over b_c/k_c and K_v in a few hands, adds the hands that forbid more at
-the answer, and repeats.
+of a stiff coupling changes sign next to the frequency at which its resistance is too small. An NLP that imposes the
+constraint at single frequencies misses such windows. The scales 1/k_c that an environment forbids have a closed form,
+and the greatest of them covers all windows. This search therefore takes the scale from the closed form, and exchanges
+hands instead of frequencies. It minimises the error over b_c/k_c and K_v in a few hands, adds the hands that forbid
+more at the answer, and repeats.
 
 For walls there is no such closed form. The search then evaluates the reserve of increasing scales (`known_places`). In
 each round, the multiplier for walls has the corner that is best for the answer of the round before.
@@ -51,8 +51,8 @@ RESERVE = 5e-4
 this value, one of twenty random displays stays undecided. With twice this value, the compliance rises by a share of
 5e-4."""
 ENOUGH = 2e-5
-"""Share by which the scale that a hand forbids may exceed that of the known hands before the hand joins them. With half
-or twice this share, the errors are the same to 1e-8."""
+"""Share by which the scale that a hand forbids may exceed the scale of the known hands before the hand joins them. With
+half or twice this share, the errors are the same to 1e-8."""
 PER_DECADE, WINDOW, ZOOMS = 120, 17, 3
 """Number of angles per decade in each hand, number of angles in a window around the worst of them, and number of times
 that the search narrows the window. With half as many angles the errors of two displays agree to 1e-4. With twice as
@@ -121,7 +121,7 @@ class Stiffest:
 def stiffest(
     posed: Posed, start: Start, incumbent: float, tightening: float, witnesses: Sequence[ConstraintPoint]
 ) -> Stiffest | None:
-    """Return the best coupling near a start; None if none has an error below that of the incumbent.
+    """Return the best coupling near a start; None if no coupling has an error below the incumbent's.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def _join_linear(sets: Sequence[_InHands], law: _Law) -> bool:
 
 
 def _met(problem: Problem, law: _Law) -> WorldsMet:
-    """Return the environments with the corner of a law, if they include walls."""
+    """Return the environments of a problem, with the corner of a law for the multiplier for walls."""
     worlds = problem.worlds
     assert worlds is not None
     return WorldsMet(replace(worlds, corner=law.corner), problem.stability.safety_factor)
@@ -192,7 +192,7 @@ def _with_corner(posed: Posed, law: _Law, design: AnyCoupling | None) -> _Law:
 
 
 def _design(posed: Posed, sets: Sequence[_InHands], law: _Law, reserve: float) -> AnyCoupling | None:
-    """Return the stiffest coupling of a shape within its bounds; None if there is none."""
+    """Return the stiffest coupling with the time constant of a law, within the bounds; None if there is none."""
     low, high = (float(limit) for limit in scale_limits(posed.problem, np.array(law.time_constant)))
     scale = max(reserve * max(float(_in_each(one, stacked(one.known), law)[0].max()) for one in sets), low)
     if scale > 0 and any(one.at_walls is not None for one in sets):
@@ -207,8 +207,8 @@ def _design(posed: Posed, sets: Sequence[_InHands], law: _Law, reserve: float) -
 
 
 def _least_error(posed: Posed, sets: Sequence[_InHands], law: _Law, reserve: float, step: float) -> tuple[_Law, float]:
-    """Return the law with the least error near a given law, in the known hands, and this error; inf if none is
-    feasible."""
+    """Return the law with the least error near a given law, in the known hands, and this error. The error is inf if no
+    law is feasible."""
     own = next((c for c in coordinates(posed.problem, integrator=False) if c.name == "velocity"), None)
     low, high = (log(tau) for tau in _time_constants(posed))
     at = np.array(
