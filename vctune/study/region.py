@@ -31,7 +31,7 @@ from vctune.study.region_estimate import changes, estimate
 TOGETHER = 512
 """Number of cells that the search judges together; the data of this many cells fit into memory."""
 EASING = "coupling.mass", "coupling.drag"
-"""The keys of the variables whose growth makes the constraints easier to meet."""
+"""The keys of the variables whose growth makes the constraints easier to meet, except with a box of environments."""
 
 Progress = Callable[[str], None]
 
@@ -82,8 +82,10 @@ def region(
     """Divide cells of a plane of gains until each is decided or as small as the plane's edges permit.
 
     If b_c, m_c or b_0 are free and not on an axis, a cell is feasible if some values within their bounds meet the
-    constraints. The constraints become easier to meet as m_c and b_0 grow, so the search uses their upper bounds. The
-    search examines coarse cells before fine ones, so an interrupted search has decided most of the plane.
+    constraints. The search uses the upper bounds of m_c and b_0, because the constraints become easier to meet as
+    both grow. With a box of environments this is not always so, and the search proves a cell infeasible only for all
+    values of m_c and b_0. The search examines coarse cells before fine ones, so an interrupted search has decided most
+    of the plane.
 
     Parameters
     ----------

@@ -44,7 +44,8 @@ class Estimate:
     damping : a value of b_c with which the centre seems to meet the constraints of all problems; nan if no such value
         seems to exist
     places : for each problem, the places where its constraints are hardest to meet
-    missed : for each problem, whether the centre misses its constraint in hands with every b_c, shape (n,)
+    missed : for each problem, whether the centre misses its constraint in hands with every b_c, or with the
+        estimated b_c if there is a box of environments, shape (n,)
     """
 
     damping: Floats
