@@ -180,6 +180,6 @@ def test_the_stiffest_spring_is_proved_to_be_nearly_so() -> None:
 def test_environments_in_time_have_no_bound(tmp_path: Path) -> None:
     path = tmp_path / "late.toml"
     text = (WORLDS / "world-tools.toml").read_text()
-    path.write_text(text.replace("[environment]", "[environment]\nlate = 1\ndamping = { min = 0.0, max = 20.0 }"))
+    path.write_text(text.replace("[environment]", "[environment]\nlate = 2\ndamping = { min = 0.0, max = 20.0 }"))
     with pytest.raises(InputError, match="late"):
         bound(path)

@@ -76,10 +76,10 @@ def box(*lines: str) -> str:
 REFUSED = {
     "mass without max": (box(*ALL[1:], "late = 2"), 9, "environment.mass", "needs a max with late = 2: such environm"),
     "damping without max": (
-        box(ALL[0], "damping = { min = 1.0 }", ALL[2], "late = 1"),
+        box(ALL[0], "damping = { min = 1.0 }", ALL[2], "late = 2"),
         11,
         "environment.damping",
-        "needs a max with late = 1: such environments are not passive, and a great damping makes every loop grow",
+        "needs a max with late = 2: such environments are not passive, and a great damping makes every loop grow",
     ),
     "stiffness without max": (
         box("mass = { max = 0.0 }", ALL[1], 'rule = "explicit"'),
@@ -95,14 +95,20 @@ REFUSED = {
         "of which the claim covers every one; leave it out",
     ),
     "a light mass": (box(*ALL, 'rule = "explicit"'), 10, "environment.mass", 'needs a min > 0 with rule = "explicit"'),
-    "late walls": (box(*ALL, "late = 1", "walls = true"), 14, "environment.walls", "not late = 1: the condition"),
+    "a mass that is an odd number of samples late": (
+        box(*ALL, "late = 3"),
+        10,
+        "environment.mass.max",
+        "must be 0 with late = 3: by the trapezoidal rule, every mass",
+    ),
+    "late walls": (box(*ALL, "late = 2", "walls = true"), 14, "environment.walls", "not late = 2: the condition"),
     "explicit walls": (
         box("mass = { max = 0.0 }", *ALL[1:], 'rule = "explicit"', "walls = true"),
         14,
         "environment.walls",
         'not rule = "explicit"',
     ),
-    "too late": (box(*ALL, "late = 11"), 13, "environment.late", "must be at most 10"),
+    "too late": (box(*ALL, "late = 12"), 13, "environment.late", "must be at most 10"),
     "an experiment's late wall": (
         EXPERIMENT + "stiffness = 9.0\nwall = true\nlate = 2\n",
         15,
@@ -147,6 +153,7 @@ def test_what_cannot_be_proved_or_simulated_is_refused(name: str) -> None:
         box(*ALL, "late = 2"),
         box("mass = { min = 0.5, max = 1.0 }", *ALL[1:], 'rule = "explicit"'),
         box(*ALL, 'rule = "explicit"', "late = 1"),
+        box(*ALL, 'rule = "implicit"', "late = 1"),
         box(ALL[0], ALL[2], 'rule = "implicit"'),
         EXPERIMENT + 'mass = 1.0\nrule = "explicit"\nlate = 10\n',
     ],
@@ -154,6 +161,14 @@ def test_what_cannot_be_proved_or_simulated_is_refused(name: str) -> None:
 def test_their_neighbours_are_allowed(table: str) -> None:
     """Every number with its limits; by implicit Euler on time none of damping."""
     assert parse_problem(DEVICE + table, "late.toml", "late").name == "late"
+
+
+def test_a_late_mass_behind_a_coupling_that_is_a_mass_is_allowed() -> None:
+    """The pole at -1 of the coupling's mass may outweigh that of the environment's mass."""
+    text = Path("problems/arm-contact.toml").read_text() + box(*ALL, "late = 1")
+    assert parse_problem(text, "rigid.toml", "rigid").worlds is not None
+    with pytest.raises(InputError, match="an odd number of samples late"):
+        parse_problem(text.replace("damping = inf", "damping = 100.0"), "soft.toml", "soft")
 
 
 @pytest.mark.slow

@@ -235,7 +235,7 @@ def test_no_bound_and_no_region_of_late_environments_is_claimed(tmp_path: Path) 
     """Their proofs know environments on time."""
     late = tmp_path / "late.toml"
     text = (REFERENCE / "world-tools.toml").read_text()
-    late.write_text(text.replace("[environment]", "[environment]\nlate = 1\ndamping = { min = 0.0, max = 20.0 }"))
+    late.write_text(text.replace("[environment]", "[environment]\nlate = 2\ndamping = { min = 0.0, max = 20.0 }"))
     path = str(late)
     for command, code in (("bound", "no-bound"), ("region", "no-plane")):
         refused = run(command, path, "--out", str(tmp_path), cwd=tmp_path)

@@ -116,7 +116,7 @@ def test_keys_are_those_of_the_schema():
 
 
 WORLD = PROBLEM.replace("'passive'", "'hands'") + (
-    "[environment]\nmass = { max = 5.0 }\ndamping = { max = 50.0 }\nstiffness = { max = 100.0 }\nlate = 1\n"
+    "[environment]\nmass = { max = 0.0 }\ndamping = { max = 50.0 }\nstiffness = { max = 100.0 }\nlate = 1\n"
 )
 
 

@@ -73,6 +73,23 @@ def radius(one: Timed, hand: Hand, world: tuple[float, float, float], share: flo
     return spectral_radius(in_world(of_hand(one.case, hand), world, share), one.world)
 
 
+def test_every_trapezoidal_mass_that_is_an_odd_number_of_samples_late_grows() -> None:
+    """The loop has a real pole beyond -1, whatever the device, the hand and the rest of the environment are."""
+    rng, count = np.random.default_rng(3), 0
+    while count < 60:
+        whole = timed(rng).case.whole
+        b_c, m_c, b_0 = whole.coupling
+        if np.isinf(b_c):
+            continue
+        T = whole.plant.sample_time
+        size = b_0 + b_c * 2 * m_c / (T * b_c + 2 * m_c)
+        mass, stiff = size * T * 10 ** rng.uniform(-2, 2), size / T * 10 ** rng.uniform(-3, 0) * rng.integers(0, 2)
+        loop = in_world(whole, (mass, size * rng.uniform(0, 1) * rng.integers(0, 2), stiff))
+        poles = np.linalg.eigvals(stepped(loop, InTime("trapezoid", int(rng.choice([1, 3, 5])))))
+        assert poles[np.abs(poles.imag) < 1e-9 * np.abs(poles)].real.min() < -1
+        count += 1
+
+
 def finite(box: Box, whole: Whole) -> Box:
     """Return a box without infinite ends, far beyond what matters."""
     T = whole.plant.sample_time

@@ -142,6 +142,14 @@ def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
             "loop; "
             "or write max = 0 for springs and dampers alone",
         )
+    coupling = raw.get("coupling")
+    rigid = isinstance(coupling, dict) and coupling.get("damping") == inf
+    if table.get("rule", "trapezoid") == "trapezoid" and late_samples % 2 and most and not rigid:
+        yield (
+            ("environment", "mass", "max"),
+            f"must be 0 with late = {late_samples}: by the trapezoidal rule, every mass whose force is an odd number "
+            'of samples late makes the loop grow; write rule = "implicit", or max = 0 for springs and dampers alone',
+        )
 
 
 def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
