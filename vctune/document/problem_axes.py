@@ -1,6 +1,6 @@
 """Read problem files with several uncoupled axes.
 
-Each [[axis]] states a problem: the tables of the file, with its own keys in place of theirs.
+Each [[axis]] states a problem: the tables of the file, in which the keys of the axis replace the keys of the file.
 """
 
 from __future__ import annotations

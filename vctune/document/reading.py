@@ -62,7 +62,7 @@ class ProblemFile:
 
         Parameters
         ----------
-        path : the key with the tables around it
+        path : path of the key: the tables that contain it, and then the key
         """
         lines = toml.Lines(self.text)
         return next((at for end in range(len(path), 0, -1) if (at := lines.locate(path[:end]))), 1)
@@ -135,8 +135,7 @@ def pose(
     ----------
     raw : tables of the document
     default_name : name of the problem if the tables state none
-    yardstick : problem whose bands and Z_0 measure the errors, unless the tables state their own; None for the
-        problem's own
+    yardstick : problem whose bands and Z_0 apply where the tables state none; None for the problem's own defaults
 
     Returns
     -------
@@ -154,19 +153,19 @@ def pose(
 
 
 def on_yardstick(file: ProblemFile, yardstick: Problem) -> ProblemFile:
-    """Return a problem with another problem's bands and Z_0 for its error, unless it states its own.
+    """Return a problem in which another problem's bands and Z_0 apply where its file states none.
 
     Parameters
     ----------
     file : the problem
-    yardstick : the other problem; ignored if the device does not reach one of its bands
+    yardstick : the other problem; ignored if one of its bands ends above the Nyquist frequency of the device
     """
     problem, _ = pose(file.document, file.problem.name, yardstick)
     return file if problem is None else replace(file, problem=problem)
 
 
 def _told(fault: Fault, units: Units) -> Fault:
-    """Return a fault in the words of a kind of device. The documentation of a missing key is for a linear device."""
+    """Return a fault in the units of a device. The text about a missing key is written for a linear device."""
     return fault._replace(message=units.translated(fault.message)) if fault.code == "missing-key" else fault
 
 

@@ -34,7 +34,7 @@ class Sample:
     Attributes
     ----------
     kind : kind of sample: every combination, a Latin hypercube, or the axes' lists in parallel
-    n, seed : number of points, and seed, of a Latin hypercube
+    n, seed : number of points and seed of a Latin hypercube
     """
 
     kind: Literal["grid", "lhs", "list"] = "grid"

@@ -18,8 +18,7 @@ SENSED_DELAYS = set(DELAYS) - set(LOOP_DELAYS)
 """Keys of the delays of the parts. `contradictions` examines the delay of the loop itself."""
 FASTEST, SLOWEST = 1e3, 1e-6
 """Greatest and least bandwidth or resonance, as a share of the sampling rate. Outside this range, the part has no
-effect,
-or hides all other parts."""
+effect or hides all other parts."""
 
 
 def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:

@@ -87,7 +87,8 @@ class ServoFit:
     minus_twice_log_likelihood : -2 log likelihood
     inflation : factor by which correlation of the residuals increases a variance
     residual : part of the position's steps that the fit leaves unexplained, m
-    residual_share : root mean square residual motion over as many rows as the servo's delay
+    residual_share : root mean square residual motion divided by the root mean square motion, both over as many rows as
+        the servo's delay
     bandwidth_is_bounded : whether the interval of the bandwidth ends below the highest bandwidth of `BANDWIDTHS`
     """
 

@@ -99,7 +99,7 @@ def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> N
     Parameters
     ----------
     axes : axes whose limits are set, Hz
-    band : rad/s
+    band : band to shade, rad/s
     colour, label : colour of the shade and its label in the legend
     hatch : hatching over the shade; "" for none
     """

@@ -229,12 +229,12 @@ def _affine(number: Affine, omega: Floats) -> dict[str, str | None]:
 
 
 def _pair(number: Pair, like: Floats) -> str:
-    """Return a complex number at each place; its real and imaginary parts alternate."""
+    """Return the complex values of a number as text; real and imaginary parts alternate."""
     return _numbers(np.stack([number.re + 0 * like, number.im + 0 * like], axis=-1))
 
 
 def _even_odd(number: EvenOdd, shape: tuple[int, int]) -> list[str]:
-    """Return even and odd parts that alternate, at each angle, for each hand."""
+    """Return a text for each hand, in which the even and the odd parts at the angles alternate."""
     parts = np.stack([np.broadcast_to(part, shape) for part in (number.even, number.odd)], axis=-1)
     return [_numbers(each, 5) for each in parts]
 
