@@ -95,8 +95,8 @@ def problem(source: ProblemSource) -> ProblemFile:
     Raises
     ------
     InputError
-        If the problem is invalid; the error lists every mistake with dotted key, value and remedy, and with the line if
-        there is a file.
+        If the problem is invalid; the error lists every mistake with its dotted key, value and remedy, and with its
+        line if there is a file.
     """
     if isinstance(source, ProblemFile):
         return source
@@ -124,8 +124,8 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
     Raises
     ------
     InputError
-        If the design is invalid; the error lists every mistake with dotted key, value and remedy, and with the line if
-        there is a file.
+        If the design is invalid; the error lists every mistake with its dotted key, value and remedy, and with its line
+        if there is a file.
     """
     if isinstance(gains, GainsFile) and coupling is None:
         return gains

@@ -66,7 +66,7 @@ def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     if path is None:
         return LogMap(LogDocument.model_validate({}), servo=servo)

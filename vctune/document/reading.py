@@ -83,7 +83,7 @@ def read_problem(path: str | Path) -> ProblemFile:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     return problem_file(toml.read_text(Path(path)), Path(path))
 
@@ -99,7 +99,7 @@ def problem_file(text: str, path: Path) -> ProblemFile:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     path = toml.called(path)
     name = path.stem.encode("utf-8", "replace").decode()
@@ -118,7 +118,7 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     problem, faults = pose(toml.parse(text, source), default_name)
     if problem is None:
@@ -212,7 +212,7 @@ def gains_file(text: str, path: Path) -> GainsFile:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     path = toml.called(path)
     kind = _kind_of(toml.parse(text, str(path)))

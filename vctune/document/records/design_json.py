@@ -211,7 +211,7 @@ class DesignRecord(Document):
 
     @property
     def units(self) -> Units:
-        """The units of the record, which are those of the device."""
+        """The units of the record, which are the device's units."""
         return UNITS[self.problem.units]
 
     @property

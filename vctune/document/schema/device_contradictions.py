@@ -102,7 +102,7 @@ def _masses(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _uncertain(raw: dict[str, Any], device: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the uncertainties in the wrong place, and those of numbers that the device lacks."""
+    """Yield the uncertainties that are in the wrong place, and the uncertainties of numbers that the device lacks."""
     table = raw.get("uncertainty")
     if not isinstance(table, dict):
         return

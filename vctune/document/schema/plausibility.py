@@ -11,10 +11,10 @@ from vctune.model.problem import Problem
 from vctune.model.worlds import Worlds
 
 SLOWEST = 0.1
-"""Sample time, s, above which vctune asks whether it is in seconds: twice that of the slowest example."""
+"""Sample time, s, above which vctune asks whether it is in seconds: twice the sample time of the slowest example."""
 STIFFEST = 1e6
-"""Stiffness of a hand, N/m or N m/rad, above which vctune asks whether it is in SI units: ten times that of a stiff
-fixture, and a thousand times that of a firm grip."""
+"""Stiffness of a hand, N/m or N m/rad, above which vctune asks whether it is in SI units: ten times the stiffness of a
+stiff fixture, and a thousand times the stiffness of a firm grip."""
 FIRM = 1e3
 """Stiffness of a firm grip, N/m."""
 FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))

@@ -58,7 +58,7 @@ def decades(axes: Axes) -> None:
 
 
 def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float | None, where: str = "") -> None:
-    """Draw the limit, the safety factor and the least ratio. The axis is linear around them.
+    """Draw the limit, the safety factor and the least ratio on a linear axis around them.
 
     Parameters
     ----------

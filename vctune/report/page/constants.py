@@ -37,8 +37,8 @@ PANELS = 8
 """Number of intervals of the transparency band with Gauss's nodes in each. The sampled error then agrees with the
 design's to 1e-6 or better. Half as many intervals miss a resonance in the band. Twice as many make the page longer."""
 SHOWN = 100
-"""Number of frequencies of the curves, besides the nodes. With half as many, the curves show corners. Twice as many
-make the page longer."""
+"""Number of frequencies of the curves in addition to the nodes. With half as many, the curves show corners. Twice as
+many make the page longer."""
 ANGLES, PER_SAMPLE = 120, 16
 """Number of angles of the sampled loop up to Nyquist, and number of additional angles for each sample of delay. Between
 adjacent angles the curve turns by less than half a turn. With half as many angles, the Nyquist plot shows corners."""

@@ -59,7 +59,7 @@ def text(
 
     Parameters
     ----------
-    x, y : position
+    x, y : position, points
     words : the text, set by `vctune.report.typography`
     size : size of the letters, points
     ha, va : "left", "center" or "right", and "top", "center", "bottom" or "baseline": the part of the text that
@@ -90,7 +90,7 @@ def path(
 
     Parameters
     ----------
-    data : steps of the path
+    data : data of the path, as in the SVG attribute `d`
     stroke, width : colour of the line ("" for no line), and its width, points
     dashes : lengths of strokes and gaps, as multiples of the line's width
     style : other attributes, with _ instead of -; without `fill` the path is not filled
@@ -108,7 +108,7 @@ def polyline(points: Floats) -> str:
 
     Parameters
     ----------
-    points : shape (n, 2)
+    points : points of the curve, shape (n, 2)
     """
     seen = np.isfinite(points).all(axis=1)
     runs = np.split(points, np.flatnonzero(np.diff(seen)) + 1) if len(points) else []
