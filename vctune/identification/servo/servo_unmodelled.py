@@ -16,7 +16,7 @@ from vctune.identification.servo.servo_study import ServoStudy
 from vctune.model.device import Device
 
 RIDGE = 40
-"""Number of servos that the code tries in addition to random servos. Their latency is that of the fit, because a slow
+"""Number of servos that the code tries in addition to random servos. They have the latency of the fit, because a slow
 motion cannot distinguish servos with equal latency."""
 BEYOND = 40
 """Number of frequencies up to the Nyquist frequency at which the code compares a servo of the other order with the
