@@ -13,7 +13,7 @@ class ExitCode(IntEnum):
     FAILED = 1
     """The problem is infeasible, a constraint is violated, or the check failed."""
     BAD_INPUT = 2
-    """The usage or the input is wrong, or a place cannot be read or written."""
+    """The usage or the input is wrong, or a file or folder cannot be read or written."""
     UNDECIDED = 3
     """The result is undecided or not converged, or a time limit or an interrupt cut the work short."""
     INTERNAL = 4

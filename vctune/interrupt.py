@@ -20,8 +20,8 @@ INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 RECEIVED: list[int] = []
 """Numbers of the signals for which `raise_interrupt` has raised KeyboardInterrupt, in order.
 
-`raise_lost_interrupt` reads the list, because a KeyboardInterrupt may be lost: compiled code may turn it into errors of
-other names, and CPython drops it within a weak reference's callback or a finalizer. The import system has such
+`raise_lost_interrupt` reads the list, because a KeyboardInterrupt may be lost: compiled code may turn it into an error
+of another type, and CPython drops it within a weak reference's callback or a finalizer. The import system has such
 callbacks.
 """
 
@@ -99,7 +99,7 @@ def interrupt_deferred() -> Iterator[None]:
     If a previous handler raises an exception, the remaining signals are dropped. In threads other than the main thread
     the block is not protected, because Python delivers signals to the main thread only.
 
-    CasADi checks for signals in the middle of its work and turns KeyboardInterrupt into failures of other names.
+    CasADi checks for signals in the middle of its work and turns a KeyboardInterrupt into failures of other kinds.
     """
     came: list[int] = []
 

@@ -1,4 +1,4 @@
-"""Results as HTML tables, for notebooks."""
+"""Show results as HTML tables in notebooks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str]
 
 
 def html_facts(caption: str, facts: Mapping[str, Cell]) -> str:
-    """Return named values as an HTML table with one row for each, without the values that are None.
+    """Return named values as an HTML table with one row for each value that is not None.
 
     Parameters
     ----------

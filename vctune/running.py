@@ -16,7 +16,7 @@ from typing import TypeVar
 from vctune.interrupt import raise_lost_interrupt
 
 SELDOM = 0.1
-"""Least number of seconds between two messages about the same work. Nobody reads faster than this."""
+"""Least number of seconds between two messages about the same work. Nobody reads faster."""
 
 Listener = Callable[[str], None]
 Item = TypeVar("Item")
@@ -37,7 +37,7 @@ _ALOUD: ContextVar[bool] = ContextVar("aloud", default=False)
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Limit the work within the block to some seconds, or to the remaining time of an outer limit if that is shorter.
+    """Limit the time of the work within the block. If an outer limit ends earlier, the outer limit applies.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def process_began() -> None:
 
 @contextmanager
 def time_limit_of_command(seconds: float) -> Iterator[None]:
-    """Limit a command to some seconds since its process began, including the interpreter's start and the imports.
+    """Limit the time of a command since its process began, including the interpreter's start and the imports.
 
     Parameters
     ----------

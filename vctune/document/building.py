@@ -31,7 +31,7 @@ from vctune.model.problem import Problem
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
 """A problem: the path of its file, the file's tables, or the problem itself."""
 DesignSource = Gains | GainsFile | str | Path
-"""A design: the path of a gains file, the file, or gains together with a coupling."""
+"""A design: the path of a gains file, the file itself, or gains. A function takes the coupling of gains separately."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -40,12 +40,12 @@ class Device(devices.Device):
 
     Attributes
     ----------
-    mass : kg
-    damping : N s/m
-    sample_time : s
+    mass : moving mass, kg
+    damping : viscous damping, N s/m
+    sample_time : sample time of the velocity loop, s
     delay : delay from sampling to actuation in addition to the hold, s
     hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
-    operator : the least impedance that is always at the handle; None if there may be none
+    operator : the least operator, a load that is always at the handle; None if the handle may be free
     velocity, actuator, ... : parts of the device (`vctune.model.parts`); None for a part that is absent or ideal
     units : "linear", or "rotary" with kg m2, N m s/rad and so on instead of kg and N s/m
 
@@ -95,7 +95,8 @@ def problem(source: ProblemSource) -> ProblemFile:
     Raises
     ------
     InputError
-        If it is invalid; the error lists every mistake with dotted key, value and remedy, and the line in a file.
+        If the problem is invalid; the error lists every mistake with its dotted key, value and remedy, and with its
+        line if there is a file.
     """
     if isinstance(source, ProblemFile):
         return source
@@ -123,7 +124,8 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
     Raises
     ------
     InputError
-        If it is invalid; the error lists every mistake with dotted key, value and remedy, and the line in a file.
+        If the design is invalid; the error lists every mistake with its dotted key, value and remedy, and with its line
+        if there is a file.
     """
     if isinstance(gains, GainsFile) and coupling is None:
         return gains

@@ -44,7 +44,7 @@ def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[st
 
 
 def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the values of a design as one line of text, which keeps the original values when a user edits the file.
+    """Return the values of a design as one line of text. The line keeps the solved values when a user edits the gains.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
 def numbers_in(text: str, kind: Display) -> dict[str, float]:
     """Return the values that `numbers_text` wrote, by key.
 
-    The result is empty if the text does not have the values of this kind of display.
+    The result is empty if the text does not contain the values of this kind of display.
 
     Parameters
     ----------

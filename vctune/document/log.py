@@ -36,7 +36,7 @@ class LogMap:
     document : the checked document
     source : path of the file; "log.toml" without a file
     text : text of the file; "" without a file
-    servo : whether the logs are of a servo and its command
+    servo : whether the logs show a servo and its command
     """
 
     document: LogDocument
@@ -56,7 +56,7 @@ def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
     Parameters
     ----------
     path : path of the file; None for logs whose headers state their roles
-    servo : whether the logs are of a servo and its command
+    servo : whether the logs show a servo and its command
 
     Returns
     -------
@@ -66,7 +66,7 @@ def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     if path is None:
         return LogMap(LogDocument.model_validate({}), servo=servo)
@@ -216,7 +216,7 @@ def _unit(stated: ColumnTable, log_map: LogMap, role: str) -> str:
 
 
 def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return a column with two roles, a column with both unit and scale, and a delay without its value, as faults."""
+    """Return the faults: a column with two roles, a column with both unit and scale, a delay without its value."""
     faults: list[Contradiction] = []
     columns, roles = raw.get("columns"), dict[str, str]()
     for role, entry in columns.items() if isinstance(columns, dict) else ():

@@ -35,8 +35,8 @@ class LogTable:
     ----------
     headers : headers of the columns
     numbers : finite numbers, shape (rows, columns)
-    first_line : line of the file that contains the first row
-    sha256 : digest of the file
+    first_line : line of the file that contains the first row, from 1
+    sha256 : SHA-256 digest of the file, in hexadecimal
     """
 
     headers: list[str]

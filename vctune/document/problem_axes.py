@@ -1,6 +1,6 @@
 """Read problem files with several uncoupled axes.
 
-Each [[axis]] states a problem: the tables of the file, with its own keys in place of theirs.
+Each [[axis]] states a problem: the tables of the file, in which the keys of the axis replace the keys of the file.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def read_axes(path: str | Path) -> AxesFile | None:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     if not Path(path).is_file() or Path(path).suffix != ".toml":
         return None
@@ -95,7 +95,7 @@ def read_problem_or_axes(path: str | Path) -> ProblemFile | AxesFile:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     text = toml.read_text(Path(path))
     return axes_file(text, Path(path)) or problem_file(text, Path(path))
@@ -112,7 +112,7 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     path = toml.called(path)
     raw, source = toml.parse(text, str(path)), str(path)

@@ -62,7 +62,7 @@ class ProblemFile:
 
         Parameters
         ----------
-        path : the key with the tables around it
+        path : path of the key: the tables that contain it, and then the key
         """
         lines = toml.Lines(self.text)
         return next((at for end in range(len(path), 0, -1) if (at := lines.locate(path[:end]))), 1)
@@ -83,7 +83,7 @@ def read_problem(path: str | Path) -> ProblemFile:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     return problem_file(toml.read_text(Path(path)), Path(path))
 
@@ -99,7 +99,7 @@ def problem_file(text: str, path: Path) -> ProblemFile:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     path = toml.called(path)
     name = path.stem.encode("utf-8", "replace").decode()
@@ -118,7 +118,7 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     problem, faults = pose(toml.parse(text, source), default_name)
     if problem is None:
@@ -135,8 +135,7 @@ def pose(
     ----------
     raw : tables of the document
     default_name : name of the problem if the tables state none
-    yardstick : problem whose bands and Z_0 measure the errors, unless the tables state their own; None for the
-        problem's own
+    yardstick : problem whose bands and Z_0 apply where the tables state none; None for the problem's own defaults
 
     Returns
     -------
@@ -154,19 +153,19 @@ def pose(
 
 
 def on_yardstick(file: ProblemFile, yardstick: Problem) -> ProblemFile:
-    """Return a problem with another problem's bands and Z_0 for its error, unless it states its own.
+    """Return a problem in which another problem's bands and Z_0 apply where its file states none.
 
     Parameters
     ----------
     file : the problem
-    yardstick : the other problem; ignored if the device does not reach one of its bands
+    yardstick : the other problem; ignored if one of its bands ends above the Nyquist frequency of the device
     """
     problem, _ = pose(file.document, file.problem.name, yardstick)
     return file if problem is None else replace(file, problem=problem)
 
 
 def _told(fault: Fault, units: Units) -> Fault:
-    """Return a fault in the words of a kind of device. The documentation of a missing key is for a linear device."""
+    """Return a fault in the units of a device. The text about a missing key is written for a linear device."""
     return fault._replace(message=units.translated(fault.message)) if fault.code == "missing-key" else fault
 
 
@@ -213,7 +212,7 @@ def gains_file(text: str, path: Path) -> GainsFile:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     path = toml.called(path)
     kind = _kind_of(toml.parse(text, str(path)))

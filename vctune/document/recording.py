@@ -46,7 +46,7 @@ class Recording:
     Attributes
     ----------
     source : path of its file
-    sha256 : digest of the file
+    sha256 : SHA-256 digest of the file, in hexadecimal
     first_line : line of the file that contains the first sample
     channels : columns by their role, one of `ROLES` or `SERVO_ROLES`
     ignored : headers of unused columns

@@ -106,7 +106,8 @@ def read_admittance(path: Path) -> AdmittanceFile:
     Raises
     ------
     InputError
-        If the file is invalid, with every mistake by line, dotted key, value and remedy; or if PyYAML is not installed.
+        If PyYAML is not installed, or if the file is invalid; the error then lists every mistake with its line, dotted
+        key, value and remedy.
     """
     source = str(path)
     try:

@@ -29,7 +29,7 @@ class Axis:
     key : dotted key, in the unit of the problem file
     path : path of the key in the problem
     scale : "list", or the rule that divides a range
-    values : values of a list, or the two ends of a range; those of a whole number are of type int
+    values : values of a list, or the two ends of a range; the values of a whole number have the type int
     n : number of values; None for a range that is only sampled
     """
 

@@ -34,7 +34,7 @@ class Sample:
     Attributes
     ----------
     kind : kind of sample: every combination, a Latin hypercube, or the axes' lists in parallel
-    n, seed : number of points, and seed, of a Latin hypercube
+    n, seed : number of points and seed of a Latin hypercube
     """
 
     kind: Literal["grid", "lhs", "list"] = "grid"
@@ -107,7 +107,7 @@ def read_study(path: Path) -> Study:
     Raises
     ------
     InputError
-        If the study or the problem is invalid; the error lists every mistake with line, dotted key, value and remedy.
+        If study or problem is invalid; the error lists every mistake with its line, dotted key, value and remedy.
     """
     text = toml.read_text(path)
     document, faults = examined(StudyDocument, toml.parse(text, str(path)), _contradictions)
@@ -148,7 +148,7 @@ def build_study(
     Raises
     ------
     InputError
-        If axes or sample are invalid; the error lists every mistake with dotted key, value and remedy.
+        If axes or sample are invalid; the error lists every mistake with its dotted key, value and remedy.
     """
     raw = {"problem": problem.problem.name, "axes": plain(axes), "sample": plain(sample or {})}
     document, faults = examined(StudyDocument, raw, _contradictions)

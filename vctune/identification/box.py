@@ -24,8 +24,8 @@ FLOORS = {
     "structure.frequency_hz": MASS_FLOOR / 2,
     "servo.bandwidth_hz": MASS_FLOOR,
 }
-"""Least relative half-widths by key. The half-width of a frequency is half that of a mass, because a frequency depends
-on the square root of the mass."""
+"""Least relative half-widths by key. The half-width of a frequency is half the half-width of a mass, because a
+frequency depends on the square root of the mass."""
 COULOMB_SHARE = 0.1
 """Share of the Coulomb friction that may in fact be viscous, because Coulomb's law is not exact. Divided by the speed
 of the motion, this share widens the interval of the damping."""

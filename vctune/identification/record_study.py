@@ -76,7 +76,7 @@ class RecordStudy:
 
     @property
     def chi2(self) -> float:
-        """The power of the residual divided by that of the noise, per degree of freedom."""
+        """The power of the residual divided by the power of the noise, per degree of freedom."""
         if self.servo is not None:
             return self.servo.chi2
         if self.motion is not None:

@@ -1,4 +1,4 @@
-"""From a design's record to its report: report.html and its figures as SVG."""
+"""Write the report of a design from its record: report.html and its figures as SVG."""
 
 from __future__ import annotations
 

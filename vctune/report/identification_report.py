@@ -1,4 +1,4 @@
-"""From an identification to its report: report.html and its figures as SVG."""
+"""Make the report of an identification: report.html and its figures as SVG."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ def _measured(found: re.Match[str]) -> str:
 def html(text: str) -> str:
     """Return a sentence as escaped HTML, with symbols in italics and subscripts.
 
-    Text between two ` becomes code.
+    Text between two backquotes becomes code.
 
     Parameters
     ----------

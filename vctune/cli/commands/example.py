@@ -10,7 +10,7 @@ from vctune.cli.printing.options import output_options
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Return the names that begin with an incomplete name."""
+    """Return the names that begin with the text that the user has typed."""
     from vctune.api.examples import example_names
 
     return [name for name in example_names() if name.startswith(incomplete)]

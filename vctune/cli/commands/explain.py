@@ -19,7 +19,7 @@ WIDEST = 100
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Return the names that begin with an incomplete name."""
+    """Return the names that begin with the text that the user has typed."""
     from vctune.api.explaining import entries
 
     return sorted({name for entry in entries() for name in entry.names if name.startswith(incomplete)})

@@ -44,8 +44,7 @@ def warn(code: Code, text: str) -> None:
 
 
 def warn_of_doubts(*problems: Problem | ProblemFile, quiet: bool) -> None:
-    """Print probable mistakes in problems to stderr before the work begins, so that no user waits for the answer to a
-    wrong problem.
+    """Print probable mistakes in problems to stderr before the work begins, so that no user waits for a useless answer.
 
     Parameters
     ----------

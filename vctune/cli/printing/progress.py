@@ -50,7 +50,7 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
 
 @contextmanager
 def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[str], None]]:
-    """Show a bar with rate, remaining time and result so far, and yield a function that adds a finished item.
+    """Show a bar with the rate, the remaining time and the result so far. Yield a function that adds a finished item.
 
     Parameters
     ----------

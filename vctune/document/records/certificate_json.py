@@ -78,7 +78,7 @@ class HandRecord(Part):
 
 
 class EnvironmentRecord(Part):
-    """An environment with which a design grows in a hand.
+    """An environment with which the loop of a design grows in a hand.
 
     The firmware integrates it by the trapezoidal rule unless `rule` states another one.
     """
@@ -306,7 +306,7 @@ class CertificateRecord(DisplayPart):
         return "" if self.proved_band_hz is None else "; outside it nothing is proved of the ratio"
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the rows, including those of unproved claims, and those of the band if there is one."""
+        """Yield the rows, including the rows of unproved claims and, if there is a band, the rows of the band."""
         shown = list(super().rows(units))
         yield from shown if self.band_hz is not None else shown[:1]
         yield from self.any_hand.rows(units) if self.any_hand else ()

@@ -24,7 +24,7 @@ class StorageRecord(Part):
 
 
 class ChangingRecord(Part):
-    """The claim about every hand of a box whose damping takes any value of its range at every sample.
+    """The claim about every hand of a box whose damping may take any value in its range at every sample.
 
     `storages` proves it, with one function for each number of whole samples of the delays.
     """
@@ -41,7 +41,7 @@ class ChangingRecord(Part):
 
 
 class ExaminedRecord(ChangingRecord):
-    """What is known of such hands where the problem does not ask for the claim.
+    """The verdict on such hands for a problem that does not require the claim.
 
     The box is the largest that is proved, with a greater least mass if the lightest hands fail.
     """

@@ -161,7 +161,7 @@ def _values(a: Side, b: Side) -> Iterator[ValueRecord]:
 
 
 def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]]) -> Iterator[ValueRecord]:
-    """Yield the displayed fields of two parts, including those of inner parts."""
+    """Yield the displayed fields of two parts and of the parts inside them."""
     parts = [(part, units) for part, units in sides if part is not None]
     for field, display_of_field in {
         field: display for part, _ in parts for field, display in how_shown(type(part)).items()

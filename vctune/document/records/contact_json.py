@@ -25,7 +25,7 @@ SENSOR = "device.force_sensor"
 class LatencyPartRecord(Part):
     """A part of the latency: its name, its key, its length, s, and the drag that it requires at rest, N s/m.
 
-    The drag includes the safety factor.
+    This drag includes the safety factor.
     """
 
     part: str
@@ -92,8 +92,8 @@ class ContactRecord(Part):
         """Return a round share of the latency, s, and the drag at rest without this share, N s/m.
 
         The share is at most a quarter of the latency. With an own spring, it is at most a quarter of the latency
-        outside the force sensor, which counts for the contacts and for the own spring. Returns None if no drag is
-        required at rest.
+        outside the force sensor, because this part delays both the contacts and the own spring. The result is None if
+        no drag is required at rest.
         """
         if self.rest_drag == 0:
             return None

@@ -38,8 +38,8 @@ UNKNOWN_LIMITS = "not known: the search ended without multipliers"
 
 
 SAME_PLACE = 1.05
-"""Greatest ratio of two frequencies that belong to the same extremum of a response. Half as near, the search and the
-proof may differ; twice as far, two resonances count as one."""
+"""Greatest ratio of two frequencies that belong to the same extremum of a response. At half this distance, the search
+and the proof may place one extremum at two frequencies. At twice this distance, two resonances would count as one."""
 
 
 class ActiveRecord(Part):
@@ -211,7 +211,7 @@ class DesignRecord(Document):
 
     @property
     def units(self) -> Units:
-        """The units of the record, which are those of the device."""
+        """The units of the record, which are the device's units."""
         return UNITS[self.problem.units]
 
     @property
@@ -252,8 +252,8 @@ class DesignRecord(Document):
     def limits(self) -> list[str]:
         """The active constraints, the greatest multiplier first, each with the frequencies at which it is active.
 
-        The search and the proof place the same minimum at slightly different frequencies: the list shows that of the
-        proof.
+        The search and the proof place the same minimum at slightly different frequencies. The list shows the frequency
+        from the proof.
         """
         if not self.active and self.solver.get("converged") is False:
             return [UNKNOWN_LIMITS]

@@ -135,7 +135,7 @@ class IdentificationRecord(Document):
 
     @property
     def units(self) -> Units:
-        """The units of the record, which are those of the device."""
+        """The units of the record, which are the device's units."""
         return UNITS["rotary" if self.rotary else "linear"]
 
 

@@ -96,7 +96,7 @@ class Part(BaseModel):
 
 
 def filled(part: Part, words: str, units: Units) -> str:
-    """Return a text in which the field, part or property of that name replaces each name in braces.
+    """Return a text in which each name in braces is replaced by the field, part or property of that name.
 
     Parameters
     ----------

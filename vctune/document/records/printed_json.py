@@ -51,7 +51,7 @@ class ExportRecord(Document):
     ----------
     name : name of the controller
     status : as in design.json
-    statement : lines on what is proved, which the files contain too
+    statement : lines that state what is proved; the exported files contain the same lines
     folder : folder of the files
     files : their names in the folder
     """

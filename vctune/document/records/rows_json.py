@@ -94,8 +94,8 @@ class RowRecord(RowYardstickRecord, FeltRecord, NumbersRecord):
     idle : whether the design is certified and renders almost nothing
     reason : reason why the point has no design; None for a certified design
     seconds : elapsed time, s
-    time_limit : s, if this limit cut the work short; the point is then undecided, and a run with more time tries it
-        again. None otherwise
+    time_limit : time limit that cut the work short, s; None if none did. With a time limit the point is undecided, and
+        a run with more time tries it again
     """
 
     key: str

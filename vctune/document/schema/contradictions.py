@@ -40,7 +40,7 @@ def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
 
 
 def _several_axes(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of a file with several axes where a file of one axis is needed."""
+    """Yield the fault of a file with several axes where a file with one axis is required."""
     if raw.get("axis"):
         message = (
             "makes several problems of one file, which `vctune solve`, `check` and `export` read; for anything else "

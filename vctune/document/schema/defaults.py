@@ -193,8 +193,8 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
 def _resistance_of_hands(hands: Hands, lag: float) -> float:
     """Return the default Z_0 of a servo, N s/m: the greatest of K lag, B and M/lag of the greatest hand.
 
-    The default is 1 if all are 0. The lag, s, is that of the servo, without the force sensor's. It is less than the
-    latency L.
+    The default is 1 if all are 0. `lag` is the lag of the servo, s, without the lag of the force sensor. This lag is
+    less than the latency L.
     """
     greatest = hands.high
     return max(greatest.stiffness * lag, greatest.damping, greatest.mass / lag) or 1.0

@@ -18,8 +18,7 @@ SENSED_DELAYS = set(DELAYS) - set(LOOP_DELAYS)
 """Keys of the delays of the parts. `contradictions` examines the delay of the loop itself."""
 FASTEST, SLOWEST = 1e3, 1e-6
 """Greatest and least bandwidth or resonance, as a share of the sampling rate. Outside this range, the part has no
-effect,
-or hides all other parts."""
+effect or hides all other parts."""
 
 
 def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:
@@ -103,7 +102,7 @@ def _masses(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _uncertain(raw: dict[str, Any], device: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the uncertainties in the wrong place, and those of numbers that the device lacks."""
+    """Yield the uncertainties that are in the wrong place, and the uncertainties of numbers that the device lacks."""
     table = raw.get("uncertainty")
     if not isinstance(table, dict):
         return

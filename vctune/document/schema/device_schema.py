@@ -1,6 +1,6 @@
 """Define the schema of a device: type, range and documentation of the keys of [device] and [uncertainty].
 
-The parts of a device are those of `vctune.model.parts`.
+`vctune.model.parts` defines the parts of a device.
 """
 
 from __future__ import annotations

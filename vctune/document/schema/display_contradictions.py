@@ -74,7 +74,7 @@ def _meaningless(raw: dict[str, Any], keys: dict[tuple[str, ...], str], display:
 
 
 def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of a criterion with any passive hand, in which no servo is stable."""
+    """Yield the fault of a criterion that includes any passive hand. No servo is stable in a hand of any stiffness."""
     stability = raw.get("stability")
     criterion = stability.get("criterion", "hands") if isinstance(stability, dict) else "hands"
     if criterion in ("passive", "both"):
@@ -98,7 +98,10 @@ def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_in_time(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the environments of section 20, for which no search finds the coupling of an impedance display."""
+    """Yield a rule or a lateness of environments for which vctune does not design an impedance display.
+
+    See model/README.md, section 20.
+    """
     table = raw.get("environment")
     if isinstance(table, dict) and (table.get("rule", "trapezoid") != "trapezoid" or table.get("late", 0) != 0):
         key = "late" if table.get("late", 0) != 0 else "rule"

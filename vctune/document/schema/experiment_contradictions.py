@@ -79,7 +79,7 @@ def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]
 
 
 def _changing(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return contradictions in how the hand changes."""
+    """Yield the contradictions in the changes of the hand."""
     hand = table.get("operator")
     if not isinstance(hand, dict):
         return

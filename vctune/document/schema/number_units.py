@@ -22,7 +22,7 @@ QUANTITIES = {
 }
 """Quantity of a number by the last part of its key (`vctune.model.numbers.units`), in any table."""
 BY_KEY = OF_VARIABLES | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
-"""Quantity of those numbers whose whole key, not only its last part, determines it."""
+"""Quantity of each number whose quantity depends on the whole key, not only on the last part of the key."""
 SHARES = ("uncertainty", "weights")
 """Tables of numbers that have no unit."""
 

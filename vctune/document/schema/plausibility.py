@@ -11,10 +11,10 @@ from vctune.model.problem import Problem
 from vctune.model.worlds import Worlds
 
 SLOWEST = 0.1
-"""Sample time, s, above which vctune asks whether it is in seconds: twice that of the slowest example."""
+"""Sample time, s, above which vctune asks whether it is in seconds: twice the sample time of the slowest example."""
 STIFFEST = 1e6
-"""Stiffness of a hand, N/m or N m/rad, above which vctune asks whether it is in SI units: ten times that of a stiff
-fixture, and a thousand times that of a firm grip."""
+"""Stiffness of a hand, N/m or N m/rad, above which vctune asks whether it is in SI units: ten times the stiffness of a
+stiff fixture, and a thousand times the stiffness of a firm grip."""
 FIRM = 1e3
 """Stiffness of a firm grip, N/m."""
 FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))
@@ -48,9 +48,9 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return a phrase about a number of an environment that is outside a problem's box, and its key.
+    """Return a phrase about a number of an environment that is outside a problem's box, and the key of this number.
 
-    Return None if all are inside.
+    Return None if all numbers are inside.
     """
     worlds, units = problem.worlds, problem.units
     if worlds is None:
@@ -73,7 +73,7 @@ _RULES = {"backward": "backward Euler", "trapezoid": "the trapezoidal rule", "ex
 
 
 def _stepped_alike(environment: Environment, worlds: Worlds) -> bool:
-    """Return whether a box contains an environment that is stepped by a rule.
+    """Return whether a box contains an environment that behaves as a given environment does with its own rule.
 
     A spring stepped by backward Euler equals a spring stepped by the trapezoidal rule with a parallel damper. A mass
     has no such equivalent.

@@ -63,8 +63,8 @@ class OperatorTable(Table):
     its hands depend on their distance from the axis.
     """
 
-    # a plain number is the least of a range whose greatest is a human hand's (`defaults.resolve`), so that the 0.0 of a
-    # key that is left out means { min = 0, max = 0.5 } for the mass, as its description says
+    # a plain number is the least value of a range whose greatest value is that of a human hand (`defaults.resolve`);
+    # the default 0.0 of the mass therefore means { min = 0, max = 0.5 }, as its description says
     mass: Variable = Field(0.0, description="Mass M of the hand, kg. Default { min = 0, max = 0.5 }.")
     damping: Variable = Field(0.0, description="Damping B of the hand, N s/m. Default { min = 0, max = 30 }.")
     stiffness: Variable = Field(0.0, description="Stiffness K of the hand, N/m. Default { min = 0, max = 3000 }.")

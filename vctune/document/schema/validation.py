@@ -63,7 +63,7 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake in line order, with dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake in line order, with its dotted key, value and remedy.
     """
     document, faults = examined(model, toml.parse(text, source), check)
     if document is None or faults:

@@ -120,8 +120,8 @@ def coded(text: str, code: Code) -> str:
 
     Parameters
     ----------
-    text : the text
-    code : its code
+    text : text of the line
+    code : code that the function appends
     """
     return f"{text} [{code}]"
 

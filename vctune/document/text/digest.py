@@ -60,7 +60,7 @@ def _without_defaults(stated: dict[str, Any], later: Mapping[str, Any]) -> dict[
     Parameters
     ----------
     stated : numbers, flags and words by their keys
-    later : default of each key that came later
+    later : default of each key that a later version added
     """
     return {key: value for key, value in stated.items() if key not in later or value != later[key]}
 

@@ -20,7 +20,7 @@ RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
 
 
 def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
-    """Replace the files of an earlier run by those of a new run. SIGINT and SIGTERM take effect only when this is done.
+    """Replace the files of an earlier run with the files of a new run. SIGINT and SIGTERM take effect only afterwards.
 
     When all new files are complete, the function deletes the stale files. The function then deletes the files of the
     earlier run in reverse order, except the first file and the files to set aside. Finally, the function renames the

@@ -22,7 +22,7 @@ def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
 def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
     """Return a copy of a document with numbers set at their paths. The function creates missing tables and pairs.
 
-    The function replaces an invalid value by the given number.
+    The function replaces an invalid value with the given number.
 
     Parameters
     ----------

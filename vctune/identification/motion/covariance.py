@@ -16,8 +16,8 @@ BLOCK = 1 << 16
 
 
 class Scores(Protocol):
-    """Residual times sensitivity, shape (n, p), with one row per sample or line. An array or an object that computes
-    its rows on demand."""
+    """Residual times sensitivity, shape (n, p), with one row per sample or line. The scores are an array, or an object
+    that computes its rows on demand."""
 
     @property
     def shape(self) -> tuple[int, ...]: ...

@@ -96,7 +96,7 @@ class Classical:
     Attributes
     ----------
     checks : mass, damping, Coulomb friction and offset
-    residual_share : norm of the residual divided by that of the force
+    residual_share : norm of the residual divided by the norm of the force
     """
 
     checks: tuple[Check, ...]

@@ -74,8 +74,9 @@ def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
 def covered(
     device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]], omega: Floats, *, is_command: bool
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return least and greatest magnitude and phase over all responses that the file allows: those of a device of the
-    box times 1 + delta.
+    """Return the least and the greatest magnitude and phase over all responses that the file allows.
+
+    Each of these responses is the response of a device of the box times 1 + delta.
 
     Parameters
     ----------

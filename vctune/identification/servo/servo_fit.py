@@ -87,7 +87,8 @@ class ServoFit:
     minus_twice_log_likelihood : -2 log likelihood
     inflation : factor by which correlation of the residuals increases a variance
     residual : part of the position's steps that the fit leaves unexplained, m
-    residual_share : root mean square residual motion over as many rows as the servo's delay
+    residual_share : root mean square residual motion divided by the root mean square motion, both over as many rows as
+        the servo's delay
     bandwidth_is_bounded : whether the interval of the bandwidth ends below the highest bandwidth of `BANDWIDTHS`
     """
 
@@ -280,8 +281,8 @@ def _fit_with_intervals(task: _Task, at: Floats) -> ServoFit:
     reach = ceil(max(np.sqrt(white.size), 3 * lag))
     robust = robust_covariance(slopes * white[:, None], information, reach)
     plain = np.linalg.inv(information)
-    # convert the covariance of latency and log bandwidth to that of delay and log bandwidth: lag falls as bandwidth
-    # rises
+    # convert the covariance of latency and log bandwidth to the covariance of delay and log bandwidth: the lag falls as
+    # the bandwidth rises
     to_latency = np.array([[1.0, lag], [0.0, 1.0]])
     robust, plain = to_latency @ robust @ to_latency.T, to_latency @ plain @ to_latency.T
     inflation = max(1.0, float(np.max(np.diag(robust) / np.diag(plain))))

@@ -1,7 +1,7 @@
 """Model the noise of a servo's log, which comes from an encoder and from a communication link with jitter.
 
 The steps of the position have a banded covariance. A sample's encoder noise with deviation r affects two successive
-steps. A command arrives early or late by a random time with deviation q. A velocity command thereby shifts the position
+steps. A command arrives early or late by a random time with deviation q. A velocity command then shifts the position
 permanently by q times the jump of the velocity. A position command shifts the position by q times the speed, for that
 sample only. The lag of the servo spreads these shifts over several samples.
 """

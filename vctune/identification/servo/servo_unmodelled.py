@@ -16,8 +16,8 @@ from vctune.identification.servo.servo_study import ServoStudy
 from vctune.model.device import Device
 
 RIDGE = 40
-"""Number of servos with the latency of the fit that the code tries in addition to random servos. A slow motion cannot
-distinguish servos with equal latency."""
+"""Number of servos that the code tries in addition to random servos. They have the latency of the fit, because a slow
+motion cannot distinguish servos with equal latency."""
 BEYOND = 40
 """Number of frequencies up to the Nyquist frequency at which the code compares a servo of the other order with the
 box."""

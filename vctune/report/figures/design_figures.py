@@ -82,8 +82,10 @@ def figures(design: Design) -> dict[str, Drawing]:
 
 
 def _in_hands(design: Design) -> dict[str, Drawing]:
-    """Return the figure of the hands that the criterion requires, or of any hand on an impedance display, if there is
-    one."""
+    """Return the figure for the hands that the criterion requires, or for any passive hand on an impedance display.
+
+    The result is empty if the criterion requires neither.
+    """
     hands = design.problem.hands_met
     if design.problem.any_hand:
         return {"any-hand": any_hand_figure(design.problem, design.gains, design.coupling)}
@@ -106,7 +108,7 @@ def _rendered(design: Design) -> dict[str, Drawing]:
 
 
 def _latency(contact: ContactRecord, problem: Problem) -> Drawing:
-    """Draw the parts of a servo's latency as bars, each with the drag that it requires at rest, and with its key."""
+    """Draw the parts of a servo's latency as bars, each with its key and the drag that it requires at rest."""
     drawing = Drawing(WIDTH, 0.75 + 0.42 * len(contact.parts), left=1.2, top=0.1)
     (panel,), end = drawing.divide(), 1e3 * ROOM_FOR_WORDS * max(part.latency_s for part in contact.parts)
     panel.set(xlabel=f"latency, ms; {quantity(contact.latency_s, 's', 3)} in all", xlim=(0.0, end))

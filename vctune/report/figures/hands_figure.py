@@ -29,22 +29,25 @@ from vctune.report.svg.labels import label_curves
 from vctune.report.svg.panel import Axes, Panel
 
 ANGLES_OF_CURVES = 40
-"""Number of angles per decade of the curves. Half as many show corners; twice as many double the file."""
+"""Number of angles per decade of the curves. With half as many, the curves show corners. Twice as many double the
+file."""
 GRID_OF_MAP, DAMPINGS = 17, (0.0, 0.1, 1.0)
 """Number of masses and of stiffnesses of the map, and shares of the range of dampings. The map shows the worst of these
-dampings. The distance from the least mass or stiffness grows as a square, because R changes quickly near 0."""
+dampings. The grid points lie at squared distances from the least mass or stiffness, because R changes quickly near
+0."""
 LEAST_ANGLE, ANGLES_OF_MAP = 1e-3, 24
-"""Least angle, rad, and number of angles per decade of the map. With half as many the map is wrong by 2 % where it is
-steepest, with twice as many by 0.1 %."""
+"""Least angle, rad, and number of angles per decade of the map. Where the map is steepest, half as many angles give an
+error of 2 %, and twice as many an error of 0.1 %."""
 LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
-"""Levels of the map, %, which are closer near the limit of 100 %. Half or twice as many are no easier to read."""
+"""Levels of the map, %, which are closer near the limit of 100 %. A map with half or twice as many levels is no easier
+to read."""
 COLOURS = "#003170", "#434e6c", "#6a6c71", "#868379", "#9b9476", "#b0a571", "#c1b26a", "#cdbb63", "#e9d34e"
 """Colours of the map cividis, which is readable in grey and with every kind of colour vision."""
 SCALE_WIDTH = 62.0
 """Room for the legend of the colours, to the right of the map, points."""
 SHALLOW = 1e-9
 """Least shown value as a share of the top of the axis, which is the greatest of Re Z_c and R; at Nyquist R may vanish.
-Half or twice this share shows as many decades."""
+With half or twice this share, the axis shows as many decades."""
 WORST = 3
 """Number of hands with a curve of their own. They are the hands with the lowest minima."""
 

@@ -1,4 +1,4 @@
-"""The panels of a design's figures. Each function draws one panel on the axes of a report or on your own."""
+"""The panels of a design's figures. Each function draws one panel on the axes of a report or on your own axes."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def decades(axes: Axes) -> None:
 
 
 def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float | None, where: str = "") -> None:
-    """Draw the limit, the safety factor and the least ratio. The axis is linear around them.
+    """Draw the limit, the safety factor and the least ratio on a linear axis around them.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> N
     Parameters
     ----------
     axes : axes whose limits are set, Hz
-    band : rad/s
+    band : band to shade, rad/s
     colour, label : colour of the shade and its label in the legend
     hatch : hatching over the shade; "" for none
     """

@@ -66,9 +66,9 @@ def canvas(
 
     Parameters
     ----------
-    width, height : inches
+    width, height : size of the figure, inches
     left, right, bottom, top : margins, inches
-    gaps : between columns and between rows, shares of the axes' size
+    gaps : gaps between columns and between rows, as shares of the axes' size
     """
     figure = Figure(figsize=(width, height))
     figure.subplots_adjust(

@@ -108,7 +108,7 @@ def place(plane: Plane, k: int, values: Floats) -> Floats:
     ----------
     plane : the plane
     k : 0 for x, 1 for y
-    values : in units of the axis
+    values : values in the units of the axis
     """
     edges = plane.edges[k]
     return np.interp(values, edges, np.linspace(0, 1, len(edges)), left=np.nan, right=np.nan)
@@ -121,7 +121,7 @@ def spot(plane: Plane, k: int, value: float) -> float:
     ----------
     plane : the plane
     k : 0 for x, 1 for y
-    value : number of the design on this axis
+    value : value of the design on this axis, in the units of the axis
     """
     on_line = value == 0 and plane.has_line(k)
     return -(STRIP + GAP) / 2 if on_line else float(place(plane, k, np.array([value]))[0])

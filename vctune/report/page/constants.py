@@ -37,8 +37,8 @@ PANELS = 8
 """Number of intervals of the transparency band with Gauss's nodes in each. The sampled error then agrees with the
 design's to 1e-6 or better. Half as many intervals miss a resonance in the band. Twice as many make the page longer."""
 SHOWN = 100
-"""Number of frequencies of the curves, besides the nodes. With half as many, the curves show corners. Twice as many
-make the page longer."""
+"""Number of frequencies of the curves in addition to the nodes. With half as many, the curves show corners. Twice as
+many make the page longer."""
 ANGLES, PER_SAMPLE = 120, 16
 """Number of angles of the sampled loop up to Nyquist, and number of additional angles for each sample of delay. Between
 adjacent angles the curve turns by less than half a turn. With half as many angles, the Nyquist plot shows corners."""
@@ -229,12 +229,12 @@ def _affine(number: Affine, omega: Floats) -> dict[str, str | None]:
 
 
 def _pair(number: Pair, like: Floats) -> str:
-    """Return a complex number at each place; its real and imaginary parts alternate."""
+    """Return the complex values of a number as text; real and imaginary parts alternate."""
     return _numbers(np.stack([number.re + 0 * like, number.im + 0 * like], axis=-1))
 
 
 def _even_odd(number: EvenOdd, shape: tuple[int, int]) -> list[str]:
-    """Return even and odd parts that alternate, at each angle, for each hand."""
+    """Return a text for each hand, in which the even and the odd parts at the angles alternate."""
     parts = np.stack([np.broadcast_to(part, shape) for part in (number.even, number.odd)], axis=-1)
     return [_numbers(each, 5) for each in parts]
 

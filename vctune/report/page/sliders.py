@@ -1,5 +1,5 @@
 """The data of the page's sliders: the parameters that a reader can try, and the constants of the device (README.md,
-1)."""
+section 1)."""
 
 from __future__ import annotations
 

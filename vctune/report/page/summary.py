@@ -227,7 +227,7 @@ def _measure(record: DesignRecord, problem: Problem) -> str:
 
 
 def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
-    """Return the first claim with a given verdict and where it fails; the certificate's verdict if no claim has it.
+    """Return the first claim with a given verdict and where it fails; if no claim has it, the certificate's verdict.
 
     If the claim `passive` fails, the certificate may prove it with a factor of 1. Only this claim gets the remark.
     """

@@ -330,7 +330,7 @@ def _stated(device: Device) -> str:
 
 
 def _parts(device: Device) -> list[str]:
-    """Return the names of the parts that a device has besides a servo."""
+    """Return the names of the parts that a device has in addition to a servo."""
     return [part.stated for key, part in PARTS.items() if key != "servo" and getattr(device, key) is not None]
 
 

@@ -13,8 +13,8 @@ from vctune.report.typography import DIGITS, html, quantity
 def templates(put: Callable[[str], str] = lambda text: text) -> Environment:
     """Return Jinja's environment of the pages' templates.
 
-    Its filter `math` converts a sentence to HTML (`vctune.report.typography.html`), and `amount` formats a number with
-    its unit.
+    The environment has two filters: `math` converts a sentence to HTML (`vctune.report.typography.html`), and `amount`
+    formats a number with its unit.
 
     Parameters
     ----------

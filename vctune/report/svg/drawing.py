@@ -1,6 +1,6 @@
 """Write a figure as SVG: panels, lines, areas and texts, in points (1/72 inch).
 
-The import of Matplotlib takes as long as the solution of a problem. The figures of a design therefore do not use
+The import of Matplotlib takes as long as solving a problem. The figures of a design therefore do not use
 Matplotlib. A `Panel` has the methods of Matplotlib's Axes that `panels.py` calls, so `panels.py` can draw on either.
 """
 
@@ -21,14 +21,14 @@ class Drawing:
 
     Parameters
     ----------
-    width, height : inches
+    width, height : size of the figure, inches
     left, right, bottom, top : margins around the panels, inches
 
     Attributes
     ----------
-    width, height : points
-    panels : in the order of rows
-    over : elements of SVG above the panels
+    width, height : size of the figure, points
+    panels : panels, row by row
+    over : SVG elements above the panels
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Drawing:
         Parameters
         ----------
         rows, columns : number of rows and columns
-        gaps : between columns and between rows, shares of the mean size of a panel
+        gaps : gaps between columns and between rows, as shares of the mean size of a panel
         ratios : heights of the rows relative to one another; empty for equal heights
         """
         left, top, width, height = self._inner

@@ -23,8 +23,8 @@ LETTER, LINE = 0.54, 1.2
 """Width of a letter and height of a line, as multiples of the font size. Both are slightly larger than in most
 fonts."""
 STRAIGHT = 0.05
-"""Greatest distance, in points, between the curve and a point that one of `PASSES` passes omits. It is a tenth of a
-screen's resolution."""
+"""Greatest distance, in points, between the curve and a point that one of `PASSES` passes omits. This distance is a
+tenth of a screen's resolution."""
 PASSES = 4
 BEYOND = 5e3
 """Greatest distance of a point from the middle of its panel. A line to a point that is farther away keeps its
@@ -59,7 +59,7 @@ def text(
 
     Parameters
     ----------
-    x, y : position
+    x, y : position, points
     words : the text, set by `vctune.report.typography`
     size : size of the letters, points
     ha, va : "left", "center" or "right", and "top", "center", "bottom" or "baseline": the part of the text that
@@ -90,8 +90,9 @@ def path(
 
     Parameters
     ----------
-    data : steps of the path
-    stroke, width, dashes : colour ("" for no line) and width of the line; lengths of strokes and gaps over the width
+    data : data of the path, as in the SVG attribute `d`
+    stroke, width : colour of the line ("" for no line), and its width, points
+    dashes : lengths of strokes and gaps, as multiples of the line's width
     style : other attributes, with _ instead of -; without `fill` the path is not filled
     """
     given = {"fill": "none"} | {key: value for key, value in style.items() if value != 1.0}
@@ -107,7 +108,7 @@ def polyline(points: Floats) -> str:
 
     Parameters
     ----------
-    points : shape (n, 2)
+    points : points of the curve, shape (n, 2)
     """
     seen = np.isfinite(points).all(axis=1)
     runs = np.split(points, np.flatnonzero(np.diff(seen)) + 1) if len(points) else []

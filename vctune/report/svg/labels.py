@@ -1,7 +1,7 @@
 """Labels beside the curves that they name, if there is room. A legend names the other curves.
 
 The code divides the axes into a raster of points (1/72 inch); row 0 is the lower edge. It marks the cells that curves
-and labels take. A table of sums over the raster then tells for every position at once how far a label's box can grow
+and labels take. A table of sums over the raster then gives, for every position at once, how far a label's box can grow
 before it meets a taken cell (`_room`).
 """
 
@@ -34,9 +34,9 @@ HANDLE, SPACE = 1.7, 1.0
 
 
 def label_curves(panel: Panel, columns: int = 2) -> None:
-    """Write the name of each curve and point beside it and of each area within it, or in a legend if there is no room.
+    """Write the name of each curve and point beside it, and the name of each area within it.
 
-    The legend stands above the panel.
+    A legend above the panel contains the names for which there is no room.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def _piece(mark: Mark, x: float, y: float, size: float) -> str:
 
 
 def _of_line(points: Floats, shape: tuple[int, int]) -> Mask:
-    """Return which cells of the raster a line passes through."""
+    """Return a mask of the raster's cells through which a line passes."""
     mask, points = np.zeros(shape, bool), np.clip(points[np.isfinite(points).all(axis=1)], -1e4, 1e4)
     if len(points) > 1:
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
@@ -124,7 +124,7 @@ def _of_line(points: Floats, shape: tuple[int, int]) -> Mask:
 
 
 def _of_area(corners: Floats, shape: tuple[int, int]) -> Mask:
-    """Return which cells of the raster an area covers. A cell is inside if an odd number of edges lies to its right."""
+    """Return a mask of the cells that an area covers. A cell is inside if an odd number of edges lies to its right."""
     y, x = np.mgrid[: shape[0], : shape[1]]
     inside = np.zeros(shape, bool)
     for (x_0, y_0), (x_1, y_1) in pairwise([*corners, corners[0]]):

@@ -29,8 +29,9 @@ class Mark:
     x, y : points; with `edges`, an infinite coordinate is at an edge of the panel
     label : name; the figure does not show an empty name or a name that begins with _
     colour, width, dashes : style of the line; a width of 0 for no line
-    marker, across, every : marker ("" for no marker), its size, and the distances along the curve to the first marker
-    and between markers, as shares of the panel's diagonal
+    marker, across : marker ("" for no marker), and its width, points
+    every : distances along the curve to the first marker and between markers, as shares of the panel's diagonal; None
+        for a marker at each point
     ground : fill of an area, or of a marker's edge
     opacity : opacity of the fill
     hatch : hatching of an area as in Matplotlib, "/" or "-"; "" for none

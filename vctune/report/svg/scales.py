@@ -40,7 +40,7 @@ class Scale:
 
         Parameters
         ----------
-        values : values in data
+        values : values in data coordinates
         limits : both ends of the scale
         """
         with np.errstate(all="ignore"):
