@@ -92,3 +92,21 @@ def wait_for_work(running: subprocess.Popen, seconds: float) -> None:
 def _worked(pid: int) -> float:
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+WITH_PEAK = """
+import re, sys
+from pathlib import Path
+from vctune.cli.main import execute
+code = execute()
+print(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1], file=sys.stderr)
+sys.exit(code)
+"""
+"""A command that prints its own peak memory in kB. `ru_maxrss` of a child includes the peak of the parent."""
+
+
+def peak_memory(*arguments, cwd) -> int:
+    """Return the peak memory of a command that succeeds, kB."""
+    command = [sys.executable, "-c", WITH_PEAK, *map(str, arguments)]
+    done = subprocess.run(command, cwd=cwd, check=True, capture_output=True, text=True)
+    return int(done.stderr.split()[-1])

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import re
 import resource
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from command import run
+from command import peak_memory, run
 from conftest import mostly_slow
 from identification_logs import Log, driven, encoded, multisine, random_case, spoiled
 
@@ -251,17 +249,6 @@ def test_scores_in_their_place_are_made_block_by_block():
     assert robust_covariance(placed, information, 100) == pytest.approx(expected, rel=1e-12)
 
 
-WITH_PEAK = """
-import re, sys
-from pathlib import Path
-from vctune.cli.main import execute
-code = execute()
-print(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
-sys.exit(code)
-"""
-"""A command that prints its own peak memory in kB. `ru_maxrss` of a child includes the peak of the parent."""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.0, 0.75])
 def test_two_million_rows_take_a_minute_and_600_megabytes(tmp_path, friction):
@@ -281,11 +268,10 @@ def test_two_million_rows_take_a_minute_and_600_megabytes(tmp_path, friction):
                 file, np.column_stack([np.arange(wave.size)[rows] * T, x[rows], force[rows]]), "%.9g", delimiter=","
             )
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [sys.executable, "-c", WITH_PEAK, "identify", "log.csv", "--quiet"]
-    done = subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True)
+    peak = peak_memory("identify", "log.csv", "--quiet", cwd=tmp_path)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 60
-    assert int(done.stdout.split()[-1]) < 600_000
+    assert peak < 600_000
 
 
 @pytest.mark.slow
