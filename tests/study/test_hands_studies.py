@@ -208,14 +208,14 @@ def with_room(problem, found_):
     low, high = cells.centres().low.copy(), cells.centres().low.copy()
     low[DAMPING], high[DAMPING] = cells.low[DAMPING], cells.high[DAMPING]
     with np.errstate(all="ignore"):
-        damping, _ = estimate([problem], Cells(low, high), free=True)
+        damping = estimate([problem], Cells(low, high), free=True).damping
         met = ~np.isnan(damping)
         for ends in product((cells.low, cells.high), repeat=2):
             corner = low.copy()
             corner[DAMPING] = damping
             for axis, end in zip(across.axes, ends, strict=True):
                 corner[axis] = end[axis]
-            met &= ~np.isnan(estimate([problem], Cells(corner, corner), free=False)[0])
+            met &= ~np.isnan(estimate([problem], Cells(corner, corner), free=False).damping)
     return squares[:, met].T.tolist()
 
 
