@@ -274,7 +274,7 @@ def kill_and_resume(folder, path, stops, signals=(signal.SIGKILL,)):
         _, err = process.communicate(timeout=60)
         assert process.returncode in (0, 130, -signal.SIGKILL)
         if process.returncode == ExitCode.INTERRUPTED:
-            assert err.strip() == "interrupted"
+            assert err.strip() == "interrupted; running it again resumes"
         assert_ended(children)
         assert file.read_bytes().startswith(before)
     process = started("sweep", path, "--jobs", "2", cwd=folder)
