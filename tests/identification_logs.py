@@ -13,7 +13,7 @@ import numpy as np
 
 from vctune.model.device import Device
 from vctune.model.experiment import Environment, Friction, Operator
-from vctune.model.loop.filters import smoothing
+from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, Structure, VelocityEstimate
 from vctune.simulation.firmware.controller import Law
@@ -68,7 +68,7 @@ def driven(device: Device, friction: Friction | None, excitation, *, gains=None,
         sample_time=device.sample_time, velocity=K_v, position=K_p, integral=0.0, coupling=None,
         virtual_mass=0.0, virtual_damping=damping, environment=FREE, position_resolution=0.0,
         difference=estimate.source == "difference",
-        smoothing=float(smoothing(estimate.filter_hz, device.sample_time, FLOATS)[0]) if smooth else None,
+        smoothing=float(low_pass_coefficients(estimate.filter_hz, device.sample_time, FLOATS)[0]) if smooth else None,
         low_passes=estimate.filter_order if smooth else 0, limit=None,
     )  # fmt: skip
     nobody = Operator("reciprocate", 0.0, 1.0, 1.0, 1, 0.0, 0.0, 0.0)

@@ -18,7 +18,7 @@ from vctune.design.verdict.felt import felt_record
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import on_yardstick, parse_problem
-from vctune.document.records.comparison import ComparisonRecord, MeasuredRecord, Side, comparison
+from vctune.document.records.comparison import ComparisonRecord, MeasuredDesign, MeasuredRecord, comparison
 from vctune.document.records.design_json import DesignRecord
 from vctune.model.problem import Problem, Transparency
 
@@ -59,7 +59,9 @@ def compare(
     if _alike(problem_a, problem_b):
         yardsticks = [problem_a.transparency]
         yardsticks += [problem_b.transparency] * (not _same(problem_a.transparency, problem_b.transparency))
-    return comparison(_side(a, record_a, problem_a, yardsticks), _side(b, record_b, problem_b, yardsticks))
+    return comparison(
+        _measured_design(a, record_a, problem_a, yardsticks), _measured_design(b, record_b, problem_b, yardsticks)
+    )
 
 
 def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[DesignRecord, Problem]:
@@ -91,10 +93,12 @@ def _same(a: Transparency, b: Transparency) -> bool:
     return close and (a.norm, a.weights) == (b.norm, b.weights)
 
 
-def _side(source: Any, record: DesignRecord, problem: Problem, yardsticks: Sequence[Transparency | None]) -> Side:
+def _measured_design(
+    source: Any, record: DesignRecord, problem: Problem, yardsticks: Sequence[Transparency | None]
+) -> MeasuredDesign:
     """Return one of two compared designs with its error on each yardstick. None stands for the design's own
     yardstick."""
-    return Side(
+    return MeasuredDesign(
         source=str(source) if isinstance(source, str | Path) else record.problem.name,
         record=record,
         problem=problem,

@@ -17,7 +17,7 @@ from vctune.model.numbers.units import UNITS, UnitSystem
 
 
 def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
-    """Return the gains and coupling parameters of a design by key, in order, without those that the display lacks.
+    """Return the gains and coupling parameters that the display of a design has, by key and in order.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.loop.device_response import mechanism
-from vctune.model.loop.filters import smoothing
+from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import VelocityEstimate
 from vctune.simulation.firmware.controller import Law
@@ -142,7 +142,7 @@ def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, env
     estimate = device.velocity or VelocityEstimate()
     weight = None
     if estimate.filter_hz is not None:
-        weight, _ = smoothing(estimate.filter_hz, device.sample_time, FLOATS)
+        weight, _ = low_pass_coefficients(estimate.filter_hz, device.sample_time, FLOATS)
     return Law(
         sample_time=device.sample_time,
         velocity=gains.velocity,

@@ -162,7 +162,7 @@ def easiest(cells: Cells, plane: Plane) -> Cells:
     Parameters
     ----------
     cells : n boxes of the variables, SI units
-    plane : plane, which determines the variables that are axes
+    plane : plane, which determines which variables are its axes
     """
     low = cells.low.copy()
     for index in (KEYS.index(key) for key in EASING if plane.at_full_width(key)):

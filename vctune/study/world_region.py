@@ -175,7 +175,7 @@ def _common_ends(plane: Plane, low: Floats, high: Floats) -> WorldCells:
 
     Parameters
     ----------
-    plane : plane, which determines the parameters that are axes
+    plane : plane, which determines which parameters are its axes
     low, high : least and greatest mass, damping and stiffness of each cell, SI units, shape (3, n)
     """
     least, most = low.copy(), high.copy()

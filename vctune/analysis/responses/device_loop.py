@@ -20,7 +20,7 @@ from vctune.model.coupling import trapezoidal
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand
-from vctune.model.loop.filters import smoothing
+from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import EvenOdd
 from vctune.model.numbers.units import UNITS, Units
@@ -244,7 +244,7 @@ def _coupling_states(device: Device, coupling: AnyCoupling) -> tuple[dict[str, R
         stretched = total([(1.0, {"position": 1.0}), (T, velocity)])
         states["position"], estimate = stretched, device.velocity
         if estimate is not None and estimate.filter_hz is not None:
-            share, _ = smoothing(float(estimate.filter_hz), T, FLOATS)
+            share, _ = low_pass_coefficients(float(estimate.filter_hz), T, FLOATS)
             velocity = filtered(states, "velocity", velocity, share, estimate.filter_order)
         return states, total([(coupling.damping, velocity), (coupling.stiffness, stretched)])
     step, decay = (float(x) for x in trapezoidal(coupling, T))

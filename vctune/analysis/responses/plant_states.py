@@ -18,7 +18,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.responses.states import INPUT, Row, filtered, late, total
 from vctune.model.device import Device
 from vctune.model.hands import Hand
-from vctune.model.loop.filters import smoothing
+from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.matrices import scaled
 from vctune.model.sampled.plant_in_hand import Mechanism, mechanism_in_hand
@@ -205,7 +205,7 @@ def _low_pass(device: Device) -> tuple[float, int]:
     estimate = device.velocity
     if estimate is None or estimate.filter_hz is None:
         return 1.0, 0
-    share, _ = smoothing(float(estimate.filter_hz), float(device.sample_time), FLOATS)
+    share, _ = low_pass_coefficients(float(estimate.filter_hz), float(device.sample_time), FLOATS)
     return share, estimate.filter_order
 
 

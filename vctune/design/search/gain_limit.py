@@ -32,8 +32,8 @@ ROUNDS, PARTS = 3, 4
 are 1/64 of a grid step, or 1 % of K_v."""
 BELOW, ABOVE = 0.93, 1.03
 """Factors of the limit that give the neighbours of a design at the limit. The best design with a coupling may need a
-K_v slightly below the limit. Above the limit, 3 % is enough, because the frequencies of the scan determine the limit to
-1 %."""
+K_v slightly below the limit. A distance of 3 % above the limit is enough, because the frequencies of the scan determine
+the limit to within 1 %."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -112,7 +112,7 @@ def left_out(solved: Solved) -> list[Note]:
     idle = not structure.integrator or (gains is not None and gains.position == 0)
     if idle and not problem.bounds.position.fixed:
         found.append(
-            Note("left-out-integrator", "gains.position: the best design has K_p = 0, and with it no integrator")
+            Note("left-out-integrator", "gains.position: the best design has K_p = 0, and therefore no integrator")
         )
     if not problem.device.kind.own_loop:
         return found

@@ -242,7 +242,9 @@ def find_repairs(
     progress: Progress = lambda stage: None,
     posed: Posed = _posed,
 ) -> list[Repair]:
-    """Return the least changes of one value that repair a problem, as many as the search finds in `LONGEST` seconds.
+    """Return the smallest changes of a single value each that repair a problem.
+
+    The search ends after `LONGEST` seconds, with the changes that it has found.
 
     The search makes each change as a user would: it changes the value in the document and reads the problem again,
     with its defaults. Then the search solves the problem or, if every variable is fixed, judges the design. The search

@@ -1,4 +1,7 @@
-"""Compare two designs: list the differences of their problems, and both results."""
+"""Compare two designs: list the differences of their problems, and both results.
+
+`vctune compare` prints this record. `vctune.api.comparing` measures both designs first.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,11 @@ UNCOMPARED = ("name", "description", "experiment")
 
 
 class SideRecord(Part):
-    """One of the two designs: its origin and its kind."""
+    """One of the two designs.
+
+    The record states its source, the name of its problem, its status, whether it hardly uses its velocity loop, and why
+    there is no design.
+    """
 
     source: str
     name: str
@@ -33,7 +40,7 @@ class SideRecord(Part):
 class DifferenceRecord(Part):
     """A key with different values in the two problems.
 
-    A value is null if the file does not state it; a range is a pair.
+    A value is null if the problem does not have the key, for example because its table is absent. A range is a pair.
     """
 
     key: str
@@ -42,7 +49,10 @@ class DifferenceRecord(Part):
 
 
 class ValueRecord(Part):
-    """A number or a verdict of both designs, by its key in design.json. A value that does not exist is null."""
+    """A number or a verdict of both designs. A value that does not exist is null.
+
+    The key is that of design.json, or begins with `felt`, `on_a` or `on_b`.
+    """
 
     group: str
     key: str
@@ -72,7 +82,7 @@ class MeasuredRecord(TransparencyRecord):
 
 
 @dataclass(frozen=True, slots=True)
-class Side:
+class MeasuredDesign:
     """One of two designs to be compared.
 
     Attributes
@@ -81,7 +91,8 @@ class Side:
     record : record of the design
     problem : problem for which the design was made, with its yardstick
     felt : how the design feels; None without a design
-    measured : error on the common yardstick, or on the yardsticks of A and of B; empty without a design
+    measured : error on the common yardstick, or on the yardsticks of A and of B; an error is None without a design, or
+        if the band of the yardstick exceeds the Nyquist frequency of the device
     """
 
     source: str
@@ -91,7 +102,7 @@ class Side:
     measured: tuple[MeasuredRecord | None, ...]
 
 
-def comparison(a: Side, b: Side) -> ComparisonRecord:
+def comparison(a: MeasuredDesign, b: MeasuredDesign) -> ComparisonRecord:
     """Return the comparison of two designs.
 
     Parameters
@@ -99,20 +110,24 @@ def comparison(a: Side, b: Side) -> ComparisonRecord:
     a, b : the designs, measured on the same yardsticks
     """
     return ComparisonRecord(
-        a=_side(a),
-        b=_side(b),
+        a=_side_record(a),
+        b=_side_record(b),
         problem=_differences(a.problem, b.problem),
-        design=[value for value in _values(a, b) if not (_absent(value, a.problem) and _absent(value, b.problem))],
+        design=[
+            value
+            for value in _compared_groups(a, b)
+            if not (_always_zero(value, a.problem) and _always_zero(value, b.problem))
+        ],
     )
 
 
-def _absent(value: ValueRecord, problem: Problem) -> bool:
+def _always_zero(value: ValueRecord, problem: Problem) -> bool:
     """Return whether a number is always 0 for a kind of display."""
     kind, last = problem.device.kind, value.key.rpartition(".")[2]
     return value.key in kind.absent or (last in TERMS and last not in kind.terms)
 
 
-def _side(side: Side) -> SideRecord:
+def _side_record(side: MeasuredDesign) -> SideRecord:
     record = side.record
     return SideRecord(
         source=side.source, name=record.problem.name, status=record.status, idle=record.idle, reason=record.reason
@@ -130,6 +145,7 @@ def _differences(a: Problem, b: Problem) -> list[DifferenceRecord]:
 
 
 def _stated(problem: Problem) -> dict[str, Any]:
+    """Return the problem as a document, without the keys that do not affect its design."""
     return {key: value for key, value in statement(problem).items() if key not in UNCOMPARED}
 
 
@@ -144,23 +160,23 @@ def _leaves(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
         yield path, node
 
 
-def _values(a: Side, b: Side) -> Iterator[ValueRecord]:
+def _compared_groups(a: MeasuredDesign, b: MeasuredDesign) -> Iterator[ValueRecord]:
     """Yield the numbers and verdicts that either design has, by group, with the error on one or on both yardsticks."""
     units = (a.record.units, b.record.units)
-    on = ("transparency",) if len(a.measured) == 1 else ("on_a", "on_b")
+    error_keys = ("transparency",) if len(a.measured) == 1 else ("on_a", "on_b")
     titles = {"transparency": "transparency", "on_a": "measured as A", "on_b": "measured as B"}
     for name, title in DesignRecord.GROUPS.items():
         if name != "transparency":
-            yield from _compared(
+            yield from _compared_fields(
                 title, name, list(zip((getattr(a.record, name), getattr(b.record, name)), units, strict=True))
             )
             continue
-        for key, *parts in zip(on, a.measured, b.measured, strict=True):
-            yield from _compared(titles[key], key, list(zip(parts, units, strict=True)))
-        yield from _compared("in the hand", "felt", list(zip((a.felt, b.felt), units, strict=True)))
+        for key, *parts in zip(error_keys, a.measured, b.measured, strict=True):
+            yield from _compared_fields(titles[key], key, list(zip(parts, units, strict=True)))
+        yield from _compared_fields("in the hand", "felt", list(zip((a.felt, b.felt), units, strict=True)))
 
 
-def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]]) -> Iterator[ValueRecord]:
+def _compared_fields(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]]) -> Iterator[ValueRecord]:
     """Yield the displayed fields of two parts and of the parts inside them."""
     parts = [(part, units) for part, units in sides if part is not None]
     for field, display_of_field in {
@@ -168,8 +184,8 @@ def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]
     }.items():
         value_a, value_b = (_scaled(getattr(part, field, None), display_of_field) for part, _ in sides)
         having = [(part, units) for part, units in parts if hasattr(part, field)]
-        label = _either(units.translated(filled(part, display_of_field.label, units)) for part, units in having)
-        unit = _either(units.of(display_of_field.of) for _, units in having) or (
+        label = _joined(units.translated(filled(part, display_of_field.label, units)) for part, units in having)
+        unit = _joined(units.of(display_of_field.of) for _, units in having) or (
             "" if "{" in display_of_field.unit else display_of_field.unit
         )
         unit = "Hz" if field.endswith("_hz") else unit
@@ -180,11 +196,12 @@ def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]
             )
     inner = [name for part, _ in parts for name, value in part if isinstance(value, Part)]
     for name in dict.fromkeys(inner):
-        yield from _compared(title, f"{prefix}.{name}", [(getattr(part, name, None), units) for part, units in sides])
+        parts_inside = [(getattr(part, name, None), units) for part, units in sides]
+        yield from _compared_fields(title, f"{prefix}.{name}", parts_inside)
 
 
-def _either(texts: Iterable[str]) -> str:
-    """Return the text if both designs have the same one, or if only one of them has a text."""
+def _joined(texts: Iterable[str]) -> str:
+    """Return the distinct texts, joined by "or"."""
     return " or ".join(dict.fromkeys(texts))
 
 

@@ -60,7 +60,7 @@ class OperatorTable(Table):
 
     The criterion "hands" covers every hand within these ranges. The criterion "passive" uses only the least mass and
     damping: they describe a load that is always at the handle, such as a tool. A rotary device has no defaults, because
-    its hands depend on their distance from the axis.
+    the rotary inertia, damping and stiffness of a hand depend on its distance from the axis.
     """
 
     # a plain number is the least value of a range whose greatest value is that of a human hand (`defaults.resolve`);
@@ -115,7 +115,7 @@ class WorldsTable(Table):
     )
     corner_hz: Positive | None = Field(
         None,
-        description="Corner frequency of the multiplier that proves the walls, Hz. Default: vctune chooses the "
+        description="Corner frequency of the multiplier in the proof for walls, Hz. Default: vctune chooses the "
         "frequency with the greatest margin.",
     )
     rule: WorldRule = Field(

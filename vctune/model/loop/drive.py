@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from vctune.model.device import Device
-from vctune.model.loop.filters import FilterResponse, filter_rows, low_pass
+from vctune.model.loop.filters import FilterResponse, low_pass, low_pass_rates
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import times
 
@@ -17,7 +17,7 @@ COMMAND = "command"
 Rows = dict[str, dict[str, Number]]
 """Rates of the states, by the names of the states or inputs that drive them."""
 LowPassRows = Callable[[Rows, tuple[str, str], Number, int, Arithmetic], Number]
-"""Type of a function that writes a low-pass into the rates, such as `filter_rows`."""
+"""Type of a function that writes a low-pass into the rates, such as `low_pass_rates`."""
 
 
 def drive_states(device: Device) -> tuple[str, ...]:
@@ -44,7 +44,7 @@ def drive_response(device: Device, omega: Number, ops: Arithmetic) -> FilterResp
 
 
 def drive_rows(
-    rows: Rows, device: Device, ops: Arithmetic, low_pass_rows: LowPassRows = filter_rows
+    rows: Rows, device: Device, ops: Arithmetic, low_pass_rows: LowPassRows = low_pass_rates
 ) -> dict[str, Number]:
     """Write the rates of the drive's states, and return the motor's force as a linear combination of states and
     command.
@@ -70,7 +70,9 @@ def drive_rows(
 
 
 def drive_at_rest(device: Device) -> dict[str, float]:
-    """Return the drive's states under a steady command of 1, by name. Low-passes have the states of `plain_rows`.
+    """Return the drive's states under a steady command of 1, by name.
+
+    Low-passes have the states of `plain_low_pass_rates`.
 
     Parameters
     ----------

@@ -1,5 +1,7 @@
-"""Evaluate the non-ideal parts of a device at a frequency: velocity estimate, actuator, force sensor (README, section
-12).
+"""Evaluate the non-ideal parts of a device at a frequency, and write low-passes as rates of states.
+
+The parts are the velocity estimate, the actuator and the force sensor (model/README.md, section 12). The sampled models
+use the rates.
 
 Each part has unit gain at omega = 0. The code computes 1 - H directly instead of subtracting H from 1, so that no
 digits cancel.
@@ -15,11 +17,13 @@ from vctune.model.parts import ForceSensor, VelocityEstimate
 
 @dataclass(frozen=True, slots=True)
 class FilterResponse:
-    """A transfer function re - j omega lag with unit gain at omega = 0. Both parts are even and smooth at omega = 0.
+    """A transfer function re - j omega lag with unit gain at omega = 0.
+
+    `re` and `lag` are even functions of omega, and smooth at omega = 0.
 
     Attributes
     ----------
-    re : real part; far above the corner of a low-pass it vanishes, and far below, 1 - re vanishes
+    re : real part, 1 at omega = 0; that of a low-pass vanishes far above the corner
     curvature : (1 - Re)/omega^2, s^2
     lag : -Im/omega, s
     """
@@ -71,10 +75,10 @@ def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -
     x, time2 = omega * time, time * time
     x2 = x * x
     if order == 1:
-        below = 1 / (1 + x2)
-        return FilterResponse(below, time2 * below, time * below)
-    below = 1 / (1 + x2 * x2)
-    return FilterResponse((1 - x2) * below, time2 * (1 + x2) * below, ops.sqrt(2 * time2) * below)
+        reciprocal = 1 / (1 + x2)
+        return FilterResponse(reciprocal, time2 * reciprocal, time * reciprocal)
+    reciprocal = 1 / (1 + x2 * x2)
+    return FilterResponse((1 - x2) * reciprocal, time2 * (1 + x2) * reciprocal, ops.sqrt(2 * time2) * reciprocal)
 
 
 def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
@@ -118,9 +122,10 @@ def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> Filter
     return FilterResponse(cos * cos, half * half * (sinc * sinc), half * (cos * sinc))
 
 
-def smoothing(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return the coefficients a and p of the firmware's low-pass y += a (x - y) = p y + a x, with a = 1 - e^(-2 pi f
-    T).
+def low_pass_coefficients(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[Number, Number]:
+    """Return the coefficients a and p of the firmware's low-pass y += a (x - y), that is, y = p y + a x.
+
+    Here a = 1 - e^(-2 pi f T).
 
     Parameters
     ----------
@@ -156,7 +161,7 @@ def velocity_estimate(
     Returns
     -------
     FilterResponse or None
-        It has the shape of omega; None if the firmware measures the true velocity.
+        It has the shape of omega; None for a measured velocity without a low-pass.
     """
     theta, T, found = omega * sample_time, sample_time, None
     half = ops.sinc(theta / 2)
@@ -191,13 +196,13 @@ def firmware_low_pass(
         return None
     theta, T = omega * sample_time, sample_time
     half = ops.sinc(theta / 2)
-    a, p = smoothing(estimate.filter_hz, T, ops)
+    a, p = low_pass_coefficients(estimate.filter_hz, T, ops)
     chord2 = half * half * (theta * theta)  # |1 - e^(-j theta)|^2
-    below = 1 / (a * a + p * chord2)
+    reciprocal = 1 / (a * a + p * chord2)
     return FilterResponse(
-        a * (a + p * chord2 / 2) * below,
-        p * (1 + p) / 2 * (T * T) * (half * half) * below,
-        a * p * T * ops.sinc(theta) * below,
+        a * (a + p * chord2 / 2) * reciprocal,
+        p * (1 + p) / 2 * (T * T) * (half * half) * reciprocal,
+        a * p * T * ops.sinc(theta) * reciprocal,
     )
 
 
@@ -224,13 +229,14 @@ def sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> Filt
     return found
 
 
-def filter_rows(
+def low_pass_rates(
     rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
 ) -> Number:
     """Write a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2), into the rates of a system.
 
-    The states of order 2 are y and y + y'/a with 2 a^2 = w^2, not y and y'. For a fast low-pass f(A/E) is about half of
-    |A/E|, and `inverse` divides by the diagonal of f(A/E). With the states y and y' the diagonal would be close to 0.
+    The states of order 2 are y and y + y'/a with 2 a^2 = w^2, not y and y'. The function serves models that invert f(X)
+    with X = A E^-1 (model/README.md, section 14). For a fast low-pass f(X) is about half of |X|, and `matrices.inverse`
+    divides by its diagonal. With the states y and y' the diagonal would be close to 0.
 
     Parameters
     ----------
@@ -243,7 +249,7 @@ def filter_rows(
     Returns
     -------
     Number
-        Rate at which the input drives the low-pass's last state.
+        Rate at which the input drives the low-pass's last state, per sample.
     """
     corner, (out, rate) = 2 * ops.pi * samples, states
     if order == 1:
@@ -255,22 +261,22 @@ def filter_rows(
     return 2 * a
 
 
-def plain_rows(
+def plain_low_pass_rates(
     rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
 ) -> Number:
-    """Write a low-pass into the rates of a system, with the states y and y'/w.
+    """Write a low-pass into the rates of a system, with the states y and y'/w, for models that do not invert f(X).
 
     Parameters
     ----------
-    rows, states, samples, order, ops : see `filter_rows`
+    rows, states, samples, order, ops : see `low_pass_rates`
 
     Returns
     -------
     Number
-        Rate at which the input drives the low-pass's last state.
+        Rate at which the input drives the low-pass's last state, per sample.
     """
     if order == 1:
-        return filter_rows(rows, states, samples, order, ops)
+        return low_pass_rates(rows, states, samples, order, ops)
     corner, (out, rate) = 2 * ops.pi * samples, states
     rows[out][rate] = corner
     rows[rate][out], rows[rate][rate] = -corner, -ops.sqrt(2 * (corner * corner))

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 from vctune.model.device import Device
 from vctune.model.loop.drive import COMMAND, Rows, drive_rows, drive_states, pushed
-from vctune.model.loop.filters import smoothing
+from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Matrix, Vector, added, applied, half_coth, scaled
 from vctune.model.numbers.pair import EvenOdd, Pair
@@ -112,7 +112,7 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
         older = applied(added(rounded, scaled(rates, -0.5)), left[:-1])
     low_pass, order = None, 0
     if estimate is not None and estimate.filter_hz is not None:
-        (low_pass, _), order = smoothing(estimate.filter_hz, T, ops), estimate.filter_order
+        (low_pass, _), order = low_pass_coefficients(estimate.filter_hz, T, ops), estimate.filter_order
     differenced = estimate is not None and estimate.source == "difference"
     return PlantLetGo(
         rates=rates,

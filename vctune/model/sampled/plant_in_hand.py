@@ -21,7 +21,7 @@ from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.drive import COMMAND, Rows, drive_rows, drive_states, pushed
-from vctune.model.loop.filters import filter_rows, smoothing
+from vctune.model.loop.filters import low_pass_coefficients, low_pass_rates
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     Matrix,
@@ -194,7 +194,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
         felt_inertia = moved, left
     low_pass, order = None, 0
     if estimate is not None and estimate.filter_hz is not None:
-        (low_pass, _), order = smoothing(estimate.filter_hz, T, ops), estimate.filter_order
+        (low_pass, _), order = low_pass_coefficients(estimate.filter_hz, T, ops), estimate.filter_order
     return PlantInHand(
         rates=parts.rates,
         step=step,
@@ -299,7 +299,7 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
     motor |= pushed(drive_rows(rows, device, ops), one)
     sensed: dict[str, Number] = {}
     if filtered:
-        corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
+        corner = low_pass_rates(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         driven = ("felt", "felt rate")[sensor.order - 1]
         rows[driven] |= {name: -share for name, share in felt.items()}
         sensed[driven], felt = carried, {"felt": -corner}  # divided by the corner: A/E then lacks the corner squared

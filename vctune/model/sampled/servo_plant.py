@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from math import exp
 
 from vctune.model.device import Device
-from vctune.model.loop.filters import filter_rows
+from vctune.model.loop.filters import low_pass_rates
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     LEFT_OUT,
@@ -222,10 +222,10 @@ def servo_rates(device: Device, ops: Arithmetic) -> tuple[Matrix, Matrix]:
         felt = ("felt", "felt rate")[: sensor.order]
     rates: dict[str, dict[str, Number]] = {name: {} for name in (*felt, *moved)}
     lags: dict[str, dict[str, Number]] = {name: {} for name in (*felt, *moved)}
-    filter_rows(rates, ("moved", "moving"), servo.bandwidth_hz * T, servo.order, ops)
+    low_pass_rates(rates, ("moved", "moving"), servo.bandwidth_hz * T, servo.order, ops)
     _write_lags(lags, moved, servo.bandwidth_hz * T, ops)
     if felt:
-        corner = filter_rows(rates, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
+        corner = low_pass_rates(rates, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         rates[felt[-1]]["moved"] = corner
         _write_lags(lags, felt, sensor.bandwidth_hz * T, ops)
         for name in felt:
@@ -234,7 +234,7 @@ def servo_rates(device: Device, ops: Arithmetic) -> tuple[Matrix, Matrix]:
 
 
 def _write_lags(lags: dict[str, dict[str, Number]], states: tuple[str, ...], samples: Number, ops: Arithmetic) -> None:
-    """Write the entries of -A^-1 of a low-pass, in the states of `filter_rows`, without forming A."""
+    """Write the entries of -A^-1 of a low-pass, in the states of `low_pass_rates`, without forming A."""
     corner = 2 * ops.pi * samples
     if len(states) == 1:
         lags[states[0]][states[0]] = 1 / corner

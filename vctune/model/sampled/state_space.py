@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from vctune.model.device import Device
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.drive import COMMAND, Rows, drive_rows, drive_states, pushed
-from vctune.model.loop.filters import plain_rows
+from vctune.model.loop.filters import plain_low_pass_rates
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     Matrix,
@@ -167,7 +167,7 @@ def _rates(device: Device, ops: Arithmetic) -> Matrix:
     names = ("position", "velocity", *bent, *drive_states(device), COMMAND)
     rows: Rows = {name: {} for name in names}
     rows["position"]["velocity"] = one
-    force = drive_rows(rows, device, ops, plain_rows)
+    force = drive_rows(rows, device, ops, plain_low_pass_rates)
     if device.structure is None:
         rows["velocity"] = {"velocity": -(device.damping * T / m), **pushed(force, one)}
     else:

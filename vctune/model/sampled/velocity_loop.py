@@ -27,7 +27,7 @@ import numpy as np
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.loop.drive import drive_states
-from vctune.model.loop.filters import smoothing
+from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.state_space import StepResponse, sampled_states
@@ -141,7 +141,7 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
         plant = replace(plant, velocity=velocity)
     if estimate.filter_hz is None:
         return plant
-    a, _ = smoothing(estimate.filter_hz, T, ops)
+    a, _ = low_pass_coefficients(estimate.filter_hz, T, ops)
     return replace(plant, low_pass=a, order=estimate.filter_order)
 
 

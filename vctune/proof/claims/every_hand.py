@@ -83,7 +83,7 @@ until the prover gives up is proportional to this number."""
 EASY_BOXES = 3_000
 """Number of boxes after which hands near a sharp resonance get separate boxes. If the margin near the resonance is
 large, a few hundred ordinary boxes suffice. If the margin is small, the ordinary boxes are useless and take a few
-seconds. Half or twice as many boxes take half or twice as long."""
+seconds. The time is proportional to this number."""
 EASY_AFTER = 5
 """Factor of `EASY_BOXES` for a claim that is proved for every stiffness first. The other boxes then lie next to the
 resonance of the stiffest hand, where separate boxes help little. The factor affects only the time."""
@@ -158,8 +158,8 @@ def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
     """Prove the loop stable in the hand at the centre of the box, with one of the required environments.
 
     With a box of environments, the proof holds the virtual tool of an impedance display fixed, as an environment of
-    infinite damping does. Environments that are not passive as they run have a finite greatest damping; the function
-    proves the loop stable with one of them as well.
+    infinite damping does. Environments that are not passive as they run have a finite greatest damping. In this case,
+    the function also proves that the loop is stable with one of these environments.
 
     Parameters
     ----------

@@ -167,7 +167,7 @@ def _have_the_same_gains(cells: Cells) -> bool:
 
 
 def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells: Cells) -> Flags:
-    """Prove the constraint in every hand of a box, or in any hand, for couplings with the same gains.
+    """Prove the constraint in every hand of a box, or in every passive hand, for couplings with the same gains.
 
     The prover also divides the cells, because dividing the angle alone does not always suffice. The caller divides the
     cells that stay open.

@@ -30,6 +30,7 @@ the errors of a library's exp, sin and cos, and all errors of sinc, whose slopes
 and twice this bound would work as well."""
 
 Times = Callable[[Floats, Floats], Floats]
+"""Function that multiplies arrays of numbers or of matrices."""
 
 
 class Taylor:
@@ -38,7 +39,8 @@ class Taylor:
     Attributes
     ----------
     rows : number k of rows
-    poly : coefficients of 1, of each e_i and of each e_i e_j, i <= j; shape (1 + k + k (k + 1)/2, ..., n)
+    poly : coefficients of 1, of each e_i and of each e_i e_j in the order (1, 1), (1, 2) ... (1, k), (2, 2) ..., for n
+        boxes; shape (1 + k + k (k + 1)/2, ..., n), where a matrix has two axes before n
     rest : radius of the remainder for each row that causes it, and then the radius of all rounding errors; shape
         (k + 1, ..., n)
     """
@@ -84,7 +86,7 @@ class Taylor:
             return _product(self, other, np.multiply, 1)
         mid, rad = _constant(other)
         poly, rest = self.poly * mid, self.rest * (np.abs(mid) + rad)
-        rest[-1] += (rad + UNIT * np.abs(mid)) * self.sizes.known + TINY
+        rest[-1] += (rad + UNIT * np.abs(mid)) * self.sizes.magnitude + TINY
         return Taylor(self.rows, poly, rest * SWOLLEN)
 
     __radd__, __rmul__ = __add__, __mul__
@@ -106,7 +108,7 @@ class Taylor:
         return Taylor(self.rows, self.poly[..., at], self.rest[..., at])
 
     def matmul(self, other: Taylor) -> Taylor:
-        """Return the matrix products over the first two axes, which are rows and columns."""
+        """Return the matrix products over the first two axes, which are the rows and columns of matrices."""
         return _product(self, other, _matrices, self.poly.shape[2])
 
     def enclosed(self) -> Enclosure:
@@ -117,17 +119,18 @@ class Taylor:
     def reciprocal(self) -> Taylor:
         """Return 1/x; its radius is infinite where x may be 0."""
         gap = np.abs(self.poly[0]) - self.enclosed().rad
-        one, least = 1 / self.poly[0], np.where(gap > 0, gap, np.nan)
+        inverse, least_size = 1 / self.poly[0], np.where(gap > 0, gap, np.nan)
         # 1/(m + e) = 1/m - e/m^2 + e^2/m^3 - e^3/(m^3 (m + e))
-        return self.mapped((one, -one * one, one**3), 6 * np.abs(one) ** 3 / least, UNIT * np.abs(one))
+        series = inverse, -inverse * inverse, inverse**3
+        return self.mapped(series, 6 * np.abs(inverse) ** 3 / least_size, UNIT * np.abs(inverse))
 
     def mapped(self, series: tuple[Floats, Floats, Floats], third: Any, error: Any) -> Taylor:
         """Return f(x) of this number x, to second order with an enclosed remainder.
 
         Parameters
         ----------
-        series : f, f' and f''/2 at the middle of x
-        third : bound of |f'''| over all values of x, or six times a bound of the omitted terms divided by the cube of e
+        series : f, f' and f''/2 at the constant m of the polynomial
+        third : bound of |f'''| over all values x = m + e, or of 6 |f(x) - series|/|e|^3
         error : absolute rounding error of the three numbers of `series`; f' and f''/2 may in addition have the relative
             error `HIGHER_ERROR`
 
@@ -142,9 +145,9 @@ class Taylor:
         off = Taylor(self.rows, poly, self.rest)
         found = (off * off) * second + off * first + value
         reach, rest = off.enclosed().rad, found.rest
-        left_out, shares = third / 6 * reach**3, off.sizes.linear + off.sizes.quad + off.rest[:-1]
-        total = shares.sum(axis=0)
-        rest[:-1] += shares * (left_out / np.maximum(total, TINY))
+        left_out, sizes = third / 6 * reach**3, off.sizes.linear + off.sizes.quad + off.rest[:-1]
+        total = sizes.sum(axis=0)
+        rest[:-1] += sizes * (left_out / np.maximum(total, TINY))
         rest[-1] += np.where(total > TINY, 0.0, left_out)
         rest[-1] += error * (1 + reach + reach**2)
         rest[-1] += HIGHER_ERROR * (np.abs(first) * reach + np.abs(second) * reach**2)
@@ -156,19 +159,19 @@ class _Sizes:
 
     Attributes
     ----------
-    linear, quad : magnitude of the e_i terms, and half the magnitude of the e_i e_j terms, for each row
-    slope, curve, known : magnitude of all e_i terms, magnitude of all e_i e_j terms, and the sum of both magnitudes and
-        the magnitude of the constant
+    linear, quad : for each row, the magnitude of its e_i term, and that of its e_i^2 term with half of each mixed term
+    slope, curve, magnitude : magnitude of all e_i terms, magnitude of all e_i e_j terms, and the sum of both magnitudes
+        and the magnitude of the constant
     """
 
-    __slots__ = ("curve", "known", "linear", "quad", "slope")
+    __slots__ = ("curve", "linear", "magnitude", "quad", "slope")
 
     def __init__(self, x: Taylor) -> None:
         size, k = np.abs(x.poly), x.rows
         self.linear = size[1 : 1 + k]
         self.quad = (_halves(k) @ size[1 + k :].reshape(-1, size[0].size)).reshape(k, *size.shape[1:])
         self.slope, self.curve = self.linear.sum(axis=0), self.quad.sum(axis=0)
-        self.known = size[0] + self.slope + self.curve
+        self.magnitude = size[0] + self.slope + self.curve
 
 
 @cache
@@ -224,6 +227,7 @@ def stacked(numbers: Sequence[Any]) -> Taylor:
 
 
 def _constant(x: Any) -> tuple[Any, Any]:
+    """Return the middle and the radius of an enclosure or of a plain number."""
     return (x.mid, x.rad) if isinstance(x, Enclosure) else (x, 0.0)
 
 
@@ -243,13 +247,14 @@ def _product(a: Taylor, b: Taylor, times: Times, terms: int) -> Taylor:
         poly[at : at + k - i] += times(one[i], two[i:])
         poly[at + 1 : at + k - i] += times(one[i + 1 :], two[i])
         at += k - i
-    rest = times(a.rest, B.known + b.rest.sum(axis=0)) + times(A.known, b.rest)
+    rest = times(a.rest, B.magnitude + b.rest.sum(axis=0)) + times(A.magnitude, b.rest)
     rest[:k] += times(A.linear + A.quad, 0.5 * B.curve) + times(0.5 * (A.slope + A.curve), B.quad)
     rest[:k] += times(A.quad, 0.5 * B.slope) + times(0.5 * A.curve, B.linear)
-    rest[-1] += 4 * terms * UNIT * times(A.known, B.known) + TINY
+    rest[-1] += 4 * terms * UNIT * times(A.magnitude, B.magnitude) + TINY
     return Taylor(k, poly, rest * SWOLLEN)
 
 
 def _matrices(x: Floats, y: Floats) -> Floats:
+    """Return the matrix product for each box. A further first axis of x or y runs over coefficients."""
     many = ["c" * (part.ndim > 3) for part in (x, y)]
     return np.asarray(np.einsum(f"{many[0]}ijn,{many[1]}jkn->{max(many)}ikn", x, y))

@@ -40,36 +40,37 @@ def page(
     ----------
     record : record of the design, which the page embeds as the object of design.json
     problem : the problem that the record's text states
-    drawn : figures as SVG, by name
-    places : positions of the axes in which the script draws tried curves (`vctune.report.page.sliders.overlays`)
+    drawn : figures as SVG, by name; the names are keys of `READINGS`
+    places : for each figure with sliders, the position of each panel in which the script draws tried curves
+        (`vctune.report.page.sliders.overlays`)
     simulation : simulation of this design, if there is one
-    least : the least ratios in the problem's hands
+    least : the least Re Z_c / R in each of the problem's hands; empty without a design
     """
-    seen, tried = summary(record, problem), None
+    head, slider_data = summary(record, problem), None
     if record.design is not None:
-        shipped = {"kind": seen.kind, "word": seen.word}
-        tried = sliders(problem, *record.design, record, least)
-        tried |= {"overlays": places, "shipped": shipped}
-    environment = templates(lambda text: _stated(problem.units.translated(text), problem))
+        shipped = {"kind": head.kind, "word": head.word}
+        slider_data = sliders(problem, *record.design, record, least)
+        slider_data |= {"overlays": places, "shipped": shipped}
+    environment = templates(lambda text: _with_limits(problem.units.translated(text), problem))
     groups = record.groups()
     return environment.get_template("page.html.j2").render(
         record=record,
         problem=problem,
-        summary=seen,
-        sheet=[_css_text(f"{record.problem.name}: {seen.word}"), _css_text(_marked(record))],
+        summary=head,
+        sheet=[_css_text(f"{record.problem.name}: {head.word}"), _css_text(_sheet_heading(record))],
         asked=asked(problem),
         chosen=[row for title in ("gains", "coupling") for row in groups.get(title, [])],
-        terms=_reading_terms(record),
+        terms=_error_terms(record),
         limits=limits(record),
         claims=claim_lines(record, problem),
         assumptions=[*assumptions(problem), *changing_lines(record, problem)],
         feel=feel_lines(problem, *record.design) if record.design is not None else [],
-        figures=_shown(record, problem, drawn, simulation),
+        figures=_figure_rows(record, problem, drawn, simulation),
         bounded=[key.rpartition(".")[2] for key in record.at_bound],
         groups=groups,
         phases=phase_table(problem, record.design[0]) if record.design is not None else None,
         embedded=_embedded(record.to_json()),
-        sliders=_embedded(tried) if tried is not None else None,
+        sliders=_embedded(slider_data) if slider_data is not None else None,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,
         dwell=dwell_line(simulation) if simulation else "",
@@ -77,7 +78,7 @@ def page(
     )
 
 
-def _shown(
+def _figure_rows(
     record: DesignRecord, problem: Problem, drawn: dict[str, str], simulation: SimulationRecord | None
 ) -> list[dict[str, str]]:
     """Return name, title, finding, reading and SVG of each figure."""
@@ -87,20 +88,20 @@ def _shown(
     for name, text in drawn.items():
         title, finding = translated(READINGS[name][0]), translated(found.get(name, ""))
         read = reading(name, problem.device.display, problem.worlds)
-        said = f"{title}. {_stated(finding, problem)}".strip()
-        seen = {"title": title, "finding": finding, "reading": translated(read)}
-        figures.append({"name": name, **seen, "svg": inline(text, said)})
+        description = f"{title}. {_with_limits(finding, problem)}".strip()
+        texts = {"title": title, "finding": finding, "reading": translated(read)}
+        figures.append({"name": name, **texts, "svg": inline(text, description)})
     return figures
 
 
-def _stated(text: str, problem: Problem) -> str:
-    """Return a text in which the numbers of a problem replace the names of its keys."""
+def _with_limits(text: str, problem: Problem) -> str:
+    """Return a text in which their values replace the names `safety_factor` and `max_sensitivity`."""
     for key in ("safety_factor", "max_sensitivity"):
         text = re.sub(rf"(?<![.\w]){key}\b", f"{getattr(problem.stability, key):g}", text)
     return text
 
 
-def _reading_terms(record: DesignRecord) -> list[Row]:
+def _error_terms(record: DesignRecord) -> list[Row]:
     """Return the terms of the error in words, with few digits."""
     terms = record.transparency
     if terms is None:
@@ -114,7 +115,7 @@ def _reading_terms(record: DesignRecord) -> list[Row]:
     ]
 
 
-def _marked(record: DesignRecord) -> str:
+def _sheet_heading(record: DesignRecord) -> str:
     """Return the text in the head of each printed sheet: date and digest of the problem file."""
     date = f"{record.date} · " if record.date else ""
     return f"{date}problem {record.problem.sha256[:16]} · "
@@ -130,14 +131,14 @@ def _embedded(data: dict[str, Any]) -> str:
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def inline(text: str, said: str) -> str:
+def inline(svg: str, description: str) -> str:
     """Return an SVG file as an element. It uses the page's text colour and has a transparent background.
 
     Parameters
     ----------
-    text : the file
-    said : description of the figure in words
+    svg : content of the file
+    description : description of the figure in words
     """
-    text = re.sub(r"^.*?(?=<svg)", "", text, flags=re.DOTALL)
-    text = text.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(said))}" ', 1)
-    return text.replace("xlink:href", "href").replace(INK, "currentColor").replace(PAPER, "none")
+    svg = re.sub(r"^.*?(?=<svg)", "", svg, flags=re.DOTALL)
+    svg = svg.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(description))}" ', 1)
+    return svg.replace("xlink:href", "href").replace(INK, "currentColor").replace(PAPER, "none")

@@ -19,7 +19,7 @@ from vctune.model.device import Device
 from vctune.model.experiment import Operator
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.drive import Rows, drive_rows, drive_states
-from vctune.model.loop.filters import plain_rows
+from vctune.model.loop.filters import plain_low_pass_rates
 from vctune.model.numbers.arithmetic import FLOATS, Number
 from vctune.model.parts import ForceSensor, Servo
 from vctune.model.sampled.velocity_loop import SNAP, split_delay
@@ -115,7 +115,7 @@ def assembly(scene: Scene) -> Assembly | None:
     names = (*states, *GIVEN)
     row_of = dict(zip(names, np.eye(len(names)), strict=True))
     rows: Rows = {name: {} for name in drive}
-    motor = _sum(drive_rows(rows, device, FLOATS, plain_rows), row_of)
+    motor = _sum(drive_rows(rows, device, FLOATS, plain_low_pass_rates), row_of)
     rates = {
         "position": row_of["velocity"],
         "push": row_of["push_1"],

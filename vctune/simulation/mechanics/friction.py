@@ -87,7 +87,7 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
     ----------
     step : function that advances by one step of length h
     at : state at the beginning
-    push : function that returns the force of motor and hand, N, at a time since the beginning, s
+    push : function of the time since the beginning, s, that returns the force of motor and hand, N
     h : length of a step, s
     steps : number of steps
     theta : point of a step at which the forces are evaluated, 1/2 to 1

@@ -18,7 +18,7 @@ stroke has constant speed."""
 
 
 @dataclass(frozen=True, slots=True)
-class Intended:
+class IntendedMotion:
     """Positions [m] and velocities [m/s] of the intended motion at the sample times."""
 
     position: Floats
@@ -26,10 +26,13 @@ class Intended:
 
 
 def stroke_time(operator: Operator) -> float:
-    """Return the time of a stroke from one end to the other, s."""
+    """Return the time of a stroke from one end to the other, s.
+
+    The greatest speed of the stroke is `operator.speed`. The mean speed of a sine is 2/pi of its greatest speed.
+    """
     travel = abs(operator.end - operator.start)
-    mean = 1 - RAMP if operator.motion == "reciprocate" else 2 / pi
-    return travel / (mean * operator.speed)
+    mean_over_greatest = 1 - RAMP if operator.motion == "reciprocate" else 2 / pi
+    return travel / (mean_over_greatest * operator.speed)
 
 
 def sample_count(operator: Operator, sample_time: float) -> int:
@@ -43,7 +46,7 @@ def sample_count(operator: Operator, sample_time: float) -> int:
     return max(1, ceil(2 * operator.cycles * stroke_time(operator) / sample_time * (1 - 1e-12)))
 
 
-def intended_motion(operator: Operator, sample_time: float, first: int, last: int) -> Intended:
+def intended_motion(operator: Operator, sample_time: float, first: int, last: int) -> IntendedMotion:
     """Return the intended motion at the samples `first` to `last`, both included.
 
     Parameters
@@ -54,7 +57,7 @@ def intended_motion(operator: Operator, sample_time: float, first: int, last: in
 
     Returns
     -------
-    Intended
+    IntendedMotion
         Positions and velocities, last - first + 1 of each.
     """
     stroke = stroke_time(operator)
@@ -66,11 +69,11 @@ def intended_motion(operator: Operator, sample_time: float, first: int, last: in
         place, rate = (1 - np.cos(pi * local)) / 2, pi / 2 * np.sin(pi * local)
     else:
         place, rate = _ramped(local)
-    return Intended(operator.start + travel * place, np.where(back, -1.0, 1.0) * rate * (travel / stroke))
+    return IntendedMotion(operator.start + travel * place, np.where(back, -1.0, 1.0) * rate * (travel / stroke))
 
 
 def _ramped(u: Floats) -> tuple[Floats, Floats]:
-    """Return position and rate, from 0 to 1 for u from 0 to 1, at constant rate except near the ends."""
+    """Return the position, which runs from 0 to 1 for u from 0 to 1, and its rate, constant except near the ends."""
     top = 1 / (1 - RAMP)
     end = np.minimum(u, 1 - u)
     rate = top * np.minimum(end / RAMP, 1.0)
@@ -82,7 +85,8 @@ def hand_force_derivatives(operator: Operator, sample_time: float) -> Floats:
     """Return the matrix from (x, v, x', v') of two samples to the hand's push and the push's three derivatives at the
     first sample.
 
-    The push is stiffness x_i + damping v_i, where x_i is the cubic with these positions and velocities.
+    The push is stiffness x_i + damping v_i, where x_i is the cubic with these positions and velocities. It is the force
+    on a handle that rests at 0; the carriage subtracts what the motion of the handle changes.
 
     Parameters
     ----------

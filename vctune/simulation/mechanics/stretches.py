@@ -1,6 +1,7 @@
 """Integrate friction over a stretch of a sample, as a compiled function with fixed steps.
 
-This module imports casadi.
+A sample is cut into stretches where a command arrives or where the force sensor takes its sample. This module imports
+casadi.
 """
 
 from __future__ import annotations
@@ -45,7 +46,9 @@ SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 Stretch = Callable[[Scene, Friction, float, float], Any]
 """Function that returns the function (body, motor, push) -> body, which integrates the motion over part of a sample.
-The arguments are a scene, the scene's friction, the start of that part, s, and the length of that part, s."""
+The arguments are a scene, the scene's friction, the start of that part, s, and the length of that part, s. `body` holds
+x, v and the deflection z of the bristles, or the states of the assembly and z. `motor` is the force of the motor, N.
+`push` is the force of the hand (`push_at`) and its three derivatives at the sample, N to N/s^3."""
 MIDPOINT = 0.5
 """Point of a fixed step at which the forces are evaluated. With the midpoint, the rule is of second order
 (`friction.slide`)."""
@@ -54,7 +57,7 @@ MIDPOINT = 0.5
 def default_substeps(scene: Scene, friction: Friction) -> int:
     """Return the number of fixed steps per sample, from the bristles' oscillation with the moving mass.
 
-    The number is at most `MOST_STEPS`. Bristles that need more steps are stiffer than a hand can feel.
+    The number is at most `MOST_STEPS`.
 
     Parameters
     ----------
@@ -84,11 +87,12 @@ def fixed_steps(
     theta : point of a step at which the forces are evaluated, see `friction.slide`; not used for an `assembly`
     """
     share = length / scene.device.sample_time
+    # a rounding above a whole number must not add a step
     count = max(1, ceil((substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))
     motor, push = ca.SX.sym("motor"), ca.SX.sym("push", 4)
-    moving = assembly(scene)
-    if moving is not None:
-        return _assembly_stretch(moving, friction, begin, length, count)
+    parts = assembly(scene)
+    if parts is not None:
+        return _assembly_stretch(parts, friction, begin, length, count)
     body = ca.SX.sym("body", 3)
 
     def force(time: float) -> Any:
@@ -99,13 +103,13 @@ def fixed_steps(
     return ca.Function("stretch", [body, motor, push], [ca.vertcat(end.x, end.v, end.z)])
 
 
-def _assembly_stretch(moving: Assembly, friction: Friction, begin: float, length: float, count: int) -> Any:
+def _assembly_stretch(parts: Assembly, friction: Friction, begin: float, length: float, count: int) -> Any:
     """Return the function of `fixed_steps` for an assembly. The function calls one compiled step repeatedly."""
-    n, over = moving.size, friction_step(moving, length / count)
-    at, foreseen = ca.SX.sym("at", n + len(GIVEN) + 1), ca.SX.sym("foreseen")
-    *values, z = ca.vertsplit(at)
-    end, w = assembly_step(over, friction, AssemblyState(values, z), foreseen, SYMBOLS)
-    compiled_step = ca.Function("step", [at, foreseen], [ca.vertcat(*end.values, end.z), w])
+    n, constants = parts.size, friction_step(parts, length / count)
+    state, foreseen = ca.SX.sym("state", n + len(GIVEN) + 1), ca.SX.sym("foreseen")
+    *values, z = ca.vertsplit(state)
+    end, w = assembly_step(constants, friction, AssemblyState(values, z), foreseen, SYMBOLS)
+    compiled_step = ca.Function("step", [state, foreseen], [ca.vertcat(*end.values, end.z), w])
 
     def step(at: AssemblyState, foreseen: Any) -> tuple[AssemblyState, Any]:
         after, w = compiled_step(ca.vertcat(*at.values, at.z), foreseen)
@@ -114,8 +118,9 @@ def _assembly_stretch(moving: Assembly, friction: Friction, begin: float, length
 
     body, motor, push = ca.MX.sym("body", n + 1), ca.MX.sym("motor"), ca.MX.sym("push", 4)
     slope = push[1] + begin * (push[2] + begin / 2 * push[3])
-    arrived = push_at(push, begin), slope, push[2] + begin * push[3], push[3]
-    last = assembly_steps(step, AssemblyState([*ca.vertsplit(body[:n]), motor, ca.MX(0.0), *arrived], body[n]), count)
+    at_begin = push_at(push, begin), slope, push[2] + begin * push[3], push[3]
+    # the order of GIVEN; friction begins at 0
+    last = assembly_steps(step, AssemblyState([*ca.vertsplit(body[:n]), motor, ca.MX(0.0), *at_begin], body[n]), count)
     return ca.Function("stretch", [body, motor, push], [ca.vertcat(*last.values[:n], last.z)])
 
 
@@ -134,7 +139,10 @@ def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> Sli
 
 
 def push_at(push: Any, time: Any) -> Any:
-    """Return the force of the hand's spring and damper at a time after the sample, from its derivatives at the sample.
+    """Return the push of the hand at a time after the sample, from its derivatives at the sample.
+
+    The push is the force of the hand's spring and damper on a handle that rests at 0. The carriage subtracts what the
+    motion of the handle changes.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.drive import drive_states
-from vctune.model.loop.filters import smoothing
+from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, add, nothing, times
 from vctune.model.sampled.changing.named_rows import COMMAND, Chain, Row, late, low_passed, sensed, timing, total
@@ -81,7 +81,7 @@ def held_plant(
     if estimate is not None and estimate.source == "difference":
         memory["difference"], velocity = travel, {"difference": 1}
     if estimate is not None and estimate.filter_hz is not None:
-        share, _ = smoothing(device.velocity.filter_hz, device.sample_time, ops)  # type: ignore[union-attr]
+        share, _ = low_pass_coefficients(device.velocity.filter_hz, device.sample_time, ops)  # type: ignore[union-attr]
         velocity = low_passed(memory, "velocity", velocity, share, estimate.filter_order)
     meeting = sensing if times_of.within is None else body  # within a sample, the present hand acts
     felt = sensed(memory, chain, times_of, (now, older), (meeting.weights, meeting.feed), ops)

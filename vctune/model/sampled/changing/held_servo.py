@@ -10,7 +10,7 @@ from __future__ import annotations
 from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.loop.drive import Rows
-from vctune.model.loop.filters import filter_rows
+from vctune.model.loop.filters import low_pass_rates
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.sampled.changing.held_plant import FELT, HeldPlant
 from vctune.model.sampled.changing.named_rows import (
@@ -78,7 +78,7 @@ def _chain(device: Device, hand: Hand, before: Number, ops: Arithmetic) -> tuple
     names = ("position", *moved, *felt)
     rows: Rows = {name: {} for name in names}
     rows["position"]["moved"] = 0 * T + 1
-    corner = filter_rows(rows, MOVED, servo.bandwidth_hz * T, servo.order, ops)
+    corner = low_pass_rates(rows, MOVED, servo.bandwidth_hz * T, servo.order, ops)
     rows[moved[-1]][COMMAND] = corner
 
     def force(damping: Number) -> Row:
@@ -87,7 +87,7 @@ def _chain(device: Device, hand: Hand, before: Number, ops: Arithmetic) -> tuple
 
     given = force(before)
     if felt:
-        pushing = filter_rows(rows, FELT, sensor.bandwidth_hz * T, sensor.order, ops)
+        pushing = low_pass_rates(rows, FELT, sensor.bandwidth_hz * T, sensor.order, ops)
         rows[felt[-1]] = total([(1, rows[felt[-1]]), (pushing, force(hand.damping))])
         given = {"felt": 1}
     rates = tuple(tuple(row.get(name, 0) for name in names) for row in rows.values())

@@ -136,7 +136,7 @@ def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) 
     ----------
     loop : the sampled loop, with n states
     Y : matrix of the storage for the damping from now on, symmetric, n x n
-    more : the matrix for the damping when the force was sampled, minus Y
+    more : the matrix for the damping at the time when the force was sampled, minus Y
     ops : arithmetic of both
 
     Returns
