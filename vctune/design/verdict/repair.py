@@ -242,7 +242,7 @@ def find_repairs(
     progress: Progress = lambda stage: None,
     posed: Posed = _posed,
 ) -> list[Repair]:
-    """Return the smallest changes of a single value each that repair a problem.
+    """Return the smallest changes that repair a problem, each of a single value.
 
     The search ends after `LONGEST` seconds, with the changes that it has found.
 
