@@ -172,7 +172,8 @@ def _planned(document: StudyDocument) -> tuple[tuple[Axis, ...], Sample]:
 def _posed(
     document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Problem | None = None
 ) -> dict[str, Any]:
-    """Return the document with the values of axes set, and the other ends of bands and ranges at their defaults."""
+    """Return the document with the values of the axes. If an axis sets one end of a band or range that the document
+    lacks, the other end has its default."""
     varied = dict(zip((axis.path for axis in axes), values, strict=True))
     defaults = dict.fromkeys(path[:-1] for path in varied if _is_default(document, path, varied))
     if not defaults:

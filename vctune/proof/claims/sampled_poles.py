@@ -26,7 +26,7 @@ eigenvalues. No proof uses the displayed radius. With twice this degree, the iso
 delay."""
 ROOT_TOLERANCE = 1e-16
 """Radius of the enclosures of poles, finer than a double. Without a tolerance, FLINT would only separate the enclosures
-from each other. With half or twice this radius, the displayed radius is the same double."""
+from each other. If this number is halved or doubled, the displayed radius stays the same."""
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
