@@ -14,16 +14,19 @@ from device_oracle import Coupling, Gains, read_device
 from hand_scan import least_ratio_in_hands
 from sampled_device_oracle import Hand, circle, coupling_at, seen_at
 
-from vctune.analysis.in_hands import least_ratios_in_hands
+from vctune.analysis.in_hands import least_ratios_in_hands, least_ratios_near
 from vctune.api.solving import solve
 from vctune.design.prepared import prepare
+from vctune.design.search.optimum import worst_near
 from vctune.design.search.scan import scan
 from vctune.design.verdict.design_record import design_record, record_of
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem, problem_file, read_problem
 from vctune.document.text.errors import InputError
+from vctune.model import gains as model
+from vctune.model.hands import Hand as HeldHand
 from vctune.model.hands import Hands
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.engine.interval import Outcome, Verdict
 
 FOLDER = ROOT / "tests/reference/hands"
 EXPECTED = json.loads((FOLDER / "expected.json").read_text())
@@ -134,6 +137,27 @@ def test_a_box_of_devices_is_met_in_every_hand(parts, uncertain):
         off = {key: found.problem.device.number(key) * (1 + float(w) * rng.uniform(-1, 1)) for key, w in widths.items()}
         device = found.problem.device.with_numbers(off)
         assert least_ratios_in_hands(device, found.problem.hands, K, C)[0].ratio >= 1.05 * (1 - 1e-9)
+
+
+def test_near_a_witness_the_worst_of_all_delays_is_found():
+    """The working set takes this delay, else each further proof refutes the design at another delay."""
+    text = THREE.replace("mass = 0.4", "mass = 0.148\ndelay = 0.01081").replace("1e-3", "3.352e-3")
+    given = parse_problem(text + "[uncertainty]\ndelay = 0.1498\n", "x", "x")
+    law, hand = (model.Gains(0.0726, 0.0), model.Coupling(0.957, 0.0082, 0.0025)), HeldHand(0.0, 0.0, 3000.0)
+    late = given.device.with_numbers({"delay": 0.0122})
+    device, worst = worst_near(prepare(given), law, Outcome(Verdict.REFUTED, 1, 130.0, late, hand), None)
+    delays = np.linspace(3.001 * 3.352e-3, 1.149 * 0.01081, 300)
+    others = least_ratios_near(
+        [late.with_numbers({"delay": float(delay)}) for delay in delays],
+        given.hands_met,
+        *law,
+        worst.omega,
+        worst.hand,
+    )
+    best = min(range(len(others)), key=lambda k: others[k].ratio)
+    assert 0 < best < len(others) - 1, "the worst delay is not an end of the range"
+    assert worst.ratio <= others[best].ratio
+    assert abs(device.delay - delays[best]) < 2 * (delays[1] - delays[0])
 
 
 def test_without_an_integrator_only_hands_that_all_have_no_stiffness_are_left_open():

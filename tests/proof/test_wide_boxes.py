@@ -23,6 +23,7 @@ from vctune.model.gains import Coupling, Gains
 from vctune.proof.device_box import device_box
 from vctune.proof.enclosures.array_intervals import Enclosure
 from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.engine.boxes import Boxes
 from vctune.proof.engine.interval import Verdict
 
 UNCERTAIN = "mass", "damping", "delay"
@@ -146,6 +147,29 @@ def test_a_mass_of_any_size_is_proved():
     """Nine decades of it, with a design that hardly needs to know."""
     text = DEVICE.format(1.0, 1.0, 1e-3, 0.0) + "[uncertainty]\nmass = 0.999999999\n"
     assert solve(parse_problem(for_passive_hands(text), "x", "x")).status is Status.CERTIFIED
+
+
+def test_a_wide_mass_is_proved_in_every_hand():
+    """The reciprocal of the mass has no useful bound over the whole range; the prover divides the range first."""
+    text = DEVICE.format(4.704, 0.1126, 0.003911, 0.00693) + "[uncertainty]\nmass = 0.7094\n"
+    found = solve(parse_problem(text, "x", "x"))
+    assert found.status is Status.CERTIFIED
+    assert found.judgement.certificate.outcomes["hands"].verdict is Verdict.PROVED
+    assert found.judgement.certificate.boxes < 20_000
+
+
+@pytest.mark.parametrize("ratio", [1.1, 1.4, 3.0])
+def test_the_parts_of_divided_boxes_meet_and_have_at_most_the_ratio(ratio):
+    low, high = np.array([[0.0, 1.0, 1.0], [2.0, 5.0, 0.3]]), np.array([[1.0, 2.0, 2.0], [2.0, 6.0, 300.0]])
+    boxes = Boxes(("frequency", "device.mass"), low, high, np.arange(3), np.zeros(3, int))
+    parts = boxes.divided("device.mass", ratio)
+    assert (parts.high[1] <= ratio * parts.low[1] * (1 + 1e-12)).all()
+    for owner in range(3):
+        at = np.flatnonzero(parts.owner == owner)
+        edges = [*parts.low[1, at], parts.high[1, at[-1]]]
+        assert (edges[0], edges[-1]) == (low[1, owner], high[1, owner])
+        assert (parts.high[1, at[:-1]] == parts.low[1, at[1:]]).all() and (np.diff(edges) >= 0).all()
+        assert (parts.low[0, at] == low[0, owner]).all() and (parts.high[0, at] == high[0, owner]).all()
 
 
 def test_exp_of_a_wide_interval_is_bounded():

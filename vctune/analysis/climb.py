@@ -6,10 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import product
+from functools import cache
+from itertools import combinations, product
 from math import inf
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.running import check_time
@@ -139,9 +141,8 @@ def _parabola(found: Floats, nodes: Floats, reach: Floats) -> tuple[Floats, Floa
     shift : distance of this place from the middle node, shape (d, n)
     """
     count, climbs = nodes.shape[:2]
-    index, axes = np.arange(3**count).reshape((3,) * count), range(count)
+    axes, (lines, planes) = range(count), _through_middle(count)
     first, second = np.triu_indices(count, 1)
-    lines = np.array([np.moveaxis(index, i, -1)[(1,) * (count - 1)] for i in axes])
     below, above = (nodes[..., 1] - nodes[..., 0]).T, (nodes[..., 2] - nodes[..., 1]).T  # shape (n, d)
     inside, whole = (below > 0) & (above > 0), below + above
     # first and second derivatives of the parabola through three nodes at unequal distances
@@ -151,8 +152,6 @@ def _parabola(found: Floats, nodes: Floats, reach: Floats) -> tuple[Floats, Floa
     hessian = np.zeros((climbs, count, count))
     hessian[:, axes, axes] = np.where(inside, np.sum(bends * found[:, lines], axis=-1), -1.0)
     if first.size:
-        pairs = zip(first, second, strict=True)
-        planes = np.array([np.moveaxis(index, pair, (-2, -1))[(1,) * (count - 2)] for pair in pairs])
         mixed = np.einsum("npab,npa,npb->np", found[:, planes], slopes[:, first], slopes[:, second])
         mixed = np.where(inside[:, first] & inside[:, second], mixed, 0.0)
         hessian[:, first, second] = hessian[:, second, first] = mixed
@@ -165,4 +164,24 @@ def _parabola(found: Floats, nodes: Floats, reach: Floats) -> tuple[Floats, Floa
     leap = rise / np.maximum(sharpness, FLATTEST * sharpness.max(axis=1, keepdims=True))
     shift = np.clip(np.einsum("nij,nj->ni", directions, leap) * unit, -unit, unit)
     gained = np.sum(gradient * shift, axis=1) + np.einsum("ni,nij,nj->n", shift, hessian, shift) / 2
-    return found[:, index.size // 2] + np.where(finite, gained, 0.0), shift.T
+    return found[:, 3**count // 2] + np.where(finite, gained, 0.0), shift.T
+
+
+@cache
+def _through_middle(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the nodes of a stencil on the lines through its middle along each coordinate, and on the planes through it
+    along each pair of coordinates.
+
+    Parameters
+    ----------
+    count : number d of coordinates
+
+    Returns
+    -------
+    lines : indices of nodes, shape (d, 3)
+    planes : indices of nodes, shape (d (d - 1)/2, 3, 3)
+    """
+    index, pairs = np.arange(3**count).reshape((3,) * count), combinations(range(count), 2)
+    lines = np.array([np.moveaxis(index, i, -1)[(1,) * (count - 1)] for i in range(count)])
+    planes = [np.moveaxis(index, pair, (-2, -1))[(1,) * (count - 2)] for pair in pairs]
+    return lines, np.array(planes, np.intp).reshape(-1, 3, 3)

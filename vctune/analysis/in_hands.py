@@ -238,28 +238,28 @@ def ratio_at(
     return _inverse(float(needs_in_hands(loop, device, gains, coupling, theta, met)[0]))
 
 
-def least_ratio_near(
-    device: Device,
+def least_ratios_near(
+    devices: Sequence[Device],
     hands: Hands,
     gains: Gains,
     coupling: AnyCoupling,
     omega: float,
     hand: Hand,
     met: WorldsMet | None = None,
-) -> RatioInHand:
-    """Return the local minimum of Re Z_c / R that a descent finds from one frequency and hand.
+) -> list[RatioInHand]:
+    """Return the local minimum of Re Z_c / R of each device that a descent finds from one frequency and hand.
 
     Parameters
     ----------
-    device : device with plain numbers
+    devices : devices with plain numbers, which are `alike`
     hands : the box of hands
     gains, coupling : a design with plain numbers
     omega : frequency, rad/s
     hand : hand of the box
     met : the environments; None for every passive environment
     """
-    start = PlacesInHands.of([(omega * device.sample_time, hand)])
-    return _closest([device], hands, gains, coupling, start, met)[0]
+    starts = PlacesInHands.of([(omega * devices[0].sample_time, hand)] * len(devices))
+    return _closest(devices, hands, gains, coupling, starts, met)
 
 
 def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling) -> list[RatioInAnyHand]:

@@ -75,8 +75,9 @@ from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_
 from vctune.proof.engine.winding import turned_angle
 
 STEP = 1.4
-"""Ratio of the edges of the first intervals. With its square root or its square, the proofs need the same number of
-boxes to within a tenth."""
+"""Ratio of the edges of the first intervals of the angle and of an uncertain mass. With its square root or its square,
+the proofs need the same number of boxes to within a tenth. A box whose masses differ by a factor of more than about 3
+has no useful bound of the mass's reciprocal, and the prover would halve other rows of it forever."""
 MAX_BOXES = 400_000
 """Number of boxes after which the prover leaves the claim open. An optimal design takes a few thousand boxes. The time
 until the prover gives up is proportional to this number."""
@@ -444,7 +445,8 @@ def _decided(
     """
     sides, tried = sides_of_rectangles(ends, asked.affine), 0
     springs = near is None and asked.for_every_spring
-    if len(sides) > 1 or springs:
+    # with hands that have no stiffness, two shares are rows too, and few first attempts succeed
+    if not asked.limp if springs else len(sides) > 1:
         found = _decided_over([ends], asked, tests, min(EASY_WHOLE, max_boxes), near, whenever)
         if found.verdict is not Verdict.UNDECIDED:
             return found
@@ -474,7 +476,7 @@ def _decided_over(
     if whenever is not None and len(parts) >= MANY_PARTS:
         left, boxes = _left_of_parts(whenever(parts[1], fixed), boxes_over(parts[1], near))
     for part in parts:
-        first, count = boxes_over(part, near).subset(left), 0
+        first = boxes_over(part, near).subset(left)
         if springs and max_boxes > 0:
             first, count = asked.left_by_any_spring(part, fixed, first, max_boxes)
             boxes += count
@@ -485,7 +487,7 @@ def _decided_over(
                 1,
                 halved=[True] * (1 + len(part.names)),
                 max_halvings=MAX_HALVINGS,
-                max_boxes=max(max_boxes - count, 0),
+                max_boxes=max_boxes,
                 at_ends=True,
                 few=FEW,
             )
@@ -536,7 +538,8 @@ def boxes_over(part: Part, near: Resonance | None = None) -> Boxes:
     near : resonance near which the hands lie; None for all hands
     """
     boxes = over_band(part.names, part.low, part.high, band_of(near.first if near else 0.0, HALF_TURN, STEP))
-    return replace(boxes, owner=np.zeros_like(boxes.owner))
+    boxes = replace(boxes, owner=np.zeros_like(boxes.owner))
+    return boxes.divided(row_of("mass"), STEP) if row_of("mass") in part.names else boxes
 
 
 def _left_of_parts(test: Test, boxes: Boxes) -> tuple[Flags, int]:

@@ -155,6 +155,26 @@ class Boxes:
         low, high = np.where(side > 0, self.high, self.low), np.where(side < 0, self.low, self.high)
         return replace(self, low=low, high=high)
 
+    def divided(self, name: str, ratio: float) -> Boxes:
+        """Return the boxes, cut across a row of positive numbers into parts whose edges have at most a given ratio.
+
+        Parameters
+        ----------
+        name : name of the row
+        ratio : greatest ratio of the edges of a part, > 1
+        """
+        row = self.names.index(name)
+        low, high = self.low[row], self.high[row]
+        parts = np.maximum(np.ceil(np.log(high / low) / np.log(ratio)), 1).astype(np.intp)
+        found = self.subset(np.repeat(np.arange(len(self)), parts))
+        first = np.repeat(np.cumsum(parts) - parts, parts)
+        number, whole = np.arange(parts.sum()) - first, np.repeat(parts, parts)
+        least, most = found.low[row].copy(), found.high[row].copy()
+        edge = least * (most / least) ** (number / whole)
+        found.low[row] = np.where(number > 0, edge, least)
+        found.high[row] = np.where(number < whole - 1, np.append(edge[1:], 0.0), most)
+        return found
+
     def halved(self, axis: Integers) -> Boxes:
         """Return both halves of each box, cut across the row that `axis` names for the box.
 

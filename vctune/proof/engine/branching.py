@@ -129,7 +129,7 @@ def prove(
         failing[:, boxes.owner[decided.fails]] = decided.point[:, decided.fails]
         if measure is not None and decided.proved.any():
             np.add.at(total, boxes.owner[decided.proved], measure(boxes.subset(decided.proved)))
-        axis, blurred = _axis(decided, np.asarray(halved))
+        blurred = _blurred(decided, np.asarray(halved))
         hopeful = np.isnan(failing[0]) & (count < max_boxes) & (again < max_halvings)
         left = ~decided.proved
         if at_ends:
@@ -141,7 +141,7 @@ def prove(
         if only_whole:
             goes_on &= np.isnan(open_[0, boxes.owner])
         kept = boxes.subset(goes_on)
-        boxes = _halved(kept, axis[goes_on], decided.cost[:, goes_on], np.asarray(halved), few)
+        (boxes,) = _halved([kept], decided.cost[:, goes_on], np.asarray(halved), few)
         first *= len(boxes) / max(len(kept), 1)
     proved = np.isnan(open_[0]) & np.isnan(failing[0])
     return Proofs(names, proved, failing=failing, open=open_, boxes=count, total=total)
@@ -149,7 +149,7 @@ def prove(
 
 @np.errstate(all="ignore")
 def left_open(
-    test: Test, boxes: Boxes, *, max_boxes: int, share: float = 1.0, growth: float = np.inf
+    test: Test, boxes: Boxes, *, max_boxes: int, share: float = 1.0, growth: float = np.inf, few: int = 0
 ) -> tuple[Boxes, int]:
     """Halve the boxes in which a test does not prove the claim, until the test decides all boxes or further halvings
     promise little.
@@ -160,7 +160,8 @@ def left_open(
     boxes : the first boxes, with one owner
     max_boxes : number of boxes after which the function halves no more
     share : the function ends when the claim fails in this share of the open boxes
-    growth : the function ends when there are this many times as many open boxes as at first
+    growth : the function ends when there are this many times as many open boxes as at first, or as `few`
+    few : number of halves up to which the function halves them again before the next test
 
     Returns
     -------
@@ -173,7 +174,7 @@ def left_open(
         If the time limit ends the proof.
     """
     halved, faces, count, settled = np.ones(len(boxes.low), bool), boxes, 0, list[Boxes]()
-    most = growth * len(boxes)
+    most = growth * max(len(boxes), few)
     while len(boxes):
         decided = _in_chunks(test, faces)
         count += len(boxes)
@@ -185,8 +186,7 @@ def left_open(
         boxes, faces, enough = boxes.subset(goes_on), faces.subset(goes_on), _share(decided.fails, left) >= share
         if enough or len(boxes) > most or count >= max_boxes:
             break
-        axis, _ = _axis(decided, halved)
-        boxes, faces = boxes.halved(axis[goes_on]), faces.halved(axis[goes_on])
+        boxes, faces = _halved([boxes, faces], decided.cost[:, goes_on], halved, few)
     return joined(*settled, boxes), count
 
 
@@ -194,12 +194,10 @@ def _share(some: Flags, among: Flags) -> float:
     return float(some[among].mean()) if among.any() else 1.0
 
 
-def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:
-    """Return the row to halve in each box, and whether halving would not help."""
+def _blurred(decided: Decided, halved: Flags) -> Flags:
+    """Return whether halving a box would not help, because the rows that the prover must not halve blur its margin."""
     cost = _known(decided.cost)
-    axis = _costliest(cost, halved)
-    blurred = decided.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0))
-    return axis, blurred
+    return np.asarray(decided.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0)))
 
 
 def _known(cost: Floats) -> Floats:
@@ -211,17 +209,24 @@ def _costliest(cost: Floats, halved: Flags) -> Integers:
     return np.asarray(np.flatnonzero(halved)[np.argmax(cost[halved], axis=0)])
 
 
-def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int) -> Boxes:
-    """Return the halves of each box, cut across the row chosen for the box. If there are at most `few` halves, halve
-    them again."""
-    cost = _known(cost)
+def _halved(sets: Sequence[Boxes], cost: Floats, halved: Flags, few: int) -> list[Boxes]:
+    """Return the halves of each box of several sets, which the function cuts in the same way.
+
+    Parameters
+    ----------
+    sets : sets of n boxes each
+    cost : contribution of each row to the uncertainty of each box, shape (rows, n)
+    halved : for each row, whether the function may halve it; it halves the row that contributes most
+    few : number of halves up to which the function halves them again
+    """
+    cost, sets = _known(cost), list(sets)
     while True:
-        at, boxes = np.arange(len(boxes)), boxes.halved(axis)
-        if not 0 < len(boxes) <= few:
-            return boxes
+        axis, at = _costliest(cost, halved), np.arange(cost.shape[1])
+        sets = [boxes.halved(axis) for boxes in sets]
+        if not 0 < len(sets[0]) <= few:
+            return sets
         cost[axis, at] /= 2
         cost = np.tile(cost, 2)
-        axis = _costliest(cost, halved)
 
 
 def _stage(boxes: int, open_: float) -> str:

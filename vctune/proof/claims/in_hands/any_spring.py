@@ -21,7 +21,7 @@ from vctune.proof.enclosures.taylor import variables
 from vctune.proof.engine.box_tests import Margins
 from vctune.proof.engine.boxes import Boxes, Values
 from vctune.proof.engine.branching import Decided, Test, left_open
-from vctune.proof.engine.polynomial_tests import by_polynomials
+from vctune.proof.engine.polynomial_tests import FEW, by_polynomials
 from vctune.running import check_time
 
 TOP = 3.1
@@ -35,7 +35,7 @@ such boxes to the other tests, which need few boxes for a soft hand."""
 MOST_BOXES = 20_000
 """Number of boxes after which the search ends. A box with uncertain mass, damping and delay took 8,000. The other
 tests prove the remaining boxes, so this number affects only the time."""
-GROWTH = 4
+GROWTH = 8
 """Ratio of the present number of open boxes to the initial number, above which the search ends. The open boxes then
 surround hands for which the condition fails or hardly holds. The ratio affects only the time."""
 
@@ -56,7 +56,7 @@ def left_by_any_spring(
     max_boxes : number of boxes after which the search ends, if it is below `MOST_BOXES`
     """
     test = part.within(_test(margins, device, part, fixed))
-    return left_open(test, boxes, max_boxes=min(MOST_BOXES, max_boxes), growth=GROWTH)
+    return left_open(test, boxes, max_boxes=min(MOST_BOXES, max_boxes), growth=GROWTH, few=FEW)
 
 
 def _test(margins: Margins, device: Device, part: Part, fixed: Values) -> Test:
