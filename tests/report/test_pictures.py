@@ -28,7 +28,7 @@ from vctune.report.figures.sweep_figures import sweep_figure
 from vctune.report.figures.with_matplotlib import _shortened, svg
 from vctune.report.figures.world_figure import BAD, GOOD, OPEN
 from vctune.report.page.contents import IDENTIFICATION_READINGS, READINGS
-from vctune.report.page.page import inline
+from vctune.report.page.page import inline_svg
 from vctune.report.svg.elements import LETTER, PAPER, SIZE, polyline
 from vctune.simulation.mechanics.intended_motion import stroke_time
 from vctune.simulation.simulation_record import TOLERANCE, simulation_record
@@ -167,7 +167,7 @@ def test_the_bands_of_the_promises_are_shaded(drawn):
 
 def test_files_have_a_ground_of_their_own_and_pages_show_theirs(drawn):
     text = drawn["nyquist"].svg("nyquist")
-    assert PAPER in text and PAPER not in inline(text, "in words")
+    assert PAPER in text and PAPER not in inline_svg(text, "in words")
     assert not re.search(r'\bd="[^"]*\d\.\d{3}', text)
 
 

@@ -12,7 +12,7 @@ from vctune.document.text.output_files import write_together
 from vctune.report.figures.design_figures import Design, figures
 from vctune.report.figures.experiment_figures import simulation_figure
 from vctune.report.page.contents import REPORT, report_paths
-from vctune.report.page.page import page
+from vctune.report.page.page import design_page
 from vctune.report.page.sliders import overlays
 from vctune.report.svg.drawing import Drawing
 
@@ -64,7 +64,7 @@ def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecor
         drawn["simulation"] = simulation_figure(simulation)
     pictures = {name: drawing.svg(name) for name, drawing in drawn.items()}
     files = {folder / f"{name}.svg": text for name, text in pictures.items()}
-    return {**files, folder / REPORT: page(record, problem, pictures, overlays(drawn), simulation, least)}
+    return {**files, folder / REPORT: design_page(record, problem, pictures, overlays(drawn), simulation, least)}
 
 
 def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, str]:

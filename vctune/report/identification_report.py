@@ -11,7 +11,7 @@ from vctune.identification.identify import Identified
 from vctune.report.figures.identification_figures import identification_figures
 from vctune.report.figures.with_matplotlib import svg
 from vctune.report.page.contents import IDENTIFICATION_READINGS, REPORT
-from vctune.report.page.page import inline
+from vctune.report.page.page import inline_svg
 from vctune.report.page.templates import templates
 from vctune.report.typography import span
 
@@ -43,7 +43,7 @@ def _page(record: IdentificationRecord, drawn: dict[str, str]) -> str:
             "title": put(readings[name][0]),
             "finding": put(found.get(name, "")),
             "reading": put(readings[name][1]),
-            "svg": inline(text, put(f"{readings[name][0]}. {found.get(name, '')}").strip()),
+            "svg": inline_svg(text, put(f"{readings[name][0]}. {found.get(name, '')}").strip()),
         }
         for name, text in drawn.items()
     ]

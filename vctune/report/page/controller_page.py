@@ -8,7 +8,7 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import UNITS
 from vctune.report.figures.diagram import loop_figure
-from vctune.report.page.page import inline
+from vctune.report.page.page import inline_svg
 from vctune.report.page.templates import templates
 
 BLOCKS = {
@@ -34,7 +34,7 @@ def controller_page(controller: dict[str, Any], device: Device, gains: Gains, co
     blocks = {title: [one for one in written if one["block"] == block] for block, title in titles.items()}
     read = [name.removeprefix("measured_") for name in controller["inputs"]]
     *others, last = [UNITS[device.units].translated(name) for name in read]
-    diagram = inline(loop_figure(device, gains, coupling).svg("controller"), "The loop as a block diagram")
+    diagram = inline_svg(loop_figure(device, gains, coupling).svg("controller"), "The loop as a block diagram")
     return (
         templates()
         .get_template("controller.html.j2")

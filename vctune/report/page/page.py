@@ -26,38 +26,39 @@ from vctune.report.svg.elements import INK, PAPER
 from vctune.report.typography import plain, quantity
 
 
-def page(
+def design_page(
     record: DesignRecord,
     problem: Problem,
-    drawn: dict[str, str],
-    places: dict[str, list[dict[str, Any]]],
+    svg_files: dict[str, str],
+    overlays: dict[str, list[dict[str, Any]]],
     simulation: SimulationRecord | None = None,
-    least: Sequence[RatioInHand | RatioInAnyHand] = (),
+    least_ratios: Sequence[RatioInHand | RatioInAnyHand] = (),
 ) -> str:
-    """Return the HTML of a design.
+    """Return the HTML of the page about a design, or about the reason why a problem has no design.
 
     Parameters
     ----------
     record : record of the design, which the page embeds as the object of design.json
     problem : the problem that the record's text states
-    drawn : figures as SVG, by name; the names are keys of `READINGS`
-    places : for each figure with sliders, the position of each panel in which the script draws tried curves
-        (`vctune.report.page.sliders.overlays`)
-    simulation : simulation of this design, if there is one
-    least : the least Re Z_c / R in each of the problem's hands; empty without a design
+    svg_files : content of each figure's SVG file, by the figure's name; the names are keys of `READINGS`
+    overlays : panels in which the page's script draws the curves of tried gains, by the figure's name, as
+        `vctune.report.page.sliders.overlays` returns them
+    simulation : simulation of this design; None without one
+    least_ratios : local minima of the ratio in the problem's hands (`vctune.analysis.in_hands.least_ratios`),
+        whose hands and frequencies the sliders use; empty without a design, or if the problem has no claim in hands
     """
-    head, slider_data = summary(record, problem), None
+    first_screen, slider_data = summary(record, problem), None
     if record.design is not None:
-        shipped = {"kind": head.kind, "word": head.word}
-        slider_data = sliders(problem, *record.design, record, least)
-        slider_data |= {"overlays": places, "shipped": shipped}
-    environment = templates(lambda text: _with_limits(problem.units.translated(text), problem))
+        shipped = {"kind": first_screen.kind, "word": first_screen.word}
+        slider_data = sliders(problem, *record.design, record, least_ratios)
+        slider_data |= {"overlays": overlays, "shipped": shipped}
+    jinja = templates(lambda text: _with_stated_numbers(problem.units.translated(text), problem))
     groups = record.groups()
-    return environment.get_template("page.html.j2").render(
+    return jinja.get_template("page.html.j2").render(
         record=record,
         problem=problem,
-        summary=head,
-        sheet=[_css_text(f"{record.problem.name}: {head.word}"), _css_text(_sheet_heading(record))],
+        summary=first_screen,
+        sheet=[_css_string(f"{record.problem.name}: {first_screen.word}"), _css_string(_date_and_digest(record))],
         asked=asked(problem),
         chosen=[row for title in ("gains", "coupling") for row in groups.get(title, [])],
         terms=_error_terms(record),
@@ -65,12 +66,12 @@ def page(
         claims=claim_lines(record, problem),
         assumptions=[*assumptions(problem), *changing_lines(record, problem)],
         feel=feel_lines(problem, *record.design) if record.design is not None else [],
-        figures=_figure_rows(record, problem, drawn, simulation),
+        figures=_figure_entries(record, problem, svg_files, simulation),
         bounded=[key.rpartition(".")[2] for key in record.at_bound],
         groups=groups,
         phases=phase_table(problem, record.design[0]) if record.design is not None else None,
-        embedded=_embedded(record.to_json()),
-        sliders=_embedded(slider_data) if slider_data is not None else None,
+        embedded=_script_json(record.to_json()),
+        sliders=_script_json(slider_data) if slider_data is not None else None,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,
         dwell=dwell_line(simulation) if simulation else "",
@@ -78,66 +79,82 @@ def page(
     )
 
 
-def _figure_rows(
-    record: DesignRecord, problem: Problem, drawn: dict[str, str], simulation: SimulationRecord | None
+def _figure_entries(
+    record: DesignRecord, problem: Problem, svg_files: dict[str, str], simulation: SimulationRecord | None
 ) -> list[dict[str, str]]:
-    """Return name, title, finding, reading and SVG of each figure."""
+    """Return name, title, finding, reading and SVG element of each figure; the finding is "" if there is none."""
     translated, found = problem.units.translated, findings(record, problem)
     found |= {"simulation": simulation_finding(simulation)} if simulation is not None else {}
-    figures = []
-    for name, text in drawn.items():
+    entries = []
+    for name, svg in svg_files.items():
         title, finding = translated(READINGS[name][0]), translated(found.get(name, ""))
-        read = reading(name, problem.device.display, problem.worlds)
-        description = f"{title}. {_with_limits(finding, problem)}".strip()
-        texts = {"title": title, "finding": finding, "reading": translated(read)}
-        figures.append({"name": name, **texts, "svg": inline(text, description)})
-    return figures
+        how_to_read = reading(name, problem.device.display, problem.worlds)
+        description = f"{title}. {_with_stated_numbers(finding, problem)}".strip()
+        texts = {"title": title, "finding": finding, "reading": translated(how_to_read)}
+        entries.append({"name": name, **texts, "svg": inline_svg(svg, description)})
+    return entries
 
 
-def _with_limits(text: str, problem: Problem) -> str:
-    """Return a text in which their values replace the names `safety_factor` and `max_sensitivity`."""
+def _with_stated_numbers(text: str, problem: Problem) -> str:
+    """Return a text with the problem's numbers in place of the words `safety_factor` and `max_sensitivity`.
+
+    Keys with their table, such as `stability.safety_factor`, stay as they are.
+    """
     for key in ("safety_factor", "max_sensitivity"):
         text = re.sub(rf"(?<![.\w]){key}\b", f"{getattr(problem.stability, key):g}", text)
     return text
 
 
 def _error_terms(record: DesignRecord) -> list[Row]:
-    """Return the terms of the error in words, with few digits."""
+    """Return a row for each term of the error: its formula, its value with few digits, and its words in place of the
+    unit.
+
+    Terms that are always 0 for the kind of display are left out. The list is empty without a design.
+    """
     terms = record.transparency
     if terms is None:
         return []
-    rows = {row.label: row for row in terms.rows(record.units)}
-    named = {"admittance": terms.admittance_label, "tracking": terms.tracking_label, "coupling": terms.coupling_label}
+    shown = {row.label: row for row in terms.rows(record.units)}
+    label_of = {
+        "admittance": terms.admittance_label,
+        "tracking": terms.tracking_label,
+        "coupling": terms.coupling_label,
+    }
     return [
-        Row(name, str(quantity(getattr(terms, term), digits=3)), IN_WORDS[term])
-        for term, name in named.items()
-        if name in rows
+        Row(label, str(quantity(getattr(terms, term), digits=3)), IN_WORDS[term])
+        for term, label in label_of.items()
+        if label in shown
     ]
 
 
-def _sheet_heading(record: DesignRecord) -> str:
-    """Return the text in the head of each printed sheet: date and digest of the problem file."""
+def _date_and_digest(record: DesignRecord) -> str:
+    """Return date and digest of the problem file, which stand before the number at the top of each printed sheet."""
     date = f"{record.date} · " if record.date else ""
     return f"{date}problem {record.problem.sha256[:16]} · "
 
 
-def _css_text(text: str) -> str:
-    """Return a text as a string of CSS. The text can end neither the string nor the style element."""
-    return '"' + re.sub(r'[\\"<>&\n\r]', lambda found: f"\\{ord(found[0]):x} ", text) + '"'
+def _css_string(text: str) -> str:
+    """Return a text as a quoted string of CSS, in which no character of the text can end the string or the style
+    element."""
+    return '"' + re.sub(r'[\\"<>&\n\r]', lambda special: f"\\{ord(special[0]):x} ", text) + '"'
 
 
-def _embedded(data: dict[str, Any]) -> str:
-    """Return data as JSON in which no text can end the script element."""
+def _script_json(data: dict[str, Any]) -> str:
+    """Return data as JSON for a script element, in which no text can end that element."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def inline(svg: str, description: str) -> str:
-    """Return an SVG file as an element. It uses the page's text colour and has a transparent background.
+def inline_svg(svg: str, description: str) -> str:
+    """Return the content of an SVG file as an element for an HTML page.
+
+    The element starts at the tag `<svg`. It has the page's text colour in place of `INK`, and no colour in place of
+    `PAPER`.
 
     Parameters
     ----------
     svg : content of the file
-    description : description of the figure in words
+    description : description of the figure for readers who cannot see it: text with mathematics as in the records, not
+        yet escaped
     """
     svg = re.sub(r"^.*?(?=<svg)", "", svg, flags=re.DOTALL)
     svg = svg.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(description))}" ', 1)
