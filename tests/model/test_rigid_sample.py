@@ -65,11 +65,11 @@ def test_the_closed_form_is_the_function_of_the_matrix(kind):
 def enclosed(x, at, place):
     """Return an enclosure of a number at points of its boxes, each row between -1 and 1, shape (rows, n)."""
     if isinstance(x, Taylor):
-        i, j = np.triu_indices(x.rows)
+        i, j = np.triu_indices(x.row_count)
         terms = np.vstack((np.ones((1, at.shape[1])), at, at[i] * at[j]))
-        rest = x.rest.sum(axis=0)
-        return ((x.poly * terms).sum(axis=0) - rest * (1 + 1e-12) - 1e-300)[place], (
-            (x.poly * terms).sum(axis=0) + rest * (1 + 1e-12) + 1e-300
+        rest = x.radii.sum(axis=0)
+        return ((x.coefficients * terms).sum(axis=0) - rest * (1 + 1e-12) - 1e-300)[place], (
+            (x.coefficients * terms).sum(axis=0) + rest * (1 + 1e-12) + 1e-300
         )[place]
     value = x.value if isinstance(x, Jet) else x if isinstance(x, Enclosure) else Enclosure(float(x))
     mid, rad = (np.broadcast_to(part, at.shape[1])[place] for part in (value.mid, value.rad))

@@ -47,10 +47,10 @@ def rows_of(middle, width):
 
 def left_out(number, place, exact):
     """Return how far a value is from the polynomial, and the radius that this must be within."""
-    i, j = np.triu_indices(number.rows)
+    i, j = np.triu_indices(number.row_count)
     at = [mpf(1), *map(mpf, place), *(mpf(place[a]) * mpf(place[b]) for a, b in zip(i, j, strict=True))]
-    value = sum(mpf(float(c)) * x for c, x in zip(number.poly[:, 0], at, strict=True))
-    return abs(exact - value), sum(mpf(float(r)) for r in number.rest[:, 0])
+    value = sum(mpf(float(c)) * x for c, x in zip(number.coefficients[:, 0], at, strict=True))
+    return abs(exact - value), sum(mpf(float(r)) for r in number.radii[:, 0])
 
 
 def holds(number, place, exact):
@@ -96,7 +96,7 @@ def test_functions_hold_every_value(name, middle, width, place):
         x, y, z = (mpf(m) + mpf(w) * mpf(p) for m, w, p in zip(middle, width, place, strict=True))
         argument = x + y * z / 2 + 1
         if (name == "sqrt" and argument < 0) or (name == "reciprocal" and argument == 0):
-            assert not np.isfinite(number.rest).all()
+            assert not np.isfinite(number.radii).all()
             return
         assert holds(number, place, theirs(argument))
 
@@ -110,15 +110,15 @@ def test_products_of_matrices_are_those_of_their_entries(middle, width, place):
     for i in range(2):
         for j in range(2):
             one, total = found[i, j], wide[i, 0] * tall[0, j] + wide[i, 1] * tall[1, j] + wide[i, 2] * tall[2, j]
-            assert one.poly == pytest.approx(total.poly, rel=1e-12, abs=1e-12)
-            assert one.rest.sum() == pytest.approx(total.rest.sum(), rel=1e-9, abs=1e-12)
+            assert one.coefficients == pytest.approx(total.coefficients, rel=1e-12, abs=1e-12)
+            assert one.radii.sum() == pytest.approx(total.radii.sum(), rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_what_is_left_out_is_of_third_order(name):
     def radius(width):
         x, y, z = rows_of((0.7, 1.1, -0.4), (width, 2 * width, width))
-        return FUNCTIONS[name][0](x * y + 0.3 * z * z + 1).rest.sum()
+        return FUNCTIONS[name][0](x * y + 0.3 * z * z + 1).radii.sum()
 
     assert radius(0.02) / radius(0.01) == pytest.approx(8, rel=0.15)
 
@@ -190,8 +190,12 @@ def test_the_margin_in_a_hand_is_held(number):
     places_ = [Enclosure(row, 1e-14 * np.abs(row)) for row in np.clip(point, boxes.low, boxes.high)]
     exact = there(places_[0], boxes.named(places_, fixed))
     i, j = np.triu_indices(4)
-    value = form.poly[0] + (form.poly[1:5] * at).sum(axis=0) + (form.poly[5:] * at[i] * at[j]).sum(axis=0)
-    known = np.isfinite(form.rest).all(axis=0)
+    value = (
+        form.coefficients[0]
+        + (form.coefficients[1:5] * at).sum(axis=0)
+        + (form.coefficients[5:] * at[i] * at[j]).sum(axis=0)
+    )
+    known = np.isfinite(form.radii).all(axis=0)
     assert known.mean() > 0.5
-    radius = form.rest.sum(axis=0) + exact.rad + 1e-12 * np.abs(value)
+    radius = form.radii.sum(axis=0) + exact.rad + 1e-12 * np.abs(value)
     assert np.all(np.abs(exact.mid - value)[known] <= radius[known])

@@ -51,9 +51,9 @@ def least_over_boxes(number: Taylor) -> LowerBound:
     ----------
     number : polynomial with remainder over n boxes
     """
-    k, poly = number.rows, number.poly
-    known = np.isfinite(poly).all(axis=0) & np.isfinite(number.rest).all(axis=0)
-    poly, rest = np.where(known, poly, 0.0), np.where(known, number.rest, np.inf)
+    k, poly = number.row_count, number.coefficients
+    known = np.isfinite(poly).all(axis=0) & np.isfinite(number.radii).all(axis=0)
+    poly, rest = np.where(known, poly, 0.0), np.where(known, number.radii, np.inf)
     constant, slopes = poly[0], poly[1 : 1 + k]
     i, j = np.triu_indices(k)
     curved = np.zeros((poly.shape[1], k, k))

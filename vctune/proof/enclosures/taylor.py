@@ -1,9 +1,10 @@
 """Polynomials of order two in the rows of a box, with enclosed remainders, for many boxes at once.
 
-A `Taylor` represents a number as a polynomial in e_1 ... e_k. Each e_i runs from -1 to 1, as row i of the box runs from
-its lower to its upper end. A radius covers all terms of higher order and every rounding error (Taylor models: Makino
-and Berz 2003). Unlike the slopes of a jet, the polynomial shows how rows act together. At a resonance, for example, the
-number may hardly vary if mass and stiffness vary in proportion.
+The rows of a box are its variables, such as frequency, mass and stiffness. A `Taylor` represents a number as a
+polynomial in e_1 ... e_k. Each e_i runs from -1 to 1, as row i of the box runs from its lower to its upper end. Radii
+cover all terms of higher order and every rounding error (Taylor models: Makino and Berz 2003). Unlike the slopes of a
+jet, the polynomial shows how rows act together. At a resonance, for example, the number may hardly vary if mass and
+stiffness vary in proportion.
 """
 
 from __future__ import annotations
@@ -17,63 +18,67 @@ import numpy as np
 from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Floats
 
 SWOLLEN = 1 + 2.0**-44
-"""Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius. The remainder of a
-product needs the most roundings. For 14 rows and 8-by-8 matrices there are 152: 105 for the coefficients of order
-two, 14 for the rows, 2 for the constant, 15 for the remainders, 8 for the sum of the products, and 8 others. With
-half its excess over 1, the factor would cover 256 roundings; with twice the excess, it would widen a radius by a
-relative 1e-13."""
+"""Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius. The radii of a
+product need the most roundings. For 14 rows and 8-by-8 matrices there are 152: 105 for the coefficients of order two,
+14 for the rows, 2 for the constant, 15 for the radii, 8 for the sum of the products, and 8 others. For 28 rows there
+are 481. With half its excess over 1, the factor would cover 256 roundings; with twice the excess, it would widen a
+radius by a relative 1e-13."""
 HIGHER_ERROR = 1e-13
 """Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53. The reciprocal 1/m has one rounding. Its
 f''/2 takes the most roundings: three for the cube of 1/m, and 2 for the library's cube. Its f' takes 3, two of them
-from 1/m. For a square root, f''/2 takes 3: the root, its product with m, and the quotient. The parameter `error` covers
-the errors of a library's exp, sin and cos, and all errors of sinc, whose slopes cancel. Half this bound would suffice,
-and twice this bound would work as well."""
+from 1/m. For a square root, f''/2 takes 3: the root, its product with m, and the quotient. The parameter `series_error`
+of `Taylor.mapped` covers the errors of a library's exp, sin and cos, and all errors of sinc, whose slopes cancel. Half
+this bound would suffice, and twice this bound would work as well."""
 
 Times = Callable[[Floats, Floats], Floats]
-"""Function that multiplies arrays of numbers or of matrices."""
+"""Function that multiplies arrays of numbers, or of matrices, for each box. Either array or both may have one more
+first axis, which runs over coefficients."""
 
 
 class Taylor:
-    """A number, or a matrix of numbers, over boxes of k rows.
+    """A number, or a matrix of numbers, over n boxes, in which the same k rows vary.
+
+    The operators + - * / take a `Taylor` of the same boxes, an `Enclosure`, or a plain number without an error. The
+    result holds every value that numbers of both operands can give.
 
     Attributes
     ----------
-    rows : number k of rows
-    poly : coefficients of 1, of each e_i and of each e_i e_j in the order (1, 1), (1, 2) ... (1, k), (2, 2) ..., for n
-        boxes; shape (1 + k + k (k + 1)/2, ..., n), where a matrix has two axes before n
-    rest : radius of the remainder for each row that causes it, and then the radius of all rounding errors; shape
-        (k + 1, ..., n)
+    row_count : number k of rows
+    coefficients : coefficients of 1, of each e_i, and of each e_i e_j in the order (1, 1), (1, 2) ... (1, k), (2, 2)
+        ...; shape (1 + k + k (k + 1)/2, ..., n), where a matrix has two axes before n
+    radii : parts of the radius around the polynomial: a part for each row, for the terms of higher order that it
+        causes, and then a part for rounding errors and for the radii of enclosures; shape (k + 1, ..., n)
     """
 
-    __slots__ = ("_sizes", "poly", "rest", "rows")
-    __array_ufunc__ = None
+    __slots__ = ("_magnitudes", "coefficients", "radii", "row_count")
+    __array_ufunc__ = None  # a NumPy array times a Taylor calls __rmul__ once, not for each element
 
-    def __init__(self, rows: int, poly: Floats, rest: Floats) -> None:
-        self.rows = rows
-        self.poly = poly
-        self.rest = rest
-        self._sizes: _Sizes | None = None
+    def __init__(self, row_count: int, coefficients: Floats, radii: Floats) -> None:
+        self.row_count = row_count
+        self.coefficients = coefficients
+        self.radii = radii
+        self._magnitudes: _Magnitudes | None = None
 
     @property
-    def sizes(self) -> _Sizes:
-        """The magnitudes of the number's parts, from which products compute their remainder."""
-        if self._sizes is None:
-            self._sizes = _Sizes(self)
-        return self._sizes
+    def magnitudes(self) -> _Magnitudes:
+        """The greatest magnitudes of the polynomial's parts, from which products compute their radii."""
+        if self._magnitudes is None:
+            self._magnitudes = _Magnitudes(self)
+        return self._magnitudes
 
     def __add__(self, other: Any) -> Taylor:
         if isinstance(other, Taylor):
-            poly, rest = self.poly + other.poly, self.rest + other.rest
-            rest[-1] += UNIT * np.abs(poly).sum(axis=0) + TINY
-            return Taylor(self.rows, poly, rest * SWOLLEN)
-        mid, rad = _constant(other)
-        poly, rest = self.poly.copy(), self.rest.copy()
-        poly[0] += mid
-        rest[-1] += rad + UNIT * np.abs(poly[0]) + TINY
-        return Taylor(self.rows, poly, rest * SWOLLEN)
+            coefficients, radii = self.coefficients + other.coefficients, self.radii + other.radii
+            radii[-1] += UNIT * np.abs(coefficients).sum(axis=0) + TINY
+            return Taylor(self.row_count, coefficients, radii * SWOLLEN)
+        mid, rad = _mid_and_rad(other)
+        coefficients, radii = self.coefficients.copy(), self.radii.copy()
+        coefficients[0] += mid
+        radii[-1] += rad + UNIT * np.abs(coefficients[0]) + TINY
+        return Taylor(self.row_count, coefficients, radii * SWOLLEN)
 
     def __neg__(self) -> Taylor:
-        return Taylor(self.rows, -self.poly, self.rest)
+        return Taylor(self.row_count, -self.coefficients, self.radii)
 
     def __sub__(self, other: Any) -> Taylor:
         return self + -other
@@ -84,10 +89,10 @@ class Taylor:
     def __mul__(self, other: Any) -> Taylor:
         if isinstance(other, Taylor):
             return _product(self, other, np.multiply, 1)
-        mid, rad = _constant(other)
-        poly, rest = self.poly * mid, self.rest * (np.abs(mid) + rad)
-        rest[-1] += (rad + UNIT * np.abs(mid)) * self.sizes.magnitude + TINY
-        return Taylor(self.rows, poly, rest * SWOLLEN)
+        mid, rad = _mid_and_rad(other)
+        coefficients, radii = self.coefficients * mid, self.radii * (np.abs(mid) + rad)
+        radii[-1] += (rad + UNIT * np.abs(mid)) * self.magnitudes.polynomial + TINY
+        return Taylor(self.row_count, coefficients, radii * SWOLLEN)
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -100,88 +105,103 @@ class Taylor:
         return self.reciprocal() * other
 
     def __getitem__(self, at: Any) -> Taylor:
-        at = at if isinstance(at, tuple) else (at,)
-        return Taylor(self.rows, self.poly[(slice(None), *at)], self.rest[(slice(None), *at)])
+        at = at if isinstance(at, tuple) else (at,)  # an index of the matrix, behind the axis of the coefficients
+        return Taylor(self.row_count, self.coefficients[(slice(None), *at)], self.radii[(slice(None), *at)])
 
     def subset(self, at: Any) -> Taylor:
-        """Return some of the boxes."""
-        return Taylor(self.rows, self.poly[..., at], self.rest[..., at])
+        """Return the number over some of the boxes.
+
+        Parameters
+        ----------
+        at : indices of the boxes, or a flag for each box
+        """
+        return Taylor(self.row_count, self.coefficients[..., at], self.radii[..., at])
 
     def matmul(self, other: Taylor) -> Taylor:
-        """Return the matrix products over the first two axes, which are the rows and columns of matrices."""
-        return _product(self, other, _matrices, self.poly.shape[2])
+        """Return the matrix product of this matrix and another one, for each box."""
+        columns = self.coefficients.shape[2]
+        return _product(self, other, _matrix_product, columns)
 
     def enclosed(self) -> Enclosure:
-        """Return an enclosure of all values of this number."""
-        rad = self.sizes.slope + self.sizes.curve + self.rest.sum(axis=0)
-        return Enclosure(self.poly[0], rad * SWOLLEN)
+        """Return an enclosure of all values of this number over each box."""
+        rad = self.magnitudes.linear + self.magnitudes.quadratic + self.radii.sum(axis=0)
+        return Enclosure(self.coefficients[0], rad * SWOLLEN)
 
     def reciprocal(self) -> Taylor:
-        """Return 1/x; its radius is infinite where x may be 0."""
-        gap = np.abs(self.poly[0]) - self.enclosed().rad
-        inverse, least_size = 1 / self.poly[0], np.where(gap > 0, gap, np.nan)
+        """Return 1/x. Where x may be 0, the sum of the result's radii is nan, so that the result proves nothing."""
+        constant = self.coefficients[0]
+        gap = np.abs(constant) - self.enclosed().rad
+        inverse, least_size = 1 / constant, np.where(gap > 0, gap, np.nan)
         # 1/(m + e) = 1/m - e/m^2 + e^2/m^3 - e^3/(m^3 (m + e))
         series = inverse, -inverse * inverse, inverse**3
         return self.mapped(series, 6 * np.abs(inverse) ** 3 / least_size, UNIT * np.abs(inverse))
 
-    def mapped(self, series: tuple[Floats, Floats, Floats], third: Any, error: Any) -> Taylor:
+    def mapped(self, series: tuple[Floats, Floats, Floats], third_derivative: Any, series_error: Any) -> Taylor:
         """Return f(x) of this number x, to second order with an enclosed remainder.
 
         Parameters
         ----------
-        series : f, f' and f''/2 at the constant m of the polynomial
-        third : bound of |f'''| over all values x = m + e, or of 6 |f(x) - series|/|e|^3
-        error : absolute rounding error of the three numbers of `series`; f' and f''/2 may in addition have the relative
-            error `HIGHER_ERROR`
+        series : f, f' and f''/2 at the constant m of the polynomial, rounded; each of shape (..., n)
+        third_derivative : bound of |f'''| over all values x = m + e, or of 6 |f(x) - series|/|e|^3; nan where no bound
+            is known
+        series_error : bound on the absolute rounding error of each of the three numbers of `series`; f' and f''/2 may
+            in addition have the relative error `HIGHER_ERROR`
 
         Returns
         -------
         Taylor
-            A number over the same boxes.
+            A number over the same boxes. Its radii are not finite where an argument is not finite.
         """
         value, first, second = series
-        poly = self.poly.copy()
-        poly[0] = 0.0
-        off = Taylor(self.rows, poly, self.rest)
-        found = (off * off) * second + off * first + value
-        reach, rest = off.enclosed().rad, found.rest
-        left_out, sizes = third / 6 * reach**3, off.sizes.linear + off.sizes.quad + off.rest[:-1]
-        total = sizes.sum(axis=0)
-        rest[:-1] += sizes * (left_out / np.maximum(total, TINY))
-        rest[-1] += np.where(total > TINY, 0.0, left_out)
-        rest[-1] += error * (1 + reach + reach**2)
-        rest[-1] += HIGHER_ERROR * (np.abs(first) * reach + np.abs(second) * reach**2)
-        return Taylor(self.rows, found.poly, rest * SWOLLEN)
+        coefficients = self.coefficients.copy()
+        coefficients[0] = 0.0
+        deviation = Taylor(self.row_count, coefficients, self.radii)  # e = x - m
+        result = (deviation * deviation) * second + deviation * first + value
+        reach, radii = deviation.enclosed().rad, result.radii  # |e| <= reach
+        # each row takes the share of the remainder f'''/6 e^3 that it has in e; rounding takes all of it if e has none
+        remainder = third_derivative / 6 * reach**3
+        by_row = deviation.magnitudes.linear_by_row + deviation.magnitudes.quadratic_by_row + deviation.radii[:-1]
+        total = by_row.sum(axis=0)
+        radii[:-1] += by_row * (remainder / np.maximum(total, TINY))
+        radii[-1] += np.where(total > TINY, 0.0, remainder)
+        radii[-1] += series_error * (1 + reach + reach**2)
+        radii[-1] += HIGHER_ERROR * (np.abs(first) * reach + np.abs(second) * reach**2)
+        return Taylor(self.row_count, result.coefficients, radii * SWOLLEN)
 
 
-class _Sizes:
-    """The magnitudes of the parts of a number, from which products compute their remainder.
+class _Magnitudes:
+    """The greatest magnitudes that the parts of a polynomial have for |e_i| <= 1.
 
     Attributes
     ----------
-    linear, quad : for each row, the magnitude of its e_i term, and that of its e_i^2 term with half of each mixed term
-    slope, curve, magnitude : magnitude of all e_i terms, magnitude of all e_i e_j terms, and the sum of both magnitudes
-        and the magnitude of the constant
+    linear_by_row : for each row i, the magnitude of its e_i term, shape (k, ..., n)
+    quadratic_by_row : for each row i, the magnitude of its e_i^2 term and half of each mixed term, shape (k, ..., n)
+    linear, quadratic : sums of these magnitudes over the rows, shape (..., n)
+    polynomial : magnitude of the constant plus `linear` plus `quadratic`, without the radii
     """
 
-    __slots__ = ("curve", "linear", "magnitude", "quad", "slope")
+    __slots__ = ("linear", "linear_by_row", "polynomial", "quadratic", "quadratic_by_row")
 
     def __init__(self, x: Taylor) -> None:
-        size, k = np.abs(x.poly), x.rows
-        self.linear = size[1 : 1 + k]
-        self.quad = (_halves(k) @ size[1 + k :].reshape(-1, size[0].size)).reshape(k, *size.shape[1:])
-        self.slope, self.curve = self.linear.sum(axis=0), self.quad.sum(axis=0)
-        self.magnitude = size[0] + self.slope + self.curve
+        sizes, k = np.abs(x.coefficients), x.row_count
+        self.linear_by_row = sizes[1 : 1 + k]
+        pairs = sizes[1 + k :]
+        self.quadratic_by_row = (_half_shares(k) @ pairs.reshape(-1, sizes[0].size)).reshape(k, *sizes.shape[1:])
+        self.linear, self.quadratic = self.linear_by_row.sum(axis=0), self.quadratic_by_row.sum(axis=0)
+        self.polynomial = sizes[0] + self.linear + self.quadratic
 
 
 @cache
-def _halves(rows: int) -> Floats:
-    """Return weights that give half of each e_i e_j, i <= j, to row i and half to row j, shape (rows, number of
-    pairs)."""
-    halves, pairs = np.zeros((rows, rows * (rows + 1) // 2)), np.triu_indices(rows)
+def _half_shares(row_count: int) -> Floats:
+    """Return the matrix that gives half of each e_i e_j, i <= j, to row i and half to row j. Row i thus gets all of
+    e_i^2.
+
+    Its shape is (rows, pairs of rows), with the pairs in the order of `Taylor.coefficients`.
+    """
+    shares, pairs = np.zeros((row_count, row_count * (row_count + 1) // 2)), np.triu_indices(row_count)
     for row in pairs:
-        np.add.at(halves, (row, np.arange(halves.shape[1])), 0.5)
-    return halves
+        np.add.at(shares, (row, np.arange(shares.shape[1])), 0.5)
+    return shares
 
 
 def variables(rows: Sequence[Enclosure], varied: Sequence[bool]) -> list[Taylor | Enclosure]:
@@ -189,7 +209,7 @@ def variables(rows: Sequence[Enclosure], varied: Sequence[bool]) -> list[Taylor 
 
     Parameters
     ----------
-    rows : enclosures of each row's interval, for n boxes
+    rows : enclosure of each row's interval; its numbers have shape (n,), or are plain if they are equal for all boxes
     varied : for each row, whether it varies over some box; k rows vary
 
     Returns
@@ -199,35 +219,37 @@ def variables(rows: Sequence[Enclosure], varied: Sequence[bool]) -> list[Taylor 
     """
     k, n = sum(varied), max(np.size(row.mid) for row in rows)
 
-    def alone(place: int, row: Enclosure) -> Taylor:
+    def linear_in(index: int, row: Enclosure) -> Taylor:
         # coefficients of 1, of each e_i, and of each e_i e_j with i <= j
-        poly = np.zeros((1 + k + k * (k + 1) // 2, n))
-        poly[0], poly[1 + place] = row.mid, row.rad
-        return Taylor(k, poly, np.zeros((k + 1, n)))
+        coefficients = np.zeros((1 + k + k * (k + 1) // 2, n))
+        coefficients[0], coefficients[1 + index] = row.mid, row.rad
+        return Taylor(k, coefficients, np.zeros((k + 1, n)))
 
-    places = iter(range(k))
-    return [alone(next(places), row) if varies else row for row, varies in zip(rows, varied, strict=True)]
+    indices = iter(range(k))
+    return [linear_in(next(indices), row) if varies else row for row, varies in zip(rows, varied, strict=True)]
 
 
 def stacked(numbers: Sequence[Any]) -> Taylor:
-    """Return one `Taylor` whose new first axis runs over the given numbers.
+    """Return one `Taylor` whose new first axis, behind the axis of the coefficients, runs over the given numbers.
 
     Parameters
     ----------
-    numbers : at least one `Taylor`; the others may be enclosures or plain numbers
+    numbers : numbers over the same boxes: at least one `Taylor`; the others may be enclosures or plain numbers
     """
-    one = next(x for x in numbers if isinstance(x, Taylor))
-    poly, rest = (np.zeros((len(part), len(numbers), *part.shape[1:])) for part in (one.poly, one.rest))
+    model = next(x for x in numbers if isinstance(x, Taylor))
+    coefficients, radii = (
+        np.zeros((len(part), len(numbers), *part.shape[1:])) for part in (model.coefficients, model.radii)
+    )
     for place, x in enumerate(numbers):
         if isinstance(x, Taylor):
-            poly[:, place], rest[:, place] = x.poly, x.rest
+            coefficients[:, place], radii[:, place] = x.coefficients, x.radii
         else:
-            poly[0, place], rest[-1, place] = _constant(x)
-    return Taylor(one.rows, poly, rest)
+            coefficients[0, place], radii[-1, place] = _mid_and_rad(x)
+    return Taylor(model.row_count, coefficients, radii)
 
 
-def _constant(x: Any) -> tuple[Any, Any]:
-    """Return the middle and the radius of an enclosure or of a plain number."""
+def _mid_and_rad(x: Any) -> tuple[Any, Any]:
+    """Return the middle and the radius of an enclosure or of a plain number, whose radius is 0."""
     return (x.mid, x.rad) if isinstance(x, Enclosure) else (x, 0.0)
 
 
@@ -236,25 +258,40 @@ def _product(a: Taylor, b: Taylor, times: Times, terms: int) -> Taylor:
 
     Parameters
     ----------
-    times : function that multiplies arrays of numbers or matrices; either array or both may have a further first axis
-    terms : number of products in the sum
+    a, b : numbers or matrices over the same boxes
+    times : function that multiplies arrays of coefficients: `np.multiply` for numbers, `_matrix_product` for matrices
+    terms : number of products of numbers that `times` sums for an entry of its result
     """
-    k, A, B = a.rows, a.sizes, b.sizes
-    poly = times(a.poly, b.poly[0])
-    poly[1:] += times(a.poly[0], b.poly[1:])
-    at, one, two = 1 + k, a.poly[1 : 1 + k], b.poly[1 : 1 + k]
+    k, A, B = a.row_count, a.magnitudes, b.magnitudes
+    coefficients = times(a.coefficients, b.coefficients[0])
+    coefficients[1:] += times(a.coefficients[0], b.coefficients[1:])
+    linear_a, linear_b = a.coefficients[1 : 1 + k], b.coefficients[1 : 1 + k]
+    first_pair = 1 + k  # index of the pair (i, i), which the pairs (i, i + 1) ... (i, k) follow
     for i in range(k):
-        poly[at : at + k - i] += times(one[i], two[i:])
-        poly[at + 1 : at + k - i] += times(one[i + 1 :], two[i])
-        at += k - i
-    rest = times(a.rest, B.magnitude + b.rest.sum(axis=0)) + times(A.magnitude, b.rest)
-    rest[:k] += times(A.linear + A.quad, 0.5 * B.curve) + times(0.5 * (A.slope + A.curve), B.quad)
-    rest[:k] += times(A.quad, 0.5 * B.slope) + times(0.5 * A.curve, B.linear)
-    rest[-1] += 4 * terms * UNIT * times(A.magnitude, B.magnitude) + TINY
-    return Taylor(k, poly, rest * SWOLLEN)
+        coefficients[first_pair : first_pair + k - i] += times(linear_a[i], linear_b[i:])
+        coefficients[first_pair + 1 : first_pair + k - i] += times(linear_a[i + 1 :], linear_b[i])
+        first_pair += k - i
+    # With the linear part l, the quadratic part q and the radius r of each factor, the polynomial leaves out
+    # r_a |b| + |a| r_b + r_a r_b and the terms of higher order, (l_a + q_a) q_b + q_a l_b. Half of a term of higher
+    # order counts for the rows of its part of a, and half for the rows of its part of b.
+    radii = times(a.radii, B.polynomial + b.radii.sum(axis=0)) + times(A.polynomial, b.radii)
+    half_a, half_b = 0.5 * (A.linear + A.quadratic), 0.5 * B.quadratic
+    radii[:k] += times(A.linear_by_row + A.quadratic_by_row, half_b) + times(half_a, B.quadratic_by_row)
+    radii[:k] += times(A.quadratic_by_row, 0.5 * B.linear) + times(0.5 * A.quadratic, B.linear_by_row)
+    # A coefficient is the sum of at most four results of `times`. Each product of two numbers in it is thus rounded at
+    # most terms + 3 <= 4 terms times.
+    radii[-1] += 4 * terms * UNIT * times(A.polynomial, B.polynomial) + TINY
+    return Taylor(k, coefficients, radii * SWOLLEN)
 
 
-def _matrices(x: Floats, y: Floats) -> Floats:
-    """Return the matrix product for each box. A further first axis of x or y runs over coefficients."""
-    many = ["c" * (part.ndim > 3) for part in (x, y)]
-    return np.asarray(np.einsum(f"{many[0]}ijn,{many[1]}jkn->{max(many)}ikn", x, y))
+def _matrix_product(x: Floats, y: Floats) -> Floats:
+    """Return the matrix product for each box.
+
+    Parameters
+    ----------
+    x, y : matrices, shapes (i, j, n) and (j, k, n); either or both may have one more first axis, which runs over
+        coefficients
+    """
+    coefficient_axes = ["c" * (part.ndim > 3) for part in (x, y)]
+    x_axis, y_axis = coefficient_axes
+    return np.asarray(np.einsum(f"{x_axis}ijn,{y_axis}jkn->{max(coefficient_axes)}ikn", x, y))

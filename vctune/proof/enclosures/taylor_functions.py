@@ -48,35 +48,35 @@ def _narrower(x: Taylor, over: Enclosure, of: Taylor) -> Taylor:
 
     The function attributes the width of that enclosure to the rows on which the number's argument depends.
     """
-    known = x.rest.sum(axis=0) <= over.rad
-    shares = of.sizes.linear + of.sizes.quad + of.rest[:-1]
+    known = x.radii.sum(axis=0) <= over.rad
+    shares = of.magnitudes.linear_by_row + of.magnitudes.quadratic_by_row + of.radii[:-1]
     total = shares.sum(axis=0)
-    poly, rest = np.where(known, x.poly, 0.0), np.where(known, x.rest, 0.0)
-    poly[0] = np.where(known, poly[0], over.mid)
+    coefficients, radii = np.where(known, x.coefficients, 0.0), np.where(known, x.radii, 0.0)
+    coefficients[0] = np.where(known, coefficients[0], over.mid)
     due = total > TINY
-    rest[:-1] += np.where(known | ~due, 0.0, shares * (over.rad / np.maximum(total, TINY)))
-    rest[-1] += np.where(known | due, 0.0, over.rad)
-    return Taylor(x.rows, poly, rest * SWOLLEN)
+    radii[:-1] += np.where(known | ~due, 0.0, shares * (over.rad / np.maximum(total, TINY)))
+    radii[-1] += np.where(known | due, 0.0, over.rad)
+    return Taylor(x.row_count, coefficients, radii * SWOLLEN)
 
 
 def _reciprocal(re: Number, im: Number) -> tuple[Taylor, Taylor]:
     """Return 1/x of a complex number x = (1 + e)/c, which is c (1 - e + e^2 - e^3/(1 + e))."""
-    a, b = by_conjugate(*(x.poly[0] if isinstance(x, Taylor) else np.asarray(x.mid, float) for x in (re, im)))
+    a, b = by_conjugate(*(x.coefficients[0] if isinstance(x, Taylor) else np.asarray(x.mid, float) for x in (re, im)))
     off_re, off_im = re * a - im * b - 1, re * b + im * a
     most = np.hypot(*(np.abs(off.enclosed().mid) + off.enclosed().rad for off in (off_re, off_im))) * (1 + 8 * UNIT)
     left_out = most**3 / np.where(most < 1, 1 - most, np.nan) * (1 + 8 * UNIT)
     one, other = off_re * off_re - off_im * off_im - off_re + 1, 2 * (off_re * off_im) - off_im
-    shares = sum(off.sizes.linear + off.sizes.quad for off in (off_re, off_im))
+    shares = sum(off.magnitudes.linear_by_row + off.magnitudes.quadratic_by_row for off in (off_re, off_im))
     total = shares.sum(axis=0)
     for part in (one, other):
-        part.rest[:-1] += np.where(total > TINY, shares * (left_out / np.maximum(total, TINY)), 0.0) * SWOLLEN
-        part.rest[-1] += np.where(total > TINY, 0.0, left_out)
+        part.radii[:-1] += np.where(total > TINY, shares * (left_out / np.maximum(total, TINY)), 0.0) * SWOLLEN
+        part.radii[-1] += np.where(total > TINY, 0.0, left_out)
     return one * a - other * b, one * b + other * a
 
 
 def _power(x: Taylor, table: Table) -> Taylor:
     """Return a table's values over x by the power law between two points; unbounded where x spans several intervals."""
-    mid, over = x.poly[0], x.enclosed()
+    mid, over = x.coefficients[0], x.enclosed()
     edges = np.array([at for at, _ in table])
     powers = np.array([0.0, *(log(d / b) / log(c / a) for (a, b), (c, d) in pairwise(table)), 0.0])
     place = np.searchsorted(edges, mid)
@@ -101,10 +101,10 @@ def _like(x: Number, one: Taylor) -> Taylor:
     """
     if isinstance(x, Taylor):
         return x
-    shape = (*x.mid.shape[:2], one.poly.shape[-1])
-    poly, rest = (np.zeros((len(part), *shape)) for part in (one.poly, one.rest))
-    poly[0], rest[-1] = (part.reshape(*shape[:2], -1) for part in (x.mid, x.rad))
-    return Taylor(one.rows, poly, rest)
+    shape = (*x.mid.shape[:2], one.coefficients.shape[-1])
+    coefficients, radii = (np.zeros((len(part), *shape)) for part in (one.coefficients, one.radii))
+    coefficients[0], radii[-1] = (part.reshape(*shape[:2], -1) for part in (x.mid, x.rad))
+    return Taylor(one.row_count, coefficients, radii)
 
 
 class _TaylorArithmetic:
@@ -135,7 +135,7 @@ class _TaylorArithmetic:
     def sqrt(x: Number) -> Number:
         if not isinstance(x, Taylor):
             return ENCLOSURES.sqrt(x)
-        mid, least = x.poly[0], x.poly[0] - x.enclosed().rad
+        mid, least = x.coefficients[0], x.coefficients[0] - x.enclosed().rad
         root = np.sqrt(mid)
         third = 0.375 / np.where(least > 0, least, np.nan) ** 2.5
         return x.mapped((root, 0.5 / root, -0.125 / (mid * root)), third, UNIT * root)
@@ -144,27 +144,29 @@ class _TaylorArithmetic:
     def exp(x: Number) -> Number:
         if not isinstance(x, Taylor):
             return ENCLOSURES.exp(x)
-        value, most = np.exp(x.poly[0]), ENCLOSURES.exp(x.enclosed())
+        value, most = np.exp(x.coefficients[0]), ENCLOSURES.exp(x.enclosed())
         return x.mapped((value, value, 0.5 * value), most.mid + most.rad, 2 * LIBRARY_ERROR * value)
 
     @staticmethod
     def sin(x: Number) -> Number:
         if not isinstance(x, Taylor):
             return ENCLOSURES.sin(x)
-        sin, cos = np.sin(x.poly[0]), np.cos(x.poly[0])
+        sin, cos = np.sin(x.coefficients[0]), np.cos(x.coefficients[0])
         return x.mapped((sin, cos, -0.5 * sin), 1.0, 2 * LIBRARY_ERROR)
 
     @staticmethod
     def cos(x: Number) -> Number:
         if not isinstance(x, Taylor):
             return ENCLOSURES.cos(x)
-        sin, cos = np.sin(x.poly[0]), np.cos(x.poly[0])
+        sin, cos = np.sin(x.coefficients[0]), np.cos(x.coefficients[0])
         return x.mapped((cos, -sin, -0.5 * cos), 1.0, 2 * LIBRARY_ERROR)
 
     @staticmethod
     def sinc(x: Number) -> Number:
         """Return sinc x. It is the mean of cos(t x) over 0 <= t <= 1, so |sinc'''| is at most 1/4."""
-        return x.mapped(_sinc(x.poly[0]), 0.25, 8 * LIBRARY_ERROR) if isinstance(x, Taylor) else ENCLOSURES.sinc(x)
+        return (
+            x.mapped(_sinc(x.coefficients[0]), 0.25, 8 * LIBRARY_ERROR) if isinstance(x, Taylor) else ENCLOSURES.sinc(x)
+        )
 
     @staticmethod
     def modulus(re: Number, im: Number) -> Number:
@@ -201,7 +203,7 @@ class _TaylorArithmetic:
 
     @staticmethod
     def middle(x: Number) -> Number:
-        return Enclosure(x.poly[0]) if isinstance(x, Taylor) else ENCLOSURES.middle(x)
+        return Enclosure(x.coefficients[0]) if isinstance(x, Taylor) else ENCLOSURES.middle(x)
 
     @staticmethod
     def magnitude(x: Number) -> float:

@@ -155,7 +155,11 @@ def by_polynomials(number: Number, boxes: Boxes, varied: Sequence[bool], spans: 
     least, n = least_over_boxes(number), len(boxes)
     width = boxes.high - boxes.low
     at, lost, varies = np.zeros_like(width), np.zeros_like(width), np.zeros_like(width)
-    at[varied], lost[varied], varies[varied] = least.at, least.cost, np.abs(number.poly[1 : 1 + number.rows])
+    at[varied], lost[varied], varies[varied] = (
+        least.at,
+        least.cost,
+        np.abs(number.coefficients[1 : 1 + number.row_count]),
+    )
     varies += lost
     known, positive = np.isfinite(least.bound), least.estimate > 0
     relative = _relative(boxes, spans)
@@ -202,13 +206,13 @@ def _subset(found: Decided, at: Integers) -> Decided:
 
 def _best_mean(a: Taylor, b: Taylor) -> Taylor:
     """Return the weighted mean of two numbers whose linear part has the greatest lower bound."""
-    one, two = (x.poly[: 1 + x.rows] / np.abs(x.poly[: 1 + x.rows]).sum(axis=0) for x in (a, b))
+    one, two = (affine / np.abs(affine).sum(axis=0) for affine in (x.coefficients[: 1 + x.row_count] for x in (a, b)))
     first, other = one[1:], two[1:]
     weights = np.nan_to_num(np.clip(other / (other - first), 0.0, 1.0), nan=0.5)
     mixed = weights[:, None] * one + (1 - weights[:, None]) * two
     least = mixed[:, 0] - np.abs(mixed[:, 1:]).sum(axis=1)
     weight = np.take_along_axis(weights, np.argmax(least, axis=0)[None], axis=0)[0]
-    sizes = [np.abs(x.poly[: 1 + x.rows]).sum(axis=0) for x in (a, b)]
+    sizes = [np.abs(x.coefficients[: 1 + x.row_count]).sum(axis=0) for x in (a, b)]
     return a * (weight / sizes[0]) + b * ((1 - weight) / sizes[1])
 
 

@@ -40,8 +40,8 @@ def surely_definite(matrix: Taylor) -> Definite:
     ----------
     matrix : symmetric matrix of polynomials, shape (m, m, n)
     """
-    k, m = matrix.rows, matrix.poly.shape[1]
-    poly, rest = (np.moveaxis(part, -1, 1) for part in (matrix.poly, matrix.rest))  # (coefficients, n, m, m)
+    k, m = matrix.row_count, matrix.coefficients.shape[1]
+    poly, rest = (np.moveaxis(part, -1, 1) for part in (matrix.coefficients, matrix.radii))  # (coefficients, n, m, m)
     with np.errstate(all="ignore"):
         middle = 0.5 * (poly[0] + poly[0].swapaxes(-1, -2))
         known = np.asarray(np.isfinite(poly).all(axis=(0, 2, 3)) & np.isfinite(rest).all(axis=(0, 2, 3)))

@@ -133,8 +133,8 @@ def _stacked(matrix: Matrix) -> Taylor:
     """Return a matrix of polynomials as a single `Taylor`, shape (m, m, n)."""
     flat = stacked([entry for row in matrix for entry in row])
     m = len(matrix)
-    poly, rest = (part.reshape(len(part), m, m, part.shape[-1]) for part in (flat.poly, flat.rest))
-    return Taylor(flat.rows, poly, rest)
+    poly, rest = (part.reshape(len(part), m, m, part.shape[-1]) for part in (flat.coefficients, flat.radii))
+    return Taylor(flat.row_count, poly, rest)
 
 
 def _lost(storage: Storage, hand: Hand, sensed: Number) -> Matrix:

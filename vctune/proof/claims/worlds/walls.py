@@ -136,7 +136,7 @@ def _worst_member(worlds: Worlds, lead: float, strip: Strip, sample_time: float,
 def _middle(x: Number) -> Any:
     """Return the approximate middle of each box."""
     if isinstance(x, Taylor):
-        return x.poly[0]
+        return x.coefficients[0]
     return x.value.mid if isinstance(x, Jet) else x.mid if isinstance(x, Enclosure) else x
 
 
