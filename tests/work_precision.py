@@ -26,7 +26,7 @@ from vctune.report.figures.with_matplotlib import svg
 from vctune.simulation.firmware.controller import Measurement, State, control
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics.friction import friction_force
-from vctune.simulation.mechanics.intended_motion import hand_force_derivatives, intended_motion
+from vctune.simulation.mechanics.intended_motion import intended_motion, push_matrix
 from vctune.simulation.run import run
 from vctune.simulation.scene import baseline_scene, designed_scene, equilibrium
 
@@ -66,7 +66,7 @@ def scipy_forces(scene, solver, tolerance, samples):
     """Return the hand's force with solve_ivp restarted at each; no delay, no hand mass."""
     T, carriage, friction = scene.device.sample_time, scene.carriage, scene.friction
     motion = intended_motion(scene.operator, T, 0, samples)
-    matrix, hand, begin = hand_force_derivatives(scene.operator, T), scene.operator, equilibrium(scene)
+    matrix, hand, begin = push_matrix(scene.operator, T), scene.operator, equilibrium(scene)
     body, state, forces = np.array([begin.position, 0.0, 0.0]), State(begin.reference, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), []
     for k in range(samples):
         nodes = [motion.position[k], motion.velocity[k], motion.position[k + 1], motion.velocity[k + 1]]

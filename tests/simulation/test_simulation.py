@@ -14,20 +14,22 @@ from hypothesis import strategies as st
 from integrators import euler, midpoint, sundials
 from sampled_oracle import Linear
 from sampled_oracle import simulate as oracle
+from scipy.interpolate import CubicHermiteSpline
 
 from vctune.document.reading import read_gains, read_problem
 from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
-from vctune.model.parts import VelocityEstimate
+from vctune.model.parts import Structure, VelocityEstimate
 from vctune.simulation.firmware.controller import Measurement, State, control
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics.friction import Carriage, Slide, friction_force, slide, slide_step
-from vctune.simulation.mechanics.intended_motion import intended_motion, sample_count, stroke_time
+from vctune.simulation.mechanics.intended_motion import intended_motion, push_matrix, sample_count, stroke_time
 from vctune.simulation.mechanics.rigid_motion import exponential
 from vctune.simulation.mechanics.scene_stability import fastest_mode, least_virtual
 from vctune.simulation.mechanics.step import COLUMNS, SAMPLES_PER_CALL, build
 from vctune.simulation.mechanics.step_inputs import INPUT_NAMES
+from vctune.simulation.mechanics.stretches import LEAST_STEPS, MOST_STEPS, STEPS_PER_RADIAN, default_substeps, push_at
 from vctune.simulation.run import run
 from vctune.simulation.scene import baseline_scene, designed_scene
 
@@ -125,7 +127,37 @@ def test_intended_motion(motion):
     assert np.array_equal(part.position, path.position[777:801])
 
 
+@given(st.integers(0, 2**32 - 1), st.floats(-5, -1))
+def test_the_push_is_the_force_of_spring_and_damper_on_the_cubic(seed, decades):
+    """At any time between two samples, on SciPy's cubic with the positions and velocities of both."""
+    T, (x, v, next_x, next_v) = 10.0**decades, np.random.default_rng(seed).normal(size=4)
+    cubic = CubicHermiteSpline([0.0, T], [x, next_x], [v, next_v])
+    push = push_matrix(HAND, T) @ [x, v, next_x, next_v]
+    scale = HAND.stiffness * (abs(x) + abs(next_x)) + HAND.damping * (abs(x) + abs(next_x)) / T
+    scale += (HAND.stiffness * T + HAND.damping) * (abs(v) + abs(next_v))
+    for order in range(4):
+        derivative = HAND.stiffness * cubic(0.0, order) + HAND.damping * cubic(0.0, order + 1)
+        assert push[order] == pytest.approx(derivative, abs=100e-15 * scale / T**order)
+    for time in np.linspace(0.0, T, 5):
+        force = HAND.stiffness * cubic(time) + HAND.damping * cubic(time, 1)
+        assert push_at(push, time) == pytest.approx(force, abs=100e-15 * scale)
+
+
 # friction
+
+
+def test_the_default_steps_resolve_the_bristles_oscillation():
+    """As many steps per radian of a mass on the bristles, within both limits; the mass of a flexible motor alone."""
+    scene = designed_scene(DEVICE, GAINS, COUPLING, experiment(operator=replace(HAND, mass=0.1)))
+
+    def steps(radians_per_sample, mass=0.5, of=scene):
+        return default_substeps(of, lugre(mass * (radians_per_sample / 1e-3) ** 2))
+
+    assert steps(1 - 1e-12) == STEPS_PER_RADIAN
+    assert steps(0.5 + 1e-9) == STEPS_PER_RADIAN / 2 + 1
+    assert (steps(1e-3), steps(1e3)) == (LEAST_STEPS, MOST_STEPS)
+    flexible = replace(scene, device=replace(DEVICE, structure=Structure(0.1, 200.0, 0.05)))
+    assert steps(1 - 1e-12, mass=0.3, of=flexible) == STEPS_PER_RADIAN
 
 
 def slid(friction, carriage, at, push, time, count, theta):

@@ -11,13 +11,13 @@ from vctune.document.reading import ProblemFile
 from vctune.firmware.firmware import Firmware
 from vctune.model.device import Commanded
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors, usual_share
+from vctune.model.numbers.arithmetic import Floats
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.simulation.firmware.controller import encoded
 from vctune.simulation.firmware.equations import COMMANDS, Parts
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.firmware.stepped import Start, SteppedFirmware
-from vctune.simulation.mechanics.intended_motion import Floats
 from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from vctune.model.device import Commanded
 from vctune.model.experiment import Environment, Operator
-from vctune.simulation.mechanics.intended_motion import Floats, stroke_time
+from vctune.model.numbers.arithmetic import Floats
+from vctune.simulation.mechanics.intended_motion import stroke_time
 from vctune.simulation.run import Traces
 
 TURNING_POINT = 0.1

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vctune.interrupt import interrupt_deferred
+from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.mechanics.hand_changes import after_sample, from_state, hand_changes, steps_of_hands
-from vctune.simulation.mechanics.intended_motion import Floats, intended_motion, sample_count
+from vctune.simulation.mechanics.intended_motion import intended_motion, sample_count
 from vctune.simulation.mechanics.step import SAMPLES_PER_CALL, build, columns
 from vctune.simulation.mechanics.step_inputs import (
     INPUT_NAMES,

@@ -25,7 +25,8 @@ from vctune.document.text.digest import experiments_digest
 from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
-from vctune.simulation.mechanics.intended_motion import Floats, stroke_time
+from vctune.model.numbers.arithmetic import Floats
+from vctune.simulation.mechanics.intended_motion import stroke_time
 from vctune.simulation.run import Traces
 from vctune.simulation.thinning import thinned
 from vctune.simulation.two_runs import Run, Simulated

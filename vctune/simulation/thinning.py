@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.simulation.mechanics.intended_motion import Floats
+from vctune.model.numbers.arithmetic import Floats
 
 Indices = NDArray[np.intp]
 

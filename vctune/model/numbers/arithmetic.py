@@ -12,9 +12,12 @@ from math import pi
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 Number = Any
 """A float, a NumPy array, a CasADi symbol, an Arb ball or series, an `Enclosure` or a `Jet`."""
+Floats = NDArray[np.float64]
+"""An array of floats of any shape."""
 
 
 class Arithmetic(Protocol):

@@ -10,11 +10,12 @@ from typing import Protocol
 import numpy as np
 
 from vctune.interrupt import interrupt_deferred
+from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.firmware.controller import coefficients_of, encoded
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.firmware.stepped import Precision, Start, SteppedFirmware, exported_parts
 from vctune.simulation.mechanics.hand_changes import after_sample, from_state, hand_changes, steps_of_hands
-from vctune.simulation.mechanics.intended_motion import Floats, sample_count
+from vctune.simulation.mechanics.intended_motion import sample_count
 from vctune.simulation.mechanics.step import ANSWER, SAMPLES_PER_CALL, OpenStep, build_open, columns
 from vctune.simulation.mechanics.step_inputs import INTENDED, held_at
 from vctune.simulation.run import Traces, has_diverged, motion_inputs, traces_of

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from vctune.document.text.errors import InputError
+from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.firmware.controller import encoded
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.firmware.stepped import Precision
-from vctune.simulation.mechanics.intended_motion import Floats
 from vctune.simulation.scene import Scene, equilibrium
 
 LIBRARY = "vctune_controller.so"

@@ -20,10 +20,10 @@ from vctune.model.experiment import Operator
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.drive import Rows, drive_rows, drive_states
 from vctune.model.loop.filters import plain_low_pass_rates
-from vctune.model.numbers.arithmetic import FLOATS, Number
+from vctune.model.numbers.arithmetic import FLOATS, Floats, Number
 from vctune.model.parts import ForceSensor, Servo
 from vctune.model.sampled.velocity_loop import SNAP, split_delay
-from vctune.simulation.mechanics.intended_motion import Floats, hand_force_derivatives
+from vctune.simulation.mechanics.intended_motion import push_matrix
 from vctune.simulation.mechanics.rigid_motion import Transition, exponential_less_one, timing
 from vctune.simulation.scene import Scene
 
@@ -252,7 +252,7 @@ def transition(scene: Scene, moving: Assembly) -> Transition:
     command_timing, reading, n = timing(scene), sensing(scene), moving.size
     command, push = n + GIVEN.index("command"), slice(n + GIVEN.index("push"), None)
     identity, T = np.eye(len(moving.rates)), scene.device.sample_time
-    derivatives = hand_force_derivatives(scene.operator, T)
+    derivatives = push_matrix(scene.operator, T)
 
     def after(time: float) -> tuple[Floats, Floats]:
         """Return states and given inputs after a time, as a function of their earlier values and of the late

@@ -16,11 +16,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from vctune.model.experiment import Friction
-from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.arithmetic import Floats, Number
 from vctune.simulation.firmware.operations import Arithmetic
 from vctune.simulation.mechanics.assembly import GIVEN, Assembly, applied
 from vctune.simulation.mechanics.friction import bristle_step
-from vctune.simulation.mechanics.intended_motion import Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vctune.simulation.mechanics.intended_motion import Floats
+from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.mechanics.step_inputs import INTENDED, REGRIP, held_at
 from vctune.simulation.scene import Scene
 

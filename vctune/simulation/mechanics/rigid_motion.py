@@ -11,8 +11,9 @@ from math import ceil, log2
 
 import numpy as np
 
+from vctune.model.numbers.arithmetic import Floats
 from vctune.model.sampled.velocity_loop import split_delay
-from vctune.simulation.mechanics.intended_motion import Floats, hand_force_derivatives
+from vctune.simulation.mechanics.intended_motion import push_matrix
 from vctune.simulation.scene import Scene
 
 
@@ -60,7 +61,7 @@ def transition(scene: Scene) -> Transition:
     rates[1, :4] = np.array([-carriage.stiffness, -carriage.damping, 1.0, 1.0]) / carriage.mass
     rates[[3, 4, 5], [4, 5, 6]] = 1.0
     early, late = exponential(rates * when.early), exponential(rates * when.late)
-    push = hand_force_derivatives(scene.operator, scene.device.sample_time)
+    push = push_matrix(scene.operator, scene.device.sample_time)
     return Transition(
         state=late[:2, :2] @ early[:2, :2],
         early=late[:2, :2] @ early[:2, 2],

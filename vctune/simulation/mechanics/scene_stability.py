@@ -11,6 +11,7 @@ import numpy as np
 from vctune.interrupt import interrupt_deferred
 from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Experiment
+from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.mechanics.hand_changes import (
     HandChanges,
     after_sample,
@@ -19,7 +20,6 @@ from vctune.simulation.mechanics.hand_changes import (
     scenes_of_hands,
     steps_of_hands,
 )
-from vctune.simulation.mechanics.intended_motion import Floats
 from vctune.simulation.mechanics.step import build
 from vctune.simulation.mechanics.step_inputs import INPUT_NAMES
 from vctune.simulation.scene import Scene, baseline_scene

@@ -16,12 +16,13 @@ import casadi as ca
 import numpy as np
 
 from vctune.model.experiment import Friction
+from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.firmware.controller import State, control, encoded, remembered_by
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics import rigid_motion
 from vctune.simulation.mechanics.assembly import Assembly, applied, assembly, sensing
 from vctune.simulation.mechanics.assembly import transition as assembled_transition
-from vctune.simulation.mechanics.intended_motion import Floats, hand_force_derivatives
+from vctune.simulation.mechanics.intended_motion import push_matrix
 from vctune.simulation.mechanics.rigid_motion import timing
 from vctune.simulation.mechanics.step_inputs import (
     INPUT_NAMES,
@@ -219,7 +220,7 @@ def _with_friction(scene: Scene, mechanism: Assembly | None, friction: Friction,
     stretches, and one more if the sensor samples the force within a stretch.
     """
     T, early_ends, force_taken = scene.device.sample_time, timing(scene).early, sensing(scene).instant
-    derivatives = ca.DM(hand_force_derivatives(scene.operator, T))
+    derivatives = ca.DM(push_matrix(scene.operator, T))
     state, inputs = ca.MX.sym("state", outputs.size_in(0)), ca.MX.sym("inputs", outputs.size_in(1))
     kept, record, early, late = outputs(state, inputs)
     push = ca.mtimes(derivatives, _motion(scene, inputs))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vctune.simulation.mechanics.intended_motion import Floats
+from vctune.model.numbers.arithmetic import Floats
 
 INPUT_NAMES = (
     "intended",
