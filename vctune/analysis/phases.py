@@ -116,7 +116,7 @@ def sensor_miss(device: Device, omega: Floats) -> Floats | None:
     omega : frequency, rad/s, > 0, shape (n,)
     """
     sensor = device_response(device, omega, FLOATS).sensor
-    return None if sensor is None else np.abs(omega * omega * sensor.curvature + 1j * omega * sensor.lag)
+    return None if sensor is None else np.abs(omega * omega * sensor.loss + 1j * omega * sensor.lag)
 
 
 def _drive_phases(device: Device, omega: float) -> dict[str, float]:

@@ -73,7 +73,7 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
     turned = Pair(-at.drive.lag, -(at.drive.re / omega))
     heard, lost = drive, None
     if at.estimate is not None:
-        gone = Pair(omega * omega * at.estimate.curvature, omega * at.estimate.lag)  # 1 - F
+        gone = Pair(omega * omega * at.estimate.loss, omega * at.estimate.lag)  # 1 - F
         lost, heard = drive * gone.scaled(-1), drive * Pair(at.estimate.re, -(omega * at.estimate.lag))
     Z_1 = Pair(at.damping, at.mass * omega)
     told, motor = Affine(None, drive, turned), Affine(Z_1, heard, turned)

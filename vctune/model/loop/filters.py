@@ -1,10 +1,11 @@
 """Evaluate the non-ideal parts of a device at a frequency, and write low-passes as rates of states.
 
-The parts are the velocity estimate, the actuator and the force sensor (model/README.md, section 12). The sampled models
-use the rates.
+The parts are the velocity estimate, the actuator and the force sensor (model/README.md, section 12), and the low-pass
+and the interpolation of a servo (section 17). The sampled models and the simulation use the rates. The filter
+`ForceSensor.filter_coefficient` of a servo's firmware is not here; the sampled models of a servo contain it.
 
-Each part has unit gain at omega = 0. The code computes 1 - H directly instead of subtracting H from 1, so that no
-digits cancel.
+Each part has unit gain at omega = 0. For its response H, the code computes 1 - H directly instead of subtracting H from
+1, so that no digits cancel.
 """
 
 from __future__ import annotations
@@ -17,47 +18,43 @@ from vctune.model.parts import ForceSensor, VelocityEstimate
 
 @dataclass(frozen=True, slots=True)
 class FilterResponse:
-    """A transfer function re - j omega lag with unit gain at omega = 0.
+    """The response H = re - j omega lag of a filter with unit gain at omega = 0, at one or more frequencies.
 
-    `re` and `lag` are even functions of omega, and smooth at omega = 0.
+    All three numbers are even functions of omega, and finite and smooth at omega = 0. For omega -> 0, `lag` tends to
+    the delay of a slow signal.
 
     Attributes
     ----------
-    re : real part, 1 at omega = 0; that of a low-pass vanishes far above the corner
-    curvature : (1 - Re)/omega^2, s^2
-    lag : -Im/omega, s
+    re : real part of H, 1 at omega = 0
+    loss : (1 - re)/omega^2, s^2, computed without a subtraction from 1
+    lag : -Im(H)/omega, s
     """
 
     re: Number
-    curvature: Number
+    loss: Number
     lag: Number
 
     def times(self, other: FilterResponse, omega2: Number) -> FilterResponse:
-        """Return the product of two filters at a frequency.
+        """Return the response of this filter and another one in series.
 
         Parameters
         ----------
-        other : the second filter, at the same frequency
-        omega2 : omega^2 there, (rad/s)^2
-
-        Returns
-        -------
-        FilterResponse
-            The product. The function computes its curvature from the factors' curvatures, not from 1 - Re, so that no
-            digits cancel.
+        other : response of the other filter, at the same frequencies
+        omega2 : omega^2 at these frequencies, (rad/s)^2
         """
         one, two = self, other
-        crossed = one.curvature * two.curvature * omega2
+        crossed = one.loss * two.loss * omega2
         return FilterResponse(
             one.re * two.re - omega2 * (one.lag * two.lag),
-            one.curvature + two.curvature + one.lag * two.lag - crossed,
+            one.loss + two.loss + one.lag * two.lag - crossed,  # 1 - re of the product, from 1 - re of both
             one.lag * two.re + one.re * two.lag,
         )
 
 
 def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return a low-pass at s = j omega: 1/(1 + s/w) of order 1, or w^2/(s^2 + sqrt(2) w s + w^2) of order 2
-    (Butterworth).
+    """Return the response of a continuous low-pass at s = j omega.
+
+    The low-pass is 1/(1 + s/w) of order 1, or w^2/(s^2 + sqrt(2) w s + w^2) of order 2 (Butterworth).
 
     Parameters
     ----------
@@ -71,18 +68,18 @@ def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -
     FilterResponse
         The result has the shape of omega.
     """
-    time = 1 / (2 * ops.pi * bandwidth_hz)
+    time = 1 / (2 * ops.pi * bandwidth_hz)  # 1/w
     x, time2 = omega * time, time * time
     x2 = x * x
     if order == 1:
-        reciprocal = 1 / (1 + x2)
-        return FilterResponse(reciprocal, time2 * reciprocal, time * reciprocal)
-    reciprocal = 1 / (1 + x2 * x2)
-    return FilterResponse((1 - x2) * reciprocal, time2 * (1 + x2) * reciprocal, ops.sqrt(2 * time2) * reciprocal)
+        size2 = 1 / (1 + x2)  # |H|^2
+        return FilterResponse(size2, time2 * size2, time * size2)
+    size2 = 1 / (1 + x2 * x2)
+    return FilterResponse((1 - x2) * size2, time2 * (1 + x2) * size2, ops.sqrt(2 * time2) * size2)
 
 
 def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return e^(-s delay) at s = j omega.
+    """Return the response e^(-s delay) of a delay at s = j omega.
 
     Parameters
     ----------
@@ -95,9 +92,9 @@ def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
     FilterResponse
         The result has the shape of omega.
     """
-    turn = omega * delay
-    half = ops.sinc(turn / 2)
-    return FilterResponse(ops.cos(turn), delay * delay / 2 * (half * half), delay * ops.sinc(turn))
+    angle = omega * delay
+    half_sinc = ops.sinc(angle / 2)
+    return FilterResponse(ops.cos(angle), delay * delay / 2 * (half_sinc * half_sinc), delay * ops.sinc(angle))
 
 
 def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
@@ -123,9 +120,9 @@ def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> Filter
 
 
 def low_pass_coefficients(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return the coefficients a and p of the firmware's low-pass y += a (x - y), that is, y = p y + a x.
+    """Return the coefficients of the firmware's low-pass of the velocity, y += a (x - y) at each sample.
 
-    Here a = 1 - e^(-2 pi f T).
+    Here a = 1 - e^(-2 pi f T), and y becomes p y + a x with p = 1 - a.
 
     Parameters
     ----------
@@ -135,25 +132,27 @@ def low_pass_coefficients(filter_hz: Number, sample_time: Number, ops: Arithmeti
 
     Returns
     -------
-    a, p : a and p = 1 - a, dimensionless; each has its own formula, so that no digits cancel
+    a, p : weight of the new sample and weight of the previous output, dimensionless; p has its own formula, so that no
+        digits cancel
     """
-    x = 2 * ops.pi * filter_hz * sample_time
+    x = 2 * ops.pi * filter_hz * sample_time  # 1 - e^-x = x phi_1(x)
     return x * ops.phi_1(x), ops.exp(-x)
 
 
 def velocity_estimate(
     estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
 ) -> FilterResponse | None:
-    """Return F, the response of the firmware's velocity to the true velocity, at z = e^(j omega T).
+    """Return F, the response of the firmware's velocity estimate to the velocity of the motor, at z = e^(j omega T).
 
     See model/README.md, section 12.
 
-    A backward difference of the position gives the mean velocity of the last sample interval, (1 - e^(-sT))/(sT). The
-    firmware's low-passes then filter this velocity.
+    A backward difference of the position gives the mean velocity of the last sample interval, with the response (1 -
+    e^(-sT))/(sT). The firmware's low-passes then filter this velocity, or a measured velocity.
 
     Parameters
     ----------
-    estimate : source of the velocity, "difference" or "measured", and the low-passes
+    estimate : source of the velocity, "difference" or "measured", with the corner frequency and the number of the
+        low-passes
     sample_time : T, s
     omega : angular frequency, rad/s, >= 0
     ops : arithmetic of the other arguments
@@ -163,26 +162,29 @@ def velocity_estimate(
     FilterResponse or None
         It has the shape of omega; None for a measured velocity without a low-pass.
     """
-    theta, T, found = omega * sample_time, sample_time, None
-    half = ops.sinc(theta / 2)
+    theta, T, response = omega * sample_time, sample_time, None
+    half_sinc = ops.sinc(theta / 2)
     if estimate.source == "difference":
-        found = FilterResponse(ops.sinc(theta), T * T * ops.sinc_curvature(theta), T / 2 * (half * half))
-    one = firmware_low_pass(estimate, T, omega, ops)
-    if one is not None:
+        # sinc_curvature(x) = (1 - sinc x)/x^2
+        response = FilterResponse(ops.sinc(theta), T * T * ops.sinc_curvature(theta), T / 2 * (half_sinc * half_sinc))
+    stage = firmware_low_pass(estimate, T, omega, ops)
+    if stage is not None:
         for _ in range(estimate.filter_order):
-            found = one if found is None else found.times(one, omega * omega)
-    return found
+            response = stage if response is None else response.times(stage, omega * omega)
+    return response
 
 
 def firmware_low_pass(
     estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
 ) -> FilterResponse | None:
-    """Return one of the firmware's low-passes of the velocity, a/(1 - (1 - a)/z), at z = e^(j omega T).
+    """Return the response of one of the firmware's low-passes of the velocity, a/(1 - p/z), at z = e^(j omega T).
+
+    The coefficients a and p are those of `low_pass_coefficients`.
 
     Parameters
     ----------
-    estimate : velocity estimate; the function uses its corner frequency, and ignores its order because it returns one
-        stage
+    estimate : velocity estimate; the function uses only its corner frequency. The estimate has `filter_order` such
+        low-passes in series
     sample_time : T, s
     omega : angular frequency, rad/s, >= 0
     ops : arithmetic of the other arguments
@@ -195,13 +197,13 @@ def firmware_low_pass(
     if estimate.filter_hz is None:
         return None
     theta, T = omega * sample_time, sample_time
-    half = ops.sinc(theta / 2)
+    half_sinc = ops.sinc(theta / 2)
     a, p = low_pass_coefficients(estimate.filter_hz, T, ops)
-    chord2 = half * half * (theta * theta)  # |1 - e^(-j theta)|^2
-    reciprocal = 1 / (a * a + p * chord2)
+    chord2 = half_sinc * half_sinc * (theta * theta)  # |1 - e^(-j theta)|^2
+    reciprocal = 1 / (a * a + p * chord2)  # 1/|1 - p/z|^2
     return FilterResponse(
         a * (a + p * chord2 / 2) * reciprocal,
-        p * (1 + p) / 2 * (T * T) * (half * half) * reciprocal,
+        p * (1 + p) / 2 * (T * T) * (half_sinc * half_sinc) * reciprocal,
         a * p * T * ops.sinc(theta) * reciprocal,
     )
 
@@ -211,73 +213,80 @@ def sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> Filt
 
     Parameters
     ----------
-    sensor : force sensor with bandwidth, Hz, and order of its low-pass, and delay, s
+    sensor : force sensor; the function uses its low-pass and its delay, and ignores `filter_coefficient`
     omega : angular frequency, rad/s, >= 0
     ops : arithmetic of the sensor's numbers and omega
 
     Returns
     -------
     FilterResponse or None
-        It has the shape of omega; None if the sensor is ideal.
+        It has the shape of omega; None if the sensor has neither a low-pass nor a delay.
     """
-    found = None
+    response = None
     if sensor.bandwidth_hz is not None:
-        found = low_pass(sensor.bandwidth_hz, sensor.order, omega, ops)
+        response = low_pass(sensor.bandwidth_hz, sensor.order, omega, ops)
     if not ops.is_zero(sensor.delay):
         delay = pure_delay(sensor.delay, omega, ops)
-        found = delay if found is None else found.times(delay, omega * omega)
-    return found
+        response = delay if response is None else response.times(delay, omega * omega)
+    return response
 
 
 def low_pass_rates(
-    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
+    rows: dict[str, dict[str, Number]], states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
 ) -> Number:
-    """Write a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2), into the rates of a system.
+    """Write the low-pass of `low_pass` into the rates of a system, in states that suit models which invert f(X).
 
-    The states of order 2 are y and y + y'/a with 2 a^2 = w^2, not y and y'. The function serves models that invert f(X)
-    with X = A E^-1 (model/README.md, section 14). For a fast low-pass f(X) is about half of |X|, and `matrices.inverse`
-    divides by its diagonal. With the states y and y' the diagonal would be close to 0.
+    With the output y and the bandwidth w, the state of order 1 is y. The states of order 2 are y and y + y'/a with
+    2 a^2 = w^2, not y and y'. Some sampled models invert a function f(X) of X = A E^-1 (model/README.md, section 14).
+    For a fast low-pass f(X) is about half of |X|, and `matrices.inverse` divides by its diagonal. With the states y and
+    y' the diagonal would be close to 0.
 
     Parameters
     ----------
-    rows : rates of each state by the names of the states, with T = 1; the function adds the rates of the low-pass
+    rows : rate of each state, per sample, as coefficients by the names of states and inputs. There must be a row for
+        each state of the low-pass; the function adds the coefficients of these states to it. The caller adds the
+        coefficient of the input
     states : names of the output y and of the second state, which exists for order 2 only
-    samples : bandwidth times T, that is, the -3 dB frequency in units of the sampling frequency
+    cycles_per_sample : the -3 dB frequency times T, that is, in units of the sampling frequency
     order : order of the low-pass, 1 or 2
     ops : arithmetic of the rates
 
     Returns
     -------
     Number
-        Rate at which the input drives the low-pass's last state, per sample.
+        Coefficient of the input in the rate of the low-pass's last state, per sample.
     """
-    corner, (out, rate) = 2 * ops.pi * samples, states
+    corner, (out, rate) = 2 * ops.pi * cycles_per_sample, states  # w T
     if order == 1:
         rows[out][out] = -corner
         return corner
-    a = corner * ops.sqrt(0 * corner + 0.5)  # the square root of the square would be wide for an uncertain corner
+    # 0 * corner + 0.5 is 1/2 as a number of the arithmetic; the square root of corner^2/2 would be wide for an
+    # uncertain corner
+    a = corner * ops.sqrt(0 * corner + 0.5)
     rows[out][out], rows[out][rate] = -a, a
     rows[rate][out], rows[rate][rate] = -a, -a
     return 2 * a
 
 
 def plain_low_pass_rates(
-    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
+    rows: dict[str, dict[str, Number]], states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
 ) -> Number:
-    """Write a low-pass into the rates of a system, with the states y and y'/w, for models that do not invert f(X).
+    """Write the low-pass of `low_pass` into the rates of a system, in the states y and, for order 2, y'/w.
+
+    These states suit models that do not invert f(X) (`low_pass_rates`).
 
     Parameters
     ----------
-    rows, states, samples, order, ops : see `low_pass_rates`
+    rows, states, cycles_per_sample, order, ops : see `low_pass_rates`
 
     Returns
     -------
     Number
-        Rate at which the input drives the low-pass's last state, per sample.
+        Coefficient of the input in the rate of the low-pass's last state, per sample.
     """
     if order == 1:
-        return low_pass_rates(rows, states, samples, order, ops)
-    corner, (out, rate) = 2 * ops.pi * samples, states
+        return low_pass_rates(rows, states, cycles_per_sample, order, ops)
+    corner, (out, rate) = 2 * ops.pi * cycles_per_sample, states
     rows[out][rate] = corner
     rows[rate][out], rows[rate][rate] = -corner, -ops.sqrt(2 * (corner * corner))
     return corner

@@ -189,8 +189,8 @@ def _estimated(
     re, lag = drive.re * F.re - omega2 * (drive.lag * F.lag), drive.lag * F.re + drive.re * F.lag
     C_f = controller_impedance(at, gains, re, lag, integral=integral)
     lost = Pair(
-        omega2 * (drive.re * F.curvature + drive.lag * F.lag),
-        omega * (drive.re * F.lag - omega2 * (drive.lag * F.curvature)),
+        omega2 * (drive.re * F.loss + drive.lag * F.lag),
+        omega * (drive.re * F.lag - omega2 * (drive.lag * F.loss)),
     ).scaled(-gains.velocity)
     return C_f, Z_1 + Pair(scale.up(lost.re), scale.up(lost.im))
 
@@ -206,7 +206,7 @@ def _turned(at: DeviceResponse, gains: Gains, C_0: Impedance, scale: _Scale, ops
     if at.estimate is not None:
         lost, lagging = gains.velocity * at.estimate.lag, at.omega * at.drive.lag
         if integral:
-            lost = lost + gains.position * at.estimate.curvature
+            lost = lost + gains.position * at.estimate.loss
         slope = slope + gains.velocity * (at.drive.re * at.drive.re + lagging * lagging) * lost
     if not integral:
         return _Turned(None, slope - at.damping * (gains.velocity * at.drive.lag))

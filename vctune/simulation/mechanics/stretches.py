@@ -42,7 +42,7 @@ class _SymbolArithmetic:
 
 
 SYMBOLS: Arithmetic = _SymbolArithmetic()
-
+"""The arithmetic with which controller and friction run on CasADi symbols."""
 
 Stretch = Callable[[Scene, Friction, float, float], Any]
 """Function that returns a CasADi function (body, command, push_and_derivatives) -> body, which integrates the motion
@@ -90,8 +90,8 @@ def fixed_steps(
     scene, friction : scene with the moving masses, and its friction
     begin, length : start of the part after the sample, and its length, s
     substeps : number of steps per sample, of which the part takes its share, rounded up; None for `default_substeps`
-    theta : point of a step at which the forces on a single mass are evaluated, see `friction.slide`; an `assembly`
-        has no such point and ignores it
+    theta : point of a step at which the forces on a single mass are evaluated, see `friction.slide`; ignored for an
+        `assembly`, whose linear motion is exact
     """
     share = length / scene.device.sample_time
     # a rounding above a whole number must not add a step
@@ -130,7 +130,7 @@ def _assembly_stretch(parts: Assembly, friction: Friction, begin: float, length:
     # push and derivatives at the start of the stretch
     push_at_begin = push_at(push_and_derivatives, begin)
     at_begin = push_at_begin, first + begin * (second + begin / 2 * third), second + begin * third, third
-    # the order of GIVEN; the first step computes the friction, which is 0 here
+    # the order of GIVEN; each step computes the friction, whose input stays 0
     given = [command, ca.MX(0.0), *at_begin]
     last = assembly_steps(step, AssemblyState([*ca.vertsplit(body[:n]), *given], body[n]), count)
     return ca.Function("stretch", [body, command, push_and_derivatives], [ca.vertcat(*last.values[:n], last.z)])
