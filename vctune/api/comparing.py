@@ -18,7 +18,12 @@ from vctune.design.verdict.felt import felt_record
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import on_yardstick, parse_problem
-from vctune.document.records.comparison import ComparisonRecord, MeasuredDesign, MeasuredRecord, comparison
+from vctune.document.records.comparison import (
+    ComparedDesign,
+    ComparisonRecord,
+    YardstickErrorRecord,
+    comparison_record,
+)
 from vctune.document.records.design_json import DesignRecord
 from vctune.model.problem import Problem, Transparency
 
@@ -59,7 +64,7 @@ def compare(
     if _alike(problem_a, problem_b):
         yardsticks = [problem_a.transparency]
         yardsticks += [problem_b.transparency] * (not _same(problem_a.transparency, problem_b.transparency))
-    return comparison(
+    return comparison_record(
         _measured_design(a, record_a, problem_a, yardsticks), _measured_design(b, record_b, problem_b, yardsticks)
     )
 
@@ -95,19 +100,19 @@ def _same(a: Transparency, b: Transparency) -> bool:
 
 def _measured_design(
     source: Any, record: DesignRecord, problem: Problem, yardsticks: Sequence[Transparency | None]
-) -> MeasuredDesign:
+) -> ComparedDesign:
     """Return one of two compared designs with its error on each yardstick. None stands for the design's own
     yardstick."""
-    return MeasuredDesign(
+    return ComparedDesign(
         source=str(source) if isinstance(source, str | Path) else record.problem.name,
         record=record,
         problem=problem,
         felt=None if record.design is None else felt_record(problem.device, *record.design),
-        measured=tuple(_measured(record, problem, yardstick or problem.transparency) for yardstick in yardsticks),
+        errors=tuple(_measured(record, problem, yardstick or problem.transparency) for yardstick in yardsticks),
     )
 
 
-def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -> MeasuredRecord | None:
+def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -> YardstickErrorRecord | None:
     """Return a design's error on a yardstick.
 
     Return None without a design, or if the yardstick is impossible for the device.
@@ -115,7 +120,7 @@ def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -
     if record.design is None or yardstick.band.max > problem.nyquist:
         return None
     posed = pose(replace(problem, transparency=yardstick)).problem
-    return MeasuredRecord(
+    return YardstickErrorRecord(
         **asdict(transparency_error(posed, *record.design)),
         display=problem.device.display,
         band_hz=list(yardstick.band.hz),

@@ -1,6 +1,7 @@
 """Compare two designs: list the differences of their problems, and both results.
 
-`vctune compare` prints this record. `vctune.api.comparing` measures both designs first.
+`vctune compare` prints the record of this module. `vctune.api.comparing` first computes the error of each design on the
+same yardsticks. A yardstick is the scale of the error: transparency band, Z_0, norm and weights.
 """
 
 from __future__ import annotations
@@ -26,8 +27,13 @@ UNCOMPARED = ("name", "description", "experiment")
 class SideRecord(Part):
     """One of the two designs.
 
-    The record states its source, the name of its problem, its status, whether it hardly uses its velocity loop, and why
-    there is no design.
+    Attributes
+    ----------
+    source : path that the caller gave; otherwise the name of the problem
+    name : name of the problem
+    status : "certified", "violated", "undecided" or "infeasible", as in design.json
+    idle : whether the design is certified and hardly uses its velocity loop
+    reason : reason why there is no design, or by how much a stable design misses the safety factor; null otherwise
     """
 
     source: str
@@ -40,7 +46,11 @@ class SideRecord(Part):
 class DifferenceRecord(Part):
     """A key with different values in the two problems.
 
-    A value is null if the problem does not have the key, for example because its table is absent. A range is a pair.
+    Attributes
+    ----------
+    key : key of the problem file, dotted
+    a, b : its values, with defaults written out. A range { min, max } is a pair. A value is null if the problem does
+        not have the key, for example because its table is absent; an infinite value is null, too
     """
 
     key: str
@@ -49,9 +59,18 @@ class DifferenceRecord(Part):
 
 
 class ValueRecord(Part):
-    """A number or a verdict of both designs. A value that does not exist is null.
+    """A number or a verdict of both designs.
 
-    The key is that of design.json, or begins with `felt`, `on_a` or `on_b`.
+    Attributes
+    ----------
+    group : heading under which `vctune compare` prints the value
+    key : key of design.json, dotted, for a value of design.json. The error and its terms, and the band and the Z_0 on
+        which they were computed, begin with `transparency` on a single yardstick, and with `on_a` and `on_b` on the
+        yardsticks of A and B. How a design feels begins with `felt`
+    label : name of the value; both names, joined by "or", if they differ between the two kinds of device
+    unit : unit of both values, or both units; "" without one
+    digits : number of significant digits that `vctune compare` prints
+    a, b : the values in `unit`, which may be ms or % where design.json has s or a ratio; null if a value does not exist
     """
 
     group: str
@@ -64,7 +83,14 @@ class ValueRecord(Part):
 
 
 class ComparisonRecord(Document):
-    """The output of `vctune compare`."""
+    """The output of `vctune compare`.
+
+    Attributes
+    ----------
+    a, b : the two designs
+    problem : keys of the problem in which they differ
+    design : values that at least one of the designs has, equal or not
+    """
 
     SCHEMA = "vctune/comparison/1"
 
@@ -74,40 +100,44 @@ class ComparisonRecord(Document):
     design: list[ValueRecord]
 
 
-class MeasuredRecord(TransparencyRecord):
-    """The error and its terms on a yardstick, and the yardstick."""
+class YardstickErrorRecord(TransparencyRecord):
+    """The error of a design and its terms on a yardstick, with the band and the Z_0 of this yardstick."""
 
     band_hz: Annotated[Pair, Shown("over a band of", unit="Hz")]
     reference_impedance: Annotated[float, Shown("with Z_0", of="damping")]
 
 
 @dataclass(frozen=True, slots=True)
-class MeasuredDesign:
-    """One of two designs to be compared.
+class ComparedDesign:
+    """One of two designs to be compared, with its errors.
 
     Attributes
     ----------
     source : name of the design in the output
-    record : record of the design
-    problem : problem for which the design was made, with its yardstick
+    record : record of the design, or of the reason why there is none
+    problem : problem of the record
     felt : how the design feels; None without a design
-    measured : error on the common yardstick, or on the yardsticks of A and of B; an error is None without a design, or
-        if the band of the yardstick exceeds the Nyquist frequency of the device
+    errors : the error on each yardstick of the comparison. There is one yardstick if both problems have the same one.
+        There are two, those of A and of B, if they differ. There is one, the design's own, if the kinds of display or
+        their units differ. An error is None without a design, or if the band of the yardstick exceeds the Nyquist
+        frequency of the device
     """
 
     source: str
     record: DesignRecord
     problem: Problem
     felt: FeltRecord | None
-    measured: tuple[MeasuredRecord | None, ...]
+    errors: tuple[YardstickErrorRecord | None, ...]
 
 
-def comparison(a: MeasuredDesign, b: MeasuredDesign) -> ComparisonRecord:
+def comparison_record(a: ComparedDesign, b: ComparedDesign) -> ComparisonRecord:
     """Return the comparison of two designs.
+
+    The values of the designs do not contain numbers that are always 0 for both kinds of display.
 
     Parameters
     ----------
-    a, b : the designs, measured on the same yardsticks
+    a, b : the designs, with errors on the same number of yardsticks
     """
     return ComparisonRecord(
         a=_side_record(a),
@@ -115,19 +145,20 @@ def comparison(a: MeasuredDesign, b: MeasuredDesign) -> ComparisonRecord:
         problem=_differences(a.problem, b.problem),
         design=[
             value
-            for value in _compared_groups(a, b)
+            for value in _values_by_group(a, b)
             if not (_always_zero(value, a.problem) and _always_zero(value, b.problem))
         ],
     )
 
 
 def _always_zero(value: ValueRecord, problem: Problem) -> bool:
-    """Return whether a number is always 0 for a kind of display."""
+    """Return whether a value is 0 in every design of the problem's kind of display: an absent gain or error term."""
     kind, last = problem.device.kind, value.key.rpartition(".")[2]
     return value.key in kind.absent or (last in TERMS and last not in kind.terms)
 
 
-def _side_record(side: MeasuredDesign) -> SideRecord:
+def _side_record(side: ComparedDesign) -> SideRecord:
+    """Return what the output states about a design as a whole."""
     record = side.record
     return SideRecord(
         source=side.source, name=record.problem.name, status=record.status, idle=record.idle, reason=record.reason
@@ -135,22 +166,25 @@ def _side_record(side: MeasuredDesign) -> SideRecord:
 
 
 def _differences(a: Problem, b: Problem) -> list[DifferenceRecord]:
-    """Return the keys that differ, with all defaults written out."""
-    one, other = ({dotted(path): value for path, value in _leaves(_stated(problem), ())} for problem in (a, b))
+    """Return the keys with different values, in the order of A, and then the keys that only B has."""
+    of_a, of_b = ({dotted(path): value for path, value in _leaves(_stated(problem), ())} for problem in (a, b))
     return [
-        DifferenceRecord(key=key, a=one.get(key), b=other.get(key))
-        for key in dict.fromkeys([*one, *other])
-        if one.get(key) != other.get(key)
+        DifferenceRecord(key=key, a=of_a.get(key), b=of_b.get(key))
+        for key in dict.fromkeys([*of_a, *of_b])
+        if of_a.get(key) != of_b.get(key)
     ]
 
 
 def _stated(problem: Problem) -> dict[str, Any]:
-    """Return the problem as a document, without the keys that do not affect its design."""
+    """Return the document of a problem with all defaults, without the keys that do not affect its design."""
     return {key: value for key, value in statement(problem).items() if key not in UNCOMPARED}
 
 
 def _leaves(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
-    """Yield each key of a document with its value. A range { min, max } counts as one value."""
+    """Yield the path of each key with its value, for all keys in a value of a document that has the path `path`.
+
+    A range { min, max } counts as one value, the pair of its ends. A list also counts as one value.
+    """
     if isinstance(node, dict) and set(node) == {"min", "max"}:
         yield path, [node["min"], node["max"]]
     elif isinstance(node, dict):
@@ -160,44 +194,50 @@ def _leaves(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
         yield path, node
 
 
-def _compared_groups(a: MeasuredDesign, b: MeasuredDesign) -> Iterator[ValueRecord]:
-    """Yield the numbers and verdicts that either design has, by group, with the error on one or on both yardsticks."""
+def _values_by_group(a: ComparedDesign, b: ComparedDesign) -> Iterator[ValueRecord]:
+    """Yield the values that either design has, group by group, with the errors on each yardstick."""
     units = (a.record.units, b.record.units)
-    error_keys = ("transparency",) if len(a.measured) == 1 else ("on_a", "on_b")
+    error_keys = ("transparency",) if len(a.errors) == 1 else ("on_a", "on_b")
     titles = {"transparency": "transparency", "on_a": "measured as A", "on_b": "measured as B"}
     for name, title in DesignRecord.GROUPS.items():
         if name != "transparency":
-            yield from _compared_fields(
+            yield from _values_of_parts(
                 title, name, list(zip((getattr(a.record, name), getattr(b.record, name)), units, strict=True))
             )
             continue
-        for key, *parts in zip(error_keys, a.measured, b.measured, strict=True):
-            yield from _compared_fields(titles[key], key, list(zip(parts, units, strict=True)))
-        yield from _compared_fields("in the hand", "felt", list(zip((a.felt, b.felt), units, strict=True)))
+        for key, *errors in zip(error_keys, a.errors, b.errors, strict=True):
+            yield from _values_of_parts(titles[key], key, list(zip(errors, units, strict=True)))
+        yield from _values_of_parts("in the hand", "felt", list(zip((a.felt, b.felt), units, strict=True)))
 
 
-def _compared_fields(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]]) -> Iterator[ValueRecord]:
-    """Yield the displayed fields of two parts and of the parts inside them."""
+def _values_of_parts(title: str, key: str, sides: Sequence[tuple[Part | None, Units]]) -> Iterator[ValueRecord]:
+    """Yield the displayed fields of a part of both designs, and of the parts inside it.
+
+    Details, which only the report shows, and fields without a value on both sides are left out.
+
+    Parameters
+    ----------
+    title : group of the values
+    key : dotted key of the part, which the keys of the values begin with
+    sides : the part of A and that of B, None if a design lacks it, each with the units of its device
+    """
     parts = [(part, units) for part, units in sides if part is not None]
-    for field, display_of_field in {
-        field: display for part, _ in parts for field, display in how_shown(type(part)).items()
-    }.items():
-        value_a, value_b = (_scaled(getattr(part, field, None), display_of_field) for part, _ in sides)
+    shown_of_field = {field: shown for part, _ in parts for field, shown in how_shown(type(part)).items()}
+    for field, shown in shown_of_field.items():
+        value_a, value_b = (_in_shown_unit(getattr(part, field, None), shown) for part, _ in sides)
         having = [(part, units) for part, units in parts if hasattr(part, field)]
-        label = _joined(units.translated(filled(part, display_of_field.label, units)) for part, units in having)
-        unit = _joined(units.of(display_of_field.of) for _, units in having) or (
-            "" if "{" in display_of_field.unit else display_of_field.unit
-        )
+        label = _joined(units.translated(filled(part, shown.label, units)) for part, units in having)
+        # a unit with a field's name in braces is a phrase about one design
+        unit = _joined(units.of(shown.of) for _, units in having) or ("" if "{" in shown.unit else shown.unit)
         unit = "Hz" if field.endswith("_hz") else unit
-        if not display_of_field.detail and (value_a is not None or value_b is not None):
-            key = f"{prefix}.{field}"
+        if not shown.detail and (value_a is not None or value_b is not None):
             yield ValueRecord(
-                group=title, key=key, label=label, unit=unit, digits=display_of_field.digits, a=value_a, b=value_b
+                group=title, key=f"{key}.{field}", label=label, unit=unit, digits=shown.digits, a=value_a, b=value_b
             )
     inner = [name for part, _ in parts for name, value in part if isinstance(value, Part)]
     for name in dict.fromkeys(inner):
         parts_inside = [(getattr(part, name, None), units) for part, units in sides]
-        yield from _compared_fields(title, f"{prefix}.{name}", parts_inside)
+        yield from _values_of_parts(title, f"{key}.{name}", parts_inside)
 
 
 def _joined(texts: Iterable[str]) -> str:
@@ -205,5 +245,6 @@ def _joined(texts: Iterable[str]) -> str:
     return " or ".join(dict.fromkeys(texts))
 
 
-def _scaled(value: Any, shown: Shown) -> Any:
+def _in_shown_unit(value: Any, shown: Shown) -> Any:
+    """Return a stored value in the unit in which it is displayed. Only a float has such a unit."""
     return value * shown.scale if isinstance(value, float) and shown.scale != 1 else value
