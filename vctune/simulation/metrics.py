@@ -15,7 +15,8 @@ from vctune.simulation.run import Traces
 
 TURNING_POINT = 0.1
 """Share of the travel at each end that counts as a turning point; also the share of the greatest speed that counts as
-near zero. The hand gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`).
+near zero. A reciprocating hand gains speed within the first 6 % of the travel
+(`vctune.simulation.mechanics.intended_motion.RAMP`).
 With half this share, the ripple would include a part of these 6 %. With twice this share, the ripple would miss a part
 of the stroke. The ripple changes only slightly with half or twice this share."""
 N_POSITIONS = 400
@@ -28,12 +29,12 @@ finds the same samples with half or twice this allowance."""
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A parameter of the environment as the hand feels it, fitted by least squares.
+    """A mass, damping or stiffness of the environment as the hand feels it, fitted by least squares; SI units.
 
     Attributes
     ----------
     value : value that the hand feels
-    asked : value of the parameter in the environment
+    asked : value of the parameter in the environment; 0 for the damping of free motion
     standard_error : standard error of the value, from the residual
     """
 
@@ -46,13 +47,15 @@ class Fit:
 class Metrics:
     """The measures of a run.
 
-    If the run has several cycles, the measures omit the first cycle. A measure that does not exist is None.
+    The measures from `non_overlap` to `ripple` omit the first of several cycles, and all samples at which a wall does
+    not push. The other measures cover all samples. A measure that does not exist is None, or an empty `fits`.
 
     Attributes
     ----------
     non_overlap : for a spring, the greatest distance between the force curves over position of loading and unloading
         strokes, without the turning points, N
-    fits : felt values of the environment's mass, damping and stiffness; for free motion the felt damping
+    fits : felt values of the environment's parameters that are not 0, by "mass", "damping" and "stiffness"; for free
+        motion the felt damping
     offset : force of the fit at the origin, N
     residual : root mean square difference of the force from the fit, N
     ripple : greatest minus least force around the fit while the handle's speed is below a tenth of the greatest speed,
@@ -63,7 +66,7 @@ class Metrics:
     handle_deficit, environment_deficit : greatest excess of the energy that handle and environment have returned over
         the energy that they have received, J, as a passivity observer computes it
     peak_motor : greatest magnitude of the command u, N; in m/s for a commanded velocity, in m for a commanded position
-    saturated : share of the samples at the actuator's limit
+    saturated : share of the samples at the actuator's limit; 0 without a limit
     peak_force : greatest |f_h|, N
     """
 
@@ -102,7 +105,8 @@ def metrics(
     Returns
     -------
     Metrics
-        Measures in SI units. A measure is None if it does not exist for the environment or the motion.
+        Measures in SI units. A measure is None if it does not exist for the environment or the motion, or if too few
+        samples count.
     """
     stroke = stroke_time(operator)
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)
@@ -132,13 +136,18 @@ def metrics(
 
 @dataclass(frozen=True, slots=True)
 class _Fitted:
+    """A fit of the force: the parameters, the force at the origin, and the residual force of each counted sample, N."""
+
     fits: dict[str, Fit]
     offset: float
     about: Floats
 
 
 def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -> _Fitted | None:
-    """Return the least-squares fit of the force to the environment's terms: position, velocity, acceleration."""
+    """Return the least-squares fit of the force to the environment's terms: position, velocity, acceleration.
+
+    The result is None if too few samples count.
+    """
     columns = {"stiffness": traces.position, "damping": traces.velocity}
     if environment.mass > 0:
         columns["mass"] = np.gradient(traces.velocity, traces.time)
@@ -163,13 +172,16 @@ def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -
 
 
 def _ripple(about: Floats, speed: Floats) -> float | None:
-    """Return the greatest minus the least residual force of the fit near zero velocity."""
+    """Return the greatest minus the least residual force of the fit near zero velocity; None if no sample is there."""
     slow = about[speed < TURNING_POINT * speed.max()]
     return float(np.ptp(slow)) if slow.size else None
 
 
 def _non_overlap(traces: Traces, counted: NDArray[np.bool_], stroke: float) -> float | None:
-    """Return the greatest distance between the force curves of the two directions at the same position."""
+    """Return the greatest distance between the force curves of the two directions at the same position.
+
+    The result is None if the counted strokes have only one direction or share no positions.
+    """
     number = np.floor(traces.time / stroke + 1e-9).astype(int)
     strokes = [np.flatnonzero((number == k) & counted) for k in np.unique(number[counted])]
     strokes = [at for at in strokes if at.size > 1]

@@ -47,7 +47,7 @@ class Traces:
     environment_force : f_e, N
     motor : u, the command: a force, N; for a servo a velocity, m/s, or a position, m
     sensed : f_s, the force that the firmware reads, N: the sensed f_h with noise; for a servo, after the filter and
-        with the force of the servo's own spring
+        with the force of the servo's own spring. The firmware of an impedance display does not read it
     diverged : time, s, at which the run diverged and the traces end; None if the run did not diverge
     motor_position, motor_velocity : motion of the motor, which carries the encoder, m, m/s; None if motor and
         handle move alike
@@ -80,7 +80,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     Returns
     -------
     Traces
-        Finite numbers; the traces of a run that diverges end where the divergence begins.
+        The recorded samples; the traces of a run that diverges end where the divergence begins.
     """
     if scene.operator.changes:
         return _run_changing(scene, progress, stretch)
@@ -177,7 +177,7 @@ def traces_of(scene: Scene, recorded: Floats, intended: Floats, aims: Floats, *,
     aims : position at which the hand aims at each of these samples, m
     diverged : whether the run diverged (`has_diverged`). The traces then end at the last sample at which the handle was
         within one travel of its aim. If there is no such sample, they end at the last sample within `DIVERGENCE`
-        travels
+        travels, or contain only the first sample
     """
     T, began = scene.device.sample_time, None
     if diverged:

@@ -37,7 +37,7 @@ class Scene:
 
     @property
     def carriage(self) -> Carriage:
-        """A rigid device and the hand, which move as one mass."""
+        """Device and hand as one mass. This holds for a device without a structure; a servo has no such mass."""
         device, hand = self.device, self.operator
         return Carriage(device.mass + hand.mass, device.damping + hand.damping, hand.stiffness)
 
@@ -65,12 +65,13 @@ def equilibrium(scene: Scene) -> Equilibrium:
     """Return the equilibrium at the start of the motion. All springs from hand to environment are in series.
 
     A servo starts at the position at which hand and environment are in equilibrium. The servo's own spring is relaxed
-    at this position. The scene starts at rest, with three exceptions:
+    at this position. The scene starts at rest, with four exceptions:
 
     - Without a position gain, no force of the motor balances the hand. The handle starts at the position at which hand
       and environment are in equilibrium.
     - A hand without stiffness does not balance the environment. The handle starts at the beginning of the motion.
     - A regular PID with K_i > 0 starts with an empty integral, which then grows with the position error.
+    - A late environment starts with delayed forces of 0.
     """
     at_rest = _at_rest(scene)
     return replace(at_rest, motor=at_rest.reference) if scene.law.command == "position" else at_rest
@@ -96,8 +97,8 @@ def _at_rest(scene: Scene) -> Equilibrium:
 
 
 def holding(law: Law) -> float:
-    """Return the stiffness between handle and rendered environment at rest, N/m: K_p, or the stiffness of the
-    coupling's spring."""
+    """Return the stiffness between motor and rendered environment at rest, N/m: K_p, or the stiffness of the
+    coupling's spring. It is 0 for a servo."""
     return law.coupling.stiffness if isinstance(law.coupling, SpringDamper) else law.position
 
 
@@ -135,8 +136,8 @@ def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, env
 
     Parameters
     ----------
-    device : device; the function uses its sample time and its velocity estimate
-    gains, coupling : the design
+    device : device; the function uses its sample time, its velocity estimate and its kind of command
+    gains, coupling : the design; None instead of a coupling for a regular PID
     environment : the rendered environment
     """
     estimate = device.velocity or VelocityEstimate()
@@ -162,7 +163,7 @@ def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, env
 
 
 def _scene(device: Device, experiment: Experiment, gains: Gains, coupling: AnyCoupling | None) -> Scene:
-    """Return a scene with a velocity law and a coupling."""
+    """Return the scene of an experiment with given gains and, if there is one, a coupling."""
     sensors = experiment.sensors
     law = replace(
         designed_law(device, gains, coupling, experiment.environment),

@@ -125,12 +125,12 @@ def quiet_stiffness(device: Device, experiment: Experiment) -> float:
     """Return the greatest stiffness of a wall at which an impedance display with an encoder comes to rest, N/m.
 
     The stiffness is min(2 b/T, 2 f_C/q) by Abbott and Okamura, because friction must absorb the energy that an encoder
-    step supplies.
+    step supplies. It is 0 without friction.
 
     Parameters
     ----------
     device : device; the function uses its damping and its sample time
-    experiment : experiment; the function uses its friction and its encoder
+    experiment : experiment; the function uses its friction and its encoder, whose resolution is not 0
     """
     coulomb = experiment.friction.coulomb if experiment.friction is not None else 0.0
     return min(2 * device.damping / device.sample_time, 2 * coulomb / experiment.sensors.position_resolution)
@@ -158,7 +158,7 @@ def _run(run: Run, curve: list[list[float]]) -> RunRecord:
 def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:
     """Return position or velocity, and the force at each of its values.
 
-    If the run has several cycles, the function omits the first cycle.
+    The function omits the first cycle if the traces contain later samples.
     """
     first = int(np.searchsorted(traces.time, cycle * (1 - 1e-9)))
     first = first if len(traces.time) - first > 1 else 0

@@ -1,4 +1,7 @@
-"""Compute the coefficients of a firmware in exact fractions of the design's decimals, and round them once."""
+"""Compute the coefficients of a firmware, those of the coupling in exact fractions of the design's decimals.
+
+The coefficients of the coupling are rounded once. Those of environment and limit are computed in floating point.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,8 @@ def exact(decimal: float) -> Fraction:
 def coupling_coefficients(
     coupling: AnyCoupling | None, sample_time: float, smoothing: float | None = None, low_passes: int = 0
 ) -> dict[str, float]:
-    """Return the coefficients of a coupling. The coupling of an admittance display follows the trapezoidal rule.
+    """Return the coefficients of a coupling. The coupling of an admittance display or servo follows the trapezoidal
+    rule.
 
     `coupling_of` is the inverse of this function.
 
@@ -33,8 +37,8 @@ def coupling_coefficients(
     Returns
     -------
     dict
-        The coefficients coupling_step and resistance, N s/m, and coupling_decay; or coupling_stiffness,
-        coupling_damping and resistance.
+        The coefficients coupling_step and resistance, N s/m, and coupling_decay. For an impedance display
+        coupling_stiffness, N/m, coupling_damping and resistance, N s/m. Without a coupling only resistance, which is 0.
     """
     if coupling is None:
         return {"resistance": 0.0}
@@ -60,7 +64,7 @@ def coupling_of(coefficients: dict[str, float], sample_time: float) -> AnyCoupli
 
     Parameters
     ----------
-    coefficients : see `coupling_coefficients`; they may be rounded
+    coefficients : coefficients of a coupling, see `coupling_coefficients`; they may be rounded
     sample_time : T, s
     """
     if "coupling_stiffness" in coefficients:
@@ -77,7 +81,7 @@ def coupling_of(coefficients: dict[str, float], sample_time: float) -> AnyCoupli
 
 
 def environment_coefficients(environment: Environment, sample_time: float) -> dict[str, float]:
-    """Return the coefficients of a built-in environment.
+    """Return the coefficients of an environment. They do not contain its lateness.
 
     Parameters
     ----------
@@ -97,12 +101,12 @@ def environment_coefficients(environment: Environment, sample_time: float) -> di
 
 
 def limit_coefficients(limit: float | None, position: float, integral: float) -> dict[str, float]:
-    """Return the coefficients of the limit on the force.
+    """Return the coefficients of the limit on the force; none without a limit.
 
     Parameters
     ----------
     limit : greatest force, N; None without a limit
-    position, integral : K_p and K_i, N/m, N/(m s)
+    position, integral : K_p and K_i, N/m, N/(m s); a gain of 0 has an infinite reach
     """
     if limit is None:
         return {}

@@ -31,7 +31,8 @@ class Law:
     Attributes
     ----------
     sample_time : T, s
-    velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
+    velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s). An impedance
+        display uses only K_v, the damping of its handle. A servo uses none of them
     coupling : damping b_c and mass m_c in series with the drag b_0 in parallel; for an impedance display a stiffness in
         parallel with a damping; None without a coupling
     virtual_mass, virtual_damping : mass and damping in parallel with the environment, kg, N s/m
@@ -62,7 +63,12 @@ class Law:
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """The measurement at a sample: position [m] and velocity [m/s] of the motor, and force of the hand [N]."""
+    """The measurement at a sample: position [m] and velocity [m/s] of the motor, and force of the hand [N].
+
+    The position is not yet rounded to the encoder's steps. For a servo, the force is the filtered force plus the force
+    of the servo's own spring. A firmware ignores the values that it does not need: a servo reads only the force, and an
+    impedance display does not read it.
+    """
 
     position: Number
     velocity: Number
@@ -76,13 +82,13 @@ class State:
     Attributes
     ----------
     reference, desired : x_e and v_e, position and velocity of the rendered environment, m, m/s
-    coupling : force of the coupling's damper and mass, N
-    integral : integral of the position error, m s
-    measured : position at the previous sample, m
+    coupling : force of the coupling's damper and mass, N; not for an impedance display
+    integral : integral of the position error, m s; for a regular PID
+    measured : position at the previous sample, rounded to the encoder's steps, m
     filtered, twice_filtered : velocity after the first and after the second low-pass, m/s
     inertia : force of the environment's mass, N; only the trapezoidal rule needs this force
     smoothed, twice_smoothed : v_e after the first and after the second low-pass, m/s; for an impedance display
-    ahead : v_e of the next sample, m/s; for a mass that explicit Euler integrates
+    ahead : v_e of the next sample, m/s; for a mass that explicit Euler integrates in an environment that is not late
     late_1 to late_10 : forces of the environment, N, that act 1 to 10 samples later; for a late environment
     """
 
@@ -122,7 +128,9 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     """Run the firmware for one sample.
 
     The hand's force drives coupling and environment, which share the velocity v_e: f_h = (Z_c + Z_e) v_e (paper eqs. 15
-    to 18). The stiff part is implicit: v_e solves this equation at the end of the sample.
+    to 18). A regular PID has its virtual mass and damping instead of Z_c. For an impedance display, the coupling's
+    force drives the environment. v_e solves this equation at the end of the sample, so the stiff parts are implicit. An
+    explicit or late environment contributes the force of earlier samples.
 
     Parameters
     ----------
@@ -216,7 +224,7 @@ def _blocks(parts: Parts) -> Iterator[Equation]:
 
 
 def encoded(law: Law, position: Number, ops: Arithmetic) -> Number:
-    """Return a position rounded to the encoder's steps, m.
+    """Return a position rounded to the encoder's steps, m; the position itself with an ideal encoder.
 
     Parameters
     ----------

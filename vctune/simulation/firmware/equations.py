@@ -51,8 +51,8 @@ class Parts:
 
     Attributes
     ----------
-    quantised : whether the firmware rounds the position to the encoder's steps; False with a real encoder, which rounds
-        the position itself
+    quantised : whether the equations round the position to the encoder's steps; False with an ideal encoder, and with a
+        real encoder, which rounds the position itself
     difference : True if the velocity is the backward difference of the position; False for a velocity sensor
     low_passes : number of low-passes of the velocity, 0 to 2
     coupling : whether there is a virtual coupling
@@ -64,7 +64,8 @@ class Parts:
     wall : whether stiffness and damping may be one-sided
     integral : whether the law also integrates the position error
     limit : whether the firmware limits the force, and with the force also the integral terms of the law
-    spring : whether the coupling is a spring and a damper, as for an impedance display; the firmware then has no law
+    spring : whether the coupling is a spring and a damper, as for an impedance display; of the law, the firmware then
+        has only the damping K_v
     command : kind of command: a force, or the velocity or the position that a servo follows. A servo's firmware reads
         the force only, and has neither a law nor a limit
     """
@@ -87,10 +88,12 @@ class Parts:
 
     @property
     def ahead(self) -> bool:
-        """Whether the environment's mass responds to a force only at the next sample."""
+        """Whether the environment's mass responds to a force only at the next sample, and the environment is not
+        late."""
         return self.mass and self.explicit and self.late == 0
 
 
+# exports print these meanings after name and symbol of the quantity
 COMMANDS: Mapping[Commanded, Quantity] = MappingProxyType(
     {
         "force": Quantity("command", "u", "force", "force that the motor is commanded"),
@@ -214,10 +217,10 @@ def estimate(parts: Parts) -> Iterator[Equation]:
 
 
 def drive(parts: Parts) -> Iterator[Equation]:
-    """Yield the force that drives the environment: f_h = (Z_c + Z_e) v_e, solved for v_e at the end of the sample.
+    """Yield the force that drives the environment, and x_e, both without the share of the new v_e.
 
-    For an impedance display, this force is the coupling's force with the tool held still: f_c = Z_c (y - v_e) = Z_e
-    v_e.
+    The force is the part of f_h = (Z_c + Z_e) v_e that does not depend on the new v_e. For an impedance display, the
+    coupling's force drives the environment: f_c = Z_c (y - v_e) = Z_e v_e, where y is the velocity of the handle.
     """
     if parts.spring:
         yield from _pulled(parts)
@@ -257,10 +260,11 @@ def _pulled(parts: Parts) -> Iterator[Equation]:
 
 
 def environment(parts: Parts) -> Iterator[Equation]:
-    """Yield the built-in environment: f_e, and the v_e that solves resistance v_e + f_e = drive.
+    """Yield the environment: f_e, and the v_e that solves resistance v_e + f_e = drive.
 
-    Mass and spring follow backward Euler, or the lossless trapezoidal rule. Backward Euler keeps the environment
-    passive and damps motions that are too fast for the sample time. A wall may therefore be arbitrarily stiff.
+    Mass and spring of a built-in environment follow backward Euler, or the lossless trapezoidal rule. Backward Euler
+    keeps the environment passive and damps motions that are too fast for the sample time. A wall may therefore be
+    arbitrarily stiff. Other equations state an environment that is late, or whose mass follows explicit Euler.
     """
     if parts.late or parts.ahead:
         yield from _late_environment(parts) if parts.late else _explicit_environment()
@@ -308,9 +312,9 @@ def _explicit_environment() -> Iterator[Equation]:
 def _late_environment(parts: Parts) -> Iterator[Equation]:
     """Yield an environment whose force acts some samples later.
 
-    If a mass steps by explicit Euler, its next velocity gives the force of the mass. The firmware knows this velocity
-    one sample early, and therefore delays the force by one sample less. If the environment is late by one sample, the
-    force acts at once.
+    By explicit Euler, the velocity of the next sample gives the force of the mass. The firmware therefore computes this
+    force one sample later, and delays it by one sample less. If the environment is late by one sample, this force acts
+    at once.
     """
     inertia_delay = parts.late - 1 if parts.explicit else parts.late
     inertia_acts_at_once = parts.mass and inertia_delay == 0
@@ -352,7 +356,7 @@ def _force(right: Term) -> Equation:
 
 
 def law(parts: Parts) -> Iterator[Equation]:
-    """Yield the coupling, the reference, and the law K_v + K_p/s on the velocity error, with its limit.
+    """Yield the coupling, the reference, and the law K_v + K_p/s + K_i/s^2 on the velocity error, with its limit.
 
     x_e and the coupling follow the trapezoidal rule. An impedance at omega then equals the continuous impedance at
     (2/T) tan(omega T/2). The rule therefore does not reduce Re Z_c, on which the certificate depends. While the limit

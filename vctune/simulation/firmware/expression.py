@@ -1,7 +1,7 @@
 """Represent the right-hand sides of the firmware's equations as data.
 
-Expressions run on plain floats, on CasADi's symbols, and in C. The order of the operations is always the same. Results
-in double precision therefore agree to the last bit.
+Expressions run on plain floats, on NumPy's single precision, on CasADi's symbols, and in C. The order of the operations
+is always the same. Results in the same precision therefore agree to the last bit.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ Term = Expression | float
 
 @dataclass(frozen=True, slots=True)
 class Symbol(Expression):
-    """The value of a quantity at this sample, or after the previous sample."""
+    """The value of a quantity at this sample, or after the previous sample if `before` is true."""
 
     name: str
     before: bool = False

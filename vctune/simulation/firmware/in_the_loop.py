@@ -40,7 +40,8 @@ class Controller(Protocol):
         """Begin a run of a scene."""
 
     def step(self, measured: Floats) -> Floats:
-        """Return x_e [m], v_e [m/s], f_e and u [N], given position [m], velocity [m/s] and force [N]."""
+        """Return x_e [m], v_e [m/s], f_e [N] and u [N, or m/s or m for a servo], given position [m], velocity [m/s] and
+        force [N]. The order is that of `ANSWER`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,7 @@ def run_in_the_loop(
 
     Returns
     -------
-    traces : finite numbers; the traces of a run that diverges end where the divergence begins
+    traces : the recorded samples; the traces of a run that diverges end where the divergence begins
     difference : difference from the design's own commands
     """
     samples, T = sample_count(scene.operator, scene.device.sample_time), scene.device.sample_time
@@ -127,7 +128,10 @@ def run_in_the_loop(
 def _sample(
     step: OpenStep, controller: Controller, state: Floats, inputs: Floats, grip: float, *, regrips: bool
 ) -> tuple[Floats, Floats, float, Floats, float]:
-    """Return state, record, the hand's grip, measurement and command of one sample."""
+    """Return the state and the hand's grip after a sample, and the sample's record, measurement and command.
+
+    The order is: state, record, grip, measurement, command.
+    """
     with interrupt_deferred():
         measured = np.asarray(step.sense(state, held_at(inputs, grip))).ravel()
         answer = controller.step(measured)
@@ -150,7 +154,8 @@ class _OwnFirmware:
         self._exact = SteppedFirmware(parts, coefficients, start, "double") if precision != "double" else None
 
     def commands(self, measured: Floats) -> tuple[float, float]:
-        """Return the design's command in both precisions, given position, velocity and force."""
+        """Return the design's command in the firmware's precision and in double precision, given position, velocity and
+        force."""
         read = measured.tolist()
         rounded = self._rounded.command(read)
         return rounded, rounded if self._exact is None else self._exact.command(read)

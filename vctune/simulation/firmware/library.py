@@ -43,7 +43,8 @@ class CompiledController:
         Raises
         ------
         InputError
-            If there is no library, if it cannot be loaded, or if it lacks functions of vctune_bridge.c.
+            If there is no library, if it cannot be loaded, if it lacks functions of vctune_bridge.c, or if it states an
+            impossible size of its memory or of its numbers.
         """
         place = path / LIBRARY if path.is_dir() else path
         if not place.is_file():
@@ -79,12 +80,13 @@ class CompiledController:
         begin, law = equilibrium(scene), scene.law
         rendered = law.environment
         position = encoded(law, begin.position, FLOATS)
-        setting = [position, begin.reference, law.limit or 0.0]
+        setting = [position, begin.reference, law.limit or 0.0]  # 0 means no limit
         setting += [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]
         setting += [float(rendered.wall), float(rendered.rule == "trapezoid")]
         self._start(self._memory, (c_double * len(setting))(*setting))
 
     def step(self, measured: Floats) -> Floats:
-        """Return x_e [m], v_e [m/s], f_e and u [N], given position [m], velocity [m/s] and force [N]."""
+        """Return x_e [m], v_e [m/s], f_e [N] and u [N, or m/s or m for a servo], given position [m], velocity [m/s] and
+        force [N]."""
         self._step(self._memory, (c_double * 3)(*measured), self._answer)
         return np.array(self._answer)

@@ -1,6 +1,6 @@
 """Step a design's own firmware sample by sample in one precision.
 
-The result equals the result of the exported C to the last bit.
+The result equals the result of the exported C in this precision to the last bit.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class Start:
     Attributes
     ----------
     environment : the rendered environment
-    limit : greatest force, N; None without a limit
-    position, reference : position of the motor from the encoder, and x_e, both m
+    limit : greatest force, N; None without a limit, as for a servo
+    position, reference : position of the motor, rounded to the encoder's steps, and x_e, both m
     """
 
     environment: Environment
@@ -43,7 +43,8 @@ class Start:
 
 
 def exported_parts(law: Law) -> Parts:
-    """Return the parts of an exported firmware: any built-in environment, no encoder, a limited force."""
+    """Return the parts of an exported firmware: any built-in environment, no rounding of the position, and a limit on a
+    commanded force."""
     of = parts_of(law)
     return Parts(
         difference=of.difference,
@@ -62,7 +63,7 @@ class SteppedFirmware:
 
         Parameters
         ----------
-        parts : parts of the firmware; the encoder provides its positions
+        parts : parts of the firmware, as `exported_parts` returns them
         coefficients : coefficients of the controller, by their names in `equations.COEFFICIENTS`
         start : environment and start values
         precision : precision of the arithmetic; the function first rounds the coefficients to this precision
@@ -82,7 +83,12 @@ class SteppedFirmware:
         self._values[Symbol("measured", before=True)] = number(start.position)
 
     def command(self, measured: Sequence[float]) -> float:
-        """Return the command, given position [m], velocity [m/s] and force [N] of the next sample."""
+        """Return the command, N, or m/s or m for a servo, and update the state.
+
+        Parameters
+        ----------
+        measured : position [m], rounded to the encoder's steps, velocity [m/s] and force [N] of the next sample
+        """
         values = self._values
         for name, read in zip(("position", "velocity", "force"), measured, strict=True):
             values[Symbol(f"measured_{name}")] = self._number(read)

@@ -41,8 +41,8 @@ class Assembly:
     ----------
     states : names of the states: position and velocity of the motor first; then, if the device has the part, bend and
         handle_velocity, the states of the drive, the rate of a servo's velocity, and sensed with its rate
-    rates : matrix of the rates over states and given
-    units : units of states and given, in which all rates are about as large as their effect on a sample
+    rates : matrix of the rates over states and given, shape (n, n) for n states and given
+    units : units of states and given, shape (n,), in which all rates are about as large as their effect on a sample
     position, velocity : rows of the handle's position and velocity, m, m/s
     force : row of f_h, the force of the hand on the handle, N
     sensed : row of the sensor's force without its delay, N
@@ -76,8 +76,9 @@ class Sensing:
 
     Attributes
     ----------
-    whole_samples : number of whole samples before the reading
-    instant : time since the previous sample, s; None if the sensor samples the force at the firmware's sample
+    whole_samples : number of whole samples in the sensor's delay
+    instant : time after a sample of the firmware at which the sensor samples the force, s; None if the sensor samples
+        the force at the firmware's sample
     """
 
     whole_samples: int
@@ -100,7 +101,8 @@ def sensing(scene: Scene) -> Sensing:
 def assembly(scene: Scene) -> Assembly | None:
     """Return the moving parts of a scene.
 
-    The result is None for a single mass whose sensor has no low-pass and samples the force at the firmware's sample.
+    The result is None for a single mass without an actuator, whose sensor has no low-pass and samples the force at the
+    firmware's sample.
     """
     device, hand = scene.device, scene.operator
     if device.servo is not None:
@@ -147,7 +149,7 @@ def assembly(scene: Scene) -> Assembly | None:
 
 
 def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
-    """Return a servo with the hand's force on it: -(M a + B v + K x) plus the push of the hand's spring and damper."""
+    """Return a servo with the hand's force on it: -(M a + B v + K x) plus the push, where M, B and K are the hand's."""
     velocity = ("velocity", "velocity_rate")[: servo.order]
     states, T = ("position", *velocity, *_sensed_states(device.sensing)), device.sample_time
     names = (*states, *GIVEN)
@@ -226,7 +228,15 @@ def _low_pass(
 
 
 def _units(names: tuple[str, ...], force: float, command: float, sample_time: float, bend_frequency: float) -> Floats:
-    """Return units: T for time, given units for forces and commands, and the size of the oscillation for a bend."""
+    """Return units: T for time, given units for forces and commands, and the size of the oscillation for a bend.
+
+    Parameters
+    ----------
+    names : names of states and given
+    force, command : units of force, N, and of the held command
+    sample_time : T, s
+    bend_frequency : angular frequency of the handle's oscillation on its spring, rad/s; 0 without a structure
+    """
     units = {"position": 1.0, "command": command, "bend": 1 / (1 + bend_frequency * sample_time)}
     units |= dict.fromkeys(("velocity", "handle_velocity", "velocity_rate"), 1 / sample_time)
     units |= {f"push_{k}": force / sample_time**k for k in (1, 2, 3)}

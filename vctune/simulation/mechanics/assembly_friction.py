@@ -24,7 +24,8 @@ from vctune.simulation.mechanics.friction import bristle_step
 
 @dataclass(frozen=True, slots=True)
 class AssemblyState:
-    """States and inputs of an assembly, and the bristles' deflection z [m]. The input of the friction force is 0."""
+    """States and inputs of an assembly, and the bristles' deflection z [m]. The input of the friction force is 0,
+    because `assembly_step` computes this force."""
 
     values: list[Number]
     z: Number
@@ -42,8 +43,8 @@ class FrictionStep:
     Attributes
     ----------
     length : length h of the step, s
-    change : e^(rates h) - 1
-    friction : index of the column of the friction's force
+    change : e^(rates h) - 1, see `Assembly.changed`
+    friction : index of the friction's force in states and inputs
     """
 
     length: float

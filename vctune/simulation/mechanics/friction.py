@@ -57,7 +57,7 @@ def friction_force(friction: Friction, velocity: Number, deflection: Number, ops
 
 @dataclass(frozen=True, slots=True)
 class Slide:
-    """State of handle and bristles: position x [m], velocity v [m/s], deflection z [m]."""
+    """State of a moving mass and of the bristles on it: position x [m], velocity v [m/s], deflection z [m]."""
 
     x: Number
     v: Number
@@ -66,7 +66,11 @@ class Slide:
 
 @dataclass(frozen=True, slots=True)
 class Carriage:
-    """The sliding mass of device and hand, mass dv/dt = push - damping v - stiffness x - F, in SI units."""
+    """The sliding mass of device and hand, mass dv/dt = push - damping v - stiffness x - F, in SI units.
+
+    In this module, the push is the force of the motor plus the force of the hand's spring and damper on a handle at
+    rest at 0. The damping is that of device and hand, the stiffness that of the hand.
+    """
 
     mass: float
     damping: float
@@ -74,14 +78,15 @@ class Carriage:
 
 
 SlideStep = Callable[[Slide, Number, Number], tuple[Slide, Number]]
-"""Type of `slide_step` with a given length: a function of a state, a predicted velocity and a force."""
+"""Type of `slide_step` with a given length: a function of a state, a predicted velocity and a push."""
 
 
 def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float, steps: int, theta: float) -> Slide:
     """Advance by several steps of length h [s] under the force push(t) [N], where t [s] counts from the beginning.
 
-    The midpoint rule (theta = 1/2) is of second order, Euler's rule (theta = 1) of first order. The code evaluates the
-    bristles' rate at a velocity that the previous step predicts. In the first step, a trial step predicts the velocity.
+    The midpoint rule (theta = 1/2) is of second order, Euler's rule (theta = 1) of first order. For theta < 1, the code
+    evaluates the bristles' rate at a velocity that the previous step predicts. In the first step, a trial step predicts
+    the velocity. For theta = 1, the code evaluates the rate at the velocity at the beginning of the step.
 
     Parameters
     ----------

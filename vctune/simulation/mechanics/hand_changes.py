@@ -18,7 +18,7 @@ from vctune.simulation.mechanics.step_inputs import INTENDED, REGRIP, held_at
 from vctune.simulation.scene import Scene
 
 OneSample = Callable[[Floats], tuple[Floats, Floats]]
-"""Function that returns state and record after a sample, given its inputs."""
+"""Function that returns the state after a sample and the sample's record, given its inputs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +71,8 @@ def hand_changes(scene: Scene) -> HandChanges:
 
 
 def scenes_of_hands(scene: Scene) -> tuple[Scene, Scene]:
-    """Return two scenes: with the hand of the first interval between changes, and with the hand of the second
-    interval."""
+    """Return two scenes: with the hand of the first interval between changes, and with the hand of the second interval.
+    They are the same scene if the damping does not change."""
     other = scene.operator.other_damping
     return scene, scene if other is None else replace(scene, operator=replace(scene.operator, damping=other))
 
@@ -90,12 +90,12 @@ def steps_of_hands(scene: Scene, build: Callable[[Scene, Scene], Any]) -> dict[t
 
 
 def after_sample(advance: OneSample, inputs: Floats, grip: float, *, regrips: bool) -> tuple[Floats, Floats, float]:
-    """Return state and record after a sample, and the position at which the hand then holds the handle.
+    """Return the state after a sample, the sample's record, and the position at which the hand then holds the handle.
 
     Parameters
     ----------
-    advance : the step from the state before
-    inputs : inputs of the intended motion, for a hand that holds at 0
+    advance : the step from the state before the sample; the function calls it a second time if the hand regrips
+    inputs : inputs of the step (`INPUT_NAMES`) for a hand that holds at 0
     grip : position at which the hand holds the handle, m
     regrips : whether the hand regrips the handle at this sample
     """

@@ -1,7 +1,8 @@
 """Compute the motion of a rigid device and the hand between two samples, without friction (model/README.md, section 7).
 
-Matrix exponentials give the exact motion. The module `assembly` treats devices with an actuator, a handle on a spring
-or a low-pass of the force sensor.
+Matrix exponentials give the exact motion. The module `assembly` treats devices with an actuator, a handle on a spring,
+a low-pass of the force sensor or a sensor delay with a fraction of a sample, and servos. Timing, transitions and
+exponentials of this module serve all devices.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from vctune.simulation.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """The commands that act within a sample interval: u[k-N-1] for `early` seconds, then u[k-N].
+    """The commands that act after sample k, up to the next sample: u[k-N-1] for `early` seconds, then u[k-N].
 
     Attributes
     ----------
@@ -43,7 +44,8 @@ def timing(scene: Scene) -> Timing:
 class Transition:
     """The state after a sample: state @ before + early u_early + late u_late + motion @ (x_i, v_i, x_i', v_i').
 
-    Position and velocity are the first states.
+    u_early and u_late are the commands of `Timing`. The prime marks the next sample. Position and velocity of the motor
+    are the first states.
     """
 
     state: Floats
@@ -53,7 +55,8 @@ class Transition:
 
 
 def transition(scene: Scene) -> Transition:
-    """Return the exact transition of a scene without friction over one sample."""
+    """Return the exact transition over one sample of a scene without friction whose device and hand move as one
+    mass."""
     when, carriage = timing(scene), scene.carriage
     # x, v, motor's force, the hand's push and its three derivatives
     rates = np.zeros((7, 7))
@@ -78,6 +81,7 @@ def exponential(matrix: Floats) -> Floats:
 def exponential_less_one(matrix: Floats) -> Floats:
     """Return e^matrix - 1 of a small matrix, by scaling, Taylor's series and squaring."""
     norm = float(np.abs(matrix).sum(axis=1).max())
+    # halved to a norm of at most 1/4, at which the series to order 17 is exact to rounding
     halvings = max(0, ceil(log2(norm)) + 2) if norm > 0 else 0
     scaled = matrix / 2.0**halvings
     excess = term = scaled

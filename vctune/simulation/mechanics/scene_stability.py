@@ -38,7 +38,8 @@ shows in the fourth digit. Twice as many bisections reach rounding errors."""
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """The fastest growing mode of a sampled loop: its factor per sample, and its frequency in Hz."""
+    """The fastest growing, or slowest decaying, mode of a sampled loop: its factor per sample, and its frequency in
+    Hz."""
 
     radius: float
     hz: float
@@ -59,7 +60,11 @@ def linear_scenes(scene: Scene) -> list[Scene]:
 
 
 def loop_matrix(scene: Scene) -> Floats:
-    """Return the matrix of a linear scene's step from state to state. The function applies the step to unit states."""
+    """Return the matrix of a linear scene's step from state to state. The function applies the step to unit states.
+
+    The answer to the zero state is subtracted, because an environment's spring may be relaxed at a position other than
+    0.
+    """
     with interrupt_deferred():
         step = build(scene)
         size, no_input = len(step.start), np.zeros(len(INPUT_NAMES))
@@ -70,9 +75,11 @@ def loop_matrix(scene: Scene) -> Floats:
 def fastest_mode(scene: Scene) -> Mode:
     """Return the mode that decides whether hand, device and environment oscillate together.
 
+    For a wall, the function compares the loops in contact and away from the wall, and returns the faster growing mode.
     If the hand has a dwell time, the mode belongs to one period of the changes. The growth is still per sample. The
-    frequency is the frequency at which the mode repeats from period to period. If the hand changes at given times, the
-    function examines each of the two hands separately and returns the fastest growing mode.
+    frequency is the frequency at which the mode repeats from period to period. If the damping changes at given times,
+    the function examines each of the two hands separately and returns the fastest growing mode. Re-grips at given times
+    do not affect the result.
     """
     T, changes = scene.device.sample_time, hand_changes(scene)
     if changes.every == 0:
@@ -85,7 +92,11 @@ def fastest_mode(scene: Scene) -> Mode:
 
 
 def _period_matrix(scene: Scene, changes: HandChanges) -> Floats:
-    """Return the matrix over state and grip from one change of the hand to the next one, or to the one after that."""
+    """Return the matrix over one period of the changes: up to the next change, or the one after that if the damping
+    alternates.
+
+    The matrix covers the state and, if the hand re-grips, the grip as the last element.
+    """
     with interrupt_deferred():
         steps = steps_of_hands(scene, lambda now, then: build(now, then=then))
 
@@ -109,7 +120,8 @@ def _period_matrix(scene: Scene, changes: HandChanges) -> Floats:
 
 
 def _fastest(matrix: Floats, sample_time: float, samples: int = 1) -> Mode:
-    """Return the fastest growing mode of a matrix that covers some samples."""
+    """Return the fastest growing mode of a matrix that covers some samples. Eigenvalues at 1 do not count
+    (`STANDING`)."""
     values = np.linalg.eigvals(matrix)
     oscillating = values[np.abs(values - 1) > STANDING]
     dominant = oscillating[np.argmax(np.abs(oscillating))]
@@ -121,7 +133,8 @@ def _fastest(matrix: Floats, sample_time: float, samples: int = 1) -> Mode:
 def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> float | None:
     """Return the least factor of the virtual mass and damping of a regular PID above which the PID's loop is stable.
 
-    The search covers 10^-`DECADES` to 10^`DECADES` times the values of the file.
+    The search covers 10^-`DECADES` to 10^`DECADES` times the values of the file. If the loop is stable in several
+    ranges of the factor, the result is the lower end of the uppermost range.
 
     Parameters
     ----------
@@ -132,7 +145,7 @@ def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> floa
     Returns
     -------
     float or None
-        The factor; 0 if the loop is stable with almost no virtual mass and damping, None if no tried factor is stable.
+        The factor; 0 if the uppermost range reaches the least tried factor, None if no tried factor is stable.
     """
 
     def stable(share: float) -> bool:

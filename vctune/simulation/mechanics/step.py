@@ -37,12 +37,13 @@ from vctune.simulation.mechanics.stretches import SYMBOLS, Stretch, fixed_steps,
 from vctune.simulation.scene import Scene
 
 SAMPLES_PER_CALL = 1024
-"""Number of samples per call of the compiled function. Progress and Ctrl-C wait for the end of a call. The time per
-sample is equal with half or twice as many samples per call."""
+"""Number of samples per call of the compiled function, and between two checks for divergence. Progress and Ctrl-C wait
+for the end of these samples. The time per sample is equal with half or twice as many samples per call."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
 """Columns that a simulation records at each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. In a record, x and v belong to
-the handle. f_s is the force that the firmware reads, which is the sensed f_h. For a servo, f_s is this force after the
-servo's filter, plus the force of the servo's own spring."""
+the handle. f_s is the force that the firmware reads, which is the sensed f_h with noise. For a servo, f_s is this force
+after the servo's filter, plus the force of the servo's own spring. The firmware of an impedance display does not read
+f_s."""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
 """Additional recorded columns if motor and handle move differently."""
 ANSWER = ("reference", "desired", "environment_force", "motor")
@@ -53,9 +54,10 @@ ANSWER = ("reference", "desired", "environment_force", "motor")
 class Step:
     """A compiled step, advance(state, inputs) -> (state, record), and its state at the start of the motion.
 
-    The state contains x, v, the states of the other moving parts, and z if there is friction. The state also contains
-    the firmware's state, and the commands and sensed forces that are still delayed. If the device has them, the state
-    contains the force sensed within the last sample, and the force after a servo's filter of the sensed samples.
+    The state contains, in this order: x and v of the motor, the states of the other moving parts, z if there is
+    friction, the force sensed within the last sample if the sensor samples it there, the firmware's state, the commands
+    and the sensed forces that are still delayed, and the force after a servo's filter if there is one. The record has
+    the columns of `columns`.
     """
 
     advance: Any
@@ -71,9 +73,10 @@ class Step:
 class OpenStep:
     """A compiled step without its firmware.
 
-    The function sense(state, inputs) -> (position, velocity, force) returns the firmware's input. The function
-    advance(state, inputs) -> (state, record) takes the firmware's output, `ANSWER`, after its other inputs. The state
-    equals the state of a `Step` without the firmware's part. `start` is the state at the start of the motion.
+    The function sense(state, inputs) -> (position, velocity, force) returns the firmware's input as one column. Its
+    position is rounded to the encoder's steps. The function advance(state, inputs) -> (state, record) takes the
+    firmware's output, `ANSWER`, after its other inputs. The state equals the state of a `Step` without the firmware's
+    part. `start` is the state at the start of the motion.
     """
 
     sense: Any
@@ -88,8 +91,8 @@ def build(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = Non
     ----------
     scene : the scene of the run
     stretch : function that integrates the friction; not used without friction
-    then : the scene with the changed hand, which acts from this sample on, and whose force the sensor first samples at
-        the next sample; None if the hand does not change
+    then : the scene with the changed hand, which acts from this sample on, and whose force the sensor first samples
+        after this sample; None if the hand does not change
 
     Returns
     -------
@@ -115,7 +118,8 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None 
 
     Parameters
     ----------
-    scene : the scene of the run; the function uses only the encoder, the kind of command and the start of its law
+    scene : the scene of the run; of its law, the function uses only the encoder, the kind of command and the
+        equilibrium at the start
     stretch : function that integrates the friction; not used without friction
     then : as in `build`
 
@@ -147,7 +151,8 @@ class _Firmware:
 
 
 def _compiled(scene: Scene, stretch: Stretch, wired: SampleSymbols, firmware: _Firmware, then: Scene | None) -> Step:
-    """Compile a sample: record and firmware of the scene, and then the motion of the scene from this sample on."""
+    """Compile a sample: record and firmware of the scene, and then the motion, with the changed hand if there is
+    one."""
     scene_after = scene if then is None else then
     mechanism = wired.mechanism if then is None else assembly(then)
     motion, inputs, body, begin = wired.motion, wired.inputs, wired.body, wired.begin
@@ -179,7 +184,7 @@ def columns(scene: Scene) -> tuple[str, ...]:
 
 
 def _sensed_at(scene: Scene, mechanism: Assembly, time: float) -> Any:
-    """Return the function (body, motor, push) -> sensed force, at a given time after the sample.
+    """Return the function (body, motor, push) -> sensed force [N], at a given time [s] after the sample.
 
     The body has shape (size + 1,), the states of the mechanism and z. The motor's force is a scalar. The push has shape
     (4,): the force at the sample and its three derivatives.

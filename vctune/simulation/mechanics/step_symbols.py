@@ -21,7 +21,11 @@ from vctune.simulation.scene import Equilibrium, Scene, equilibrium
 
 @dataclass(frozen=True, slots=True)
 class SampleValues:
-    """The values at a sample: motor and handle, f_h, and the newest force of the sensor, N."""
+    """The values just before a sample: motion of motor and handle, f_h, and the newest force of the sensor, N.
+
+    If the handle moves differently from the motor, the deflection z of `handle` is 0, because friction acts on the
+    motor.
+    """
 
     motor: Slide
     handle: Slide
@@ -37,10 +41,11 @@ class SampleSymbols:
     ----------
     begin : state of the scene at rest
     mechanism : moving parts; None for a single mass
-    body : states of the moving parts (position and velocity first), then z if there is friction, then the force sensed
-        within the last sample if the sensor samples the force between the firmware's samples
+    body : states of the moving parts (position and velocity of the motor first), then z if there is friction, then the
+        force sensed within the last sample if the sensor samples the force between the firmware's samples
     inputs : inputs of the step
-    commands : commands of past samples that have not finished acting, the newest first
+    commands : past commands that act up to this sample or later, the newest first; for a position command also the one
+        before these
     unread : past forces that the sensor has sampled and the firmware has not read, the newest first
     filtered, filtered_after : force after the filter of the sensed samples, before and after this sample; empty without
         a filter
@@ -61,7 +66,7 @@ class SampleSymbols:
 
 
 def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
-    """Return the symbols of a scene, and the firmware's input: the delayed force of the sensor, with its noise.
+    """Return the symbols of a scene, and the firmware's input: motion of the motor, and the delayed, noisy force.
 
     The filter y += a (x - y) of a servo acts on this force. A servo's own spring adds its force after the filter. This
     spring is relaxed at the start.
@@ -141,7 +146,8 @@ def at_rest(scene: Scene, mechanism: Assembly | None, begin: Equilibrium) -> lis
 
 
 def _motion_at_sample(scene: Scene, mechanism: Assembly | None, body: Any, inputs: Any, command: Any) -> SampleValues:
-    """Return the values just before a sample, while a held command acts. For a single mass, the handle is the motor."""
+    """Return the values just before a sample, while a held command acts. Without an `Assembly`, the handle is the
+    motor."""
     size = 2 if mechanism is None else mechanism.size
     motor = Slide(body[0], body[1], body[size] if scene.friction is not None else 0.0)
     if mechanism is None:
@@ -158,7 +164,7 @@ def _motion_at_sample(scene: Scene, mechanism: Assembly | None, body: Any, input
 
 
 def _push(scene: Scene, inputs: Any) -> Any:
-    """Return the force of the hand's spring and damper on a handle at rest at 0."""
+    """Return the force of the hand's spring and damper on a handle at rest at 0, N."""
     return scene.operator.stiffness * inputs[INTENDED] + scene.operator.damping * inputs[INTENDED_VELOCITY]
 
 
@@ -178,7 +184,9 @@ def values_at(scene: Scene, body: list[Any], size: int, motor: Any, push: Any) -
 
 
 def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
-    """Return f_h just before the sample: spring, damper, and the hand's mass with the acceleration at that moment.
+    """Return f_h just before the sample, N: spring, damper, and the hand's mass with the acceleration at that moment.
+
+    The function treats a device and a hand that move as one mass m.
 
     Newton's law of hand and device, m dv/dt = push - pull + motor - resisting, eliminates dv/dt from Newton's law of
     the hand, f_h = push - pull - m_h dv/dt. Hence f_h = (1 - m_h/m)(push - pull) - (m_h/m)(motor - resisting).
