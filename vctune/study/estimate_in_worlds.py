@@ -20,6 +20,7 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.engine.boxes import Cells
 
 DAMPING = KEYS.index("coupling.damping")
+"""Row of b_c among the variables of a design, for each kind of display."""
 LOOPS_AT_ONCE = 2
 """Number of designs whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache. The
 number affects only the speed."""
@@ -64,7 +65,7 @@ def _needs(problem: Problem, loops: LoopsInHands, numbers: Floats) -> Floats:
 
 
 def need_at(problem: Problem, points: Cells, places: PlacesInHands) -> Floats:
-    """Return 1/ratio of each design at its own place.
+    """Return 1/ratio of each design at its own place, shape (n,).
 
     Parameters
     ----------
@@ -80,7 +81,7 @@ def need_at(problem: Problem, points: Cells, places: PlacesInHands) -> Floats:
 
 
 def best_damping(problems: Sequence[Problem], cells: Cells) -> Floats:
-    """For each cell, return the damping b_c of the coupling that is best at the cell's centre.
+    """For each cell, return the damping b_c of the coupling that is best at the cell's centre, N s/m, shape (n,).
 
     Parameters
     ----------

@@ -83,7 +83,8 @@ def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
     Raises
     ------
     InputError
-        If there is no such executor, or its scheduler cannot be reached.
+        If there is no such executor, Dask is not installed, its scheduler cannot be reached, or its workers are absent
+        or have another version of vctune.
     """
     kind, _, address = choice.partition(":")
     if kind == "dask" and address == "" and choice != "dask":
@@ -101,7 +102,10 @@ def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
 
 
 class _Serial(Executor):
-    """An executor that runs work immediately in this process. It starts no process and imports no script."""
+    """An executor that runs work immediately in this process. It starts no process and imports no script.
+
+    An exception of the work reaches the caller of `submit`.
+    """
 
     def submit(self, work: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         done: Future[Any] = Future()

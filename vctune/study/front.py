@@ -19,9 +19,12 @@ EXPONENTS = np.arange(-6, 7) / 2
 """Exponents k of the factors 10^k that multiply the weight of |Z_c|/Z_0. The weights of the loop's two terms stay the
 same."""
 POSITIONS, DECADES = 24, 4
-"""Number of values of K_p, and number of decades below the upper bound at which they start if K_p may be 0."""
+"""Number of values of K_p, or of K_v for an impedance display, and number of decades below the upper bound at which
+they start if the gain may be 0."""
 EDGES = 41
+"""Number of values of the upper edge of the stability band."""
 DIGITS = 5
+"""Number of significant digits in which two designs must differ so that one dominates the other."""
 OWN = "error_with_own_weights"
 """The name of the error's column if each row has its own weights. These errors cannot be compared between rows."""
 
@@ -29,9 +32,9 @@ OWN = "error_with_own_weights"
 def terms_study(document: dict[str, Any], problem: Problem) -> Study:
     """Return the study whose designs trade off |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0.
 
-    The first two terms belong to the loop with K_v and K_p, the third to the coupling. At each K_p, the weight of the
-    third term determines K_v. The study sweeps K_p directly, because a sweep of weights misses the non-convex parts of
-    a front.
+    On an admittance display, the first two terms belong to the loop with K_v and K_p, the third to the coupling. At
+    each K_p, the weight of the third term determines K_v. The study sweeps K_p directly, because a sweep of weights
+    misses the non-convex parts of a front. On an impedance display, the study sweeps K_v. On a servo, it has one point.
 
     Parameters
     ----------
@@ -54,7 +57,8 @@ def terms_study(document: dict[str, Any], problem: Problem) -> Study:
 
 
 def _values(bounds: Range) -> list[float]:
-    """Return geometrically spaced values of a gain from its lower to its upper bound."""
+    """Return geometrically spaced values of a gain from its lower to its upper bound, with 0 if that is the lower
+    bound."""
     if bounds.fixed:
         return [bounds.min]
     low = bounds.min or bounds.max * 10.0**-DECADES
@@ -65,13 +69,13 @@ def _values(bounds: Range) -> list[float]:
 def band_study(document: dict[str, Any], problem: Problem) -> Study:
     """Return the study whose designs trade off the error against the upper edge of the stability band.
 
-    The edge varies from the upper edge of the transparency band, or from just above the lower edge, to the Nyquist
-    frequency.
+    The upper edge varies from the upper edge of the transparency band, or from twice the lower edge of the stability
+    band if that is greater, to the Nyquist frequency.
 
     Parameters
     ----------
     document : tables of the problem file, whose band edges the study replaces
-    problem : problem that the document states
+    problem : problem that the document states; it requires a stability band
     """
     nyquist = 0.5 / problem.device.sample_time
     low = problem.stability.band.min / (2 * pi)
@@ -106,6 +110,7 @@ def band_front(table: Table) -> Table:
 
 
 def _front(table: Table, costs: Floats, by: int) -> Table:
+    """Return the certified, nondominated rows of a table, sorted by a column of their costs."""
     costs = np.where(table.certified[:, None], costs, inf)
     chosen = nondominated(_rounded(costs))
     order = np.argsort(costs[chosen, by], kind="stable")

@@ -109,7 +109,14 @@ def _fails(problem: Problem, cells: Cells) -> Flags:
 
 
 def _refined_places(problem: Problem, points: Cells, places: PlacesInHands) -> PlacesInHands:
-    """Return the hands and angles near given places that require the most of each design."""
+    """Return the hands and angles near given places that require the most of each design.
+
+    Parameters
+    ----------
+    problem : see `no_coupling`
+    points : n cells of one design each
+    places : one place for each design
+    """
     assert problem.hands_met is not None
     gains, coupling = points.low[:2, :, None, None], coupling_from([*points.low[COUPLING, :, None, None]])
     return hardest_near(problem.device, problem.hands_met, Gains(*gains), coupling, places, problem.worlds_met)[1]

@@ -35,8 +35,9 @@ class Plane:
     Attributes
     ----------
     axes : indices of the variables x and y among `keys`
-    edges : 2^levels + 1 edges of x and as many of y, SI units, equally spaced in the optimiser's coordinates
-    ranges : ranges of all variables
+    edges : 2^levels + 1 edges of x and as many of y, SI units. In a plane of design variables they are equally spaced
+        in the optimiser's coordinates. On an axis of environments they are 0 and then geometrically spaced values
+    ranges : ranges of all variables, in the order of `keys`
     """
 
     axes: tuple[int, int]
@@ -80,7 +81,7 @@ class Plane:
     def cells(self, squares: Squares) -> Cells:
         """Return the cells as boxes of all variables.
 
-        Variables that are not axes get the full width of their ranges.
+        Variables that are not axes get the full width of their ranges. The boxes are in SI units.
         """
         low = np.repeat([[bounds.min] for bounds in self.ranges], squares.shape[1], axis=1)
         high = np.repeat([[bounds.max] for bounds in self.ranges], squares.shape[1], axis=1)
@@ -89,7 +90,7 @@ class Plane:
         return Cells(low, high)
 
     def areas(self, squares: Squares) -> Floats:
-        """Return each cell's share of the plane in the optimiser's coordinates."""
+        """Return each cell's share of the finest cells of the plane, shape (n,); 0 for a piece of the line K_p = 0."""
         side = len(self.edges[0]) - 1
         return (squares[1] - squares[0]) * (squares[3] - squares[2]) / side**2
 
@@ -100,7 +101,7 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     Parameters
     ----------
     problem : the problem
-    x, y : dotted keys of two of the problem's variables
+    x, y : dotted keys of two of the problem's design variables
 
     Returns
     -------
@@ -160,12 +161,13 @@ def _edges(coordinate: Coordinate, unit: float, bounds: Range, count: int) -> Fl
 
 
 def halved(squares: Squares, across: Flags) -> Squares:
-    """Return both halves of each cell.
+    """Return both halves of each cell: first the lower halves of all cells, then the upper halves.
 
     Parameters
     ----------
     squares : cells, each longer than 1 in x or in y
-    across : True to halve x first, False to halve y first, shape (n,); a side of length 1 stays whole
+    across : True to halve in x, False to halve in y, shape (n,); if that side has length 1, the function halves the
+        other side
     """
     wide, high = squares[1] - squares[0] > 1, squares[3] - squares[2] > 1
     low_row = np.where(wide & (across | ~high), 0, 2)

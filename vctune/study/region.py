@@ -121,7 +121,8 @@ def divided(
     Parameters
     ----------
     plane, squares, progress, stopped : see `region`
-    judged : function that returns the verdict on some cells, and for each cell a b_c or nan
+    judged : function that returns the verdict on some cells, and for each cell a b_c or nan; it may raise
+        OutOfTimeError, which ends the search
     across : function that returns the cells to halve in x, see `halved`
 
     Returns
@@ -157,7 +158,7 @@ def free_damping(plane: Plane) -> bool:
 
 
 def easiest(cells: Cells, plane: Plane) -> Cells:
-    """Return the cells with free m_c and b_0 at their upper bounds.
+    """Return the cells with m_c and b_0 at their upper bounds where these are free and not axes.
 
     Parameters
     ----------
@@ -219,7 +220,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
 
 def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flags:
-    """Return the cells to halve in x, in which the requirements change more with x than with y."""
+    """Return the cells to halve in x: the requirements change more with x than with y, or as much in a longer side."""
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     change = changes(problems, cells, plane.axes, free=free)
     longer = squares[1] - squares[0] > squares[3] - squares[2]

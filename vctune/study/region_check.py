@@ -42,10 +42,11 @@ class Recheck:
     Attributes
     ----------
     region : the cells that the baseline lists as feasible, divided further if they are not proved as a whole
-    designs : the gain sets that the baseline lists
-    certified : the listed gain sets that are still certified
+    designs : the gain sets that the baseline lists; empty for a map of environments
+    certified : for each listed gain set, whether it is still certified
     units : units of the problem
-    cut : whether the time limit ended the check; the check then does not count unproved cells as lost
+    cut : whether the time limit ended the check; the verdict is then undecided, and unproved cells and gain sets may
+        still have a proof
     """
 
     region: Region
@@ -56,7 +57,7 @@ class Recheck:
 
     @property
     def lost(self) -> bool:
-        """Whether a cell or a gain set has lost its proof."""
+        """Whether a cell or a gain set is not proved again."""
         return bool((self.region.kinds != Kind.FEASIBLE).any()) or not all(self.certified)
 
 
@@ -75,7 +76,7 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
     Returns
     -------
     Recheck
-        The cells, divided further if not proved as a whole, and the gain sets that vctune still certifies.
+        The cells, divided further if not proved as a whole, and for each gain set whether vctune still certifies it.
     """
     if baseline.axes.x in WORLD:
         return _rendered_again(problem, baseline, progress)
@@ -93,13 +94,14 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
 def _rendered_again(problem: Problem, baseline: RegionDocument, progress: Progress) -> Recheck:
     """Prove the environments of a map again for its design. The function does not prove the design itself again."""
     x, y = baseline.axes.x, baseline.axes.y
-    ranges = world_plane(problem, x, y, 3).ranges
+    ranges = world_plane(problem, x, y, 3).ranges  # they do not depend on the number of levels
     plane = Plane((WORLD.index(x), WORLD.index(y)), (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges)
     again = world_region(problem, *baseline.designs[0].design, plane, progress, squares=_feasible(baseline))
     return Recheck(again, [], [], problem.units, again.interrupted)
 
 
 def _feasible(baseline: RegionDocument) -> Squares:
+    """Return the feasible cells of a baseline."""
     feasible = [cell[:4] for cell in baseline.cells if cell[4] == "feasible"]
     return np.array(feasible, dtype=np.intp).reshape(-1, 4).T
 
@@ -122,7 +124,7 @@ class RegionFinding:
     seconds: float
 
     def record(self) -> dict[str, Any]:
-        """Return the counts, and the cells and gain sets that have lost their proof, in SI units."""
+        """Return the areas, and the cells and gain sets that are not proved again, in SI units."""
         again, plane = self.again, self.again.region.plane
         x, y = (plane.keys[axis] for axis in plane.axes)
         x_edges, y_edges = plane.edges
@@ -185,7 +187,7 @@ def _lost_area(again: Recheck) -> float:
 
 
 def _message(again: Recheck) -> str:
-    """Return a sentence that states what is proved again and what is lost."""
+    """Return a phrase that states what is proved again, or what is not."""
     kept, lost, designs = again.region.area(Kind.FEASIBLE), _lost_area(again), len(again.certified)
     if not again.lost:
         return f"proved again: {100 * kept:.4g} % of the plane and the listed gain sets, {designs}"

@@ -1,4 +1,8 @@
-"""Estimate the frequencies of a grid at which the constraints on cells of gains are hardest to meet."""
+"""Estimate the frequencies of a grid at which the constraints on cells of gains are hardest to meet.
+
+The constraints on the coupling compare the offered with the required Re Z_c. For an impedance display, Re(1/Z_c)/s^2
+takes the place of Re Z_c, where s = sin(omega T/2).
+"""
 
 from __future__ import annotations
 
@@ -30,6 +34,7 @@ from vctune.proof.engine.boxes import Cells, Integers
 from vctune.study.estimate_in_worlds import DAMPING, best_damping, need_at, worst_places
 
 POINTS_PER_DECADE = 24
+"""Number of frequencies per decade of the grids."""
 LOOPS_AT_ONCE = 16
 """Number of loops whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache. The
 number affects only the speed."""
@@ -41,11 +46,12 @@ class Estimate:
 
     Attributes
     ----------
-    damping : a value of b_c with which the centre seems to meet the constraints of all problems; nan if no such value
-        seems to exist
+    damping : a value of b_c with which the centre seems to meet the constraints of all problems, N s/m, shape (n,); nan
+        if no such value seems to exist. If b_c is not free, only nan matters; other values are the cell's least b_c
     places : for each problem, the places where its constraints are hardest to meet
-    missed : for each problem, whether the centre misses its constraint in hands with every b_c, or with the
-        estimated b_c if there is a box of environments, shape (n,)
+    missed : for each problem, flags of shape (n,). With a box of environments: whether the centre misses the constraint
+        in hands with the estimated b_c. Otherwise: whether the centre misses its constraints on the coupling with every
+        b_c, or, if b_c is not free, any of its constraints. The region uses only flags with a box of environments
     """
 
     damping: Floats
@@ -54,13 +60,14 @@ class Estimate:
 
 
 def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
-    """Return the places, on a grid of frequencies, where the constraints are hardest to meet at the centres of cells.
+    """Return where, on a grid of frequencies, the constraints are hardest to meet at the centres of cells, and which
+    centres meet them.
 
     Parameters
     ----------
     problems : problems, all of whose constraints must be met
     cells : n cells
-    free : whether each cell may have its own b_c
+    free : whether each cell may have its own b_c; never true for an impedance display
     """
     if problems[0].worlds is not None:
         return _estimate_in_worlds(problems, cells, free=free)
@@ -102,7 +109,7 @@ def _damping_in_worlds(problems: Sequence[Problem], cells: Cells) -> Floats:
 
 
 def _with_damping(points: Cells, damping: Floats) -> Cells:
-    """Return designs with another b_c."""
+    """Return designs with another b_c, shape (n,)."""
     numbers = points.low.copy()
     numbers[DAMPING] = damping
     return Cells(numbers, numbers)
@@ -181,8 +188,9 @@ class _Requirement:
 
     Attributes
     ----------
-    omega : frequencies of the coupling, rad/s; for an impedance display theta, rad; shape (places,)
-    required : the least Re Z_c there, N s/m, or the least Re(1/Z_c)/s^2, shape (n, places)
+    omega : frequencies of the coupling, rad/s; for an impedance display theta = omega T, rad; shape (places,)
+    required : the least Re Z_c there, N s/m, or the least Re(1/Z_c)/s^2, m/(N s), with the safety factor; shape
+        (n, places)
     place : function of one index into `omega` for each cell; it returns the place of each cell in the form of `Places`
     """
 
@@ -197,10 +205,12 @@ class _Hardest:
 
     Attributes
     ----------
-    least, most : ends of the interval of b_c that meets the coupling's constraints if b_c is free, N s/m, shape (n,)
-    meets : whether the other constraints are met, shape (n,)
+    least, most : ends of the interval of b_c that meets the coupling's constraints if b_c is free, N s/m, shape (n,);
+        else 0 and inf
+    meets : whether the other constraints are met, which include the coupling's if b_c is not free, shape (n,)
     places : the hardest places
-    missed : logarithm of the greatest violation at these places, over all constraints, shape (n,)
+    missed : logarithm of the factor by which the centre misses the hardest of all constraints, shape (n,); negative if
+        it meets all of them
     """
 
     least: Floats
@@ -220,6 +230,8 @@ def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
         if free and isinstance(coupling, Coupling):
             required = requirement.required - coupling.drag
             low, high = admissible_damping(required, coupling.mass * requirement.omega)
+            # three places: where r/omega is greatest, and where the interval of b_c begins highest and ends lowest;
+            # no b_c suffices if 2 r > omega m_c (`proof.claims.damping`)
             least, most = np.maximum(least, low.max(axis=1)), np.minimum(most, high.min(axis=1))
             hardness = [required / np.maximum(requirement.omega, TINY), low, -high]
             worst = np.maximum(worst, np.log(np.maximum(2 * hardness[0] / coupling.mass, TINY)).max(axis=1))
@@ -248,7 +260,7 @@ def _peak_of_sensitivity(problem: Problem, gains: Gains) -> tuple[Floats, Floats
 
 
 def _stacked(places: Sequence[Any]) -> Any:
-    """Return several places of each cell, the hardest first."""
+    """Return several places of each cell as one array, or one set of arrays, of shape (places, n)."""
     if isinstance(places[0], PlacesInHands):
         return places[0].mapped(lambda *arrays: np.stack(arrays), *places[1:])
     return np.stack(places)
@@ -256,7 +268,13 @@ def _stacked(places: Sequence[Any]) -> Any:
 
 def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
     """Return the quantity of a coupling that must meet a requirement: Re Z_c, or Re(1/Z_c)/s^2 for an impedance
-    display."""
+    display.
+
+    Parameters
+    ----------
+    coupling, device : the coupling, and the device that runs it
+    place : omega of `_Requirement`
+    """
     if isinstance(coupling, SpringDamper):
         return np.asarray(offered(coupling, device, place, FLOATS))
     return np.asarray(coupling_impedance(coupling, place).re)
@@ -284,7 +302,7 @@ def _requirements(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Requ
 
 
 def _requirement_in_hands(loops: LoopsInHands, device: Device, factor: float, gains: Gains) -> _Requirement:
-    """Return the requirement at each angle in the worst hand at that angle."""
+    """Return the requirement at each angle in the worst hand at that angle, from gains of shape (n, 1)."""
     distinct, position = np.unique(
         np.hstack(astuple(gains)), axis=0, return_inverse=True
     )  # many cells have the same gains

@@ -35,7 +35,7 @@ def region_record(
     ----------
     file : the problem and its text
     region : the region
-    designs : proved gain sets that belong to the record
+    designs : gain sets to list: certified ones, or the one that renders the cells, certified or not
     rendered : whether the cells are environments, which the only listed design renders
     """
     plane, stability = region.plane, file.problem.stability

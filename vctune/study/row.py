@@ -18,6 +18,7 @@ from vctune.running import time_limit as limited
 from vctune.study.rows import FAILED
 
 TERMS = ("error", "admittance", "tracking", "coupling")
+"""Names of error and terms in a judgement, in the order of the first columns of `QUANTITY_OF_COLUMN`."""
 
 _ONE_AT_A_TIME = threading.Lock()
 """Lock that permits only one thread at a time to solve, because the threads of a process share solvers and ball
@@ -27,7 +28,7 @@ arithmetic."""
 def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
     """Solve a point and return the values of its row, the last of which is the duration in seconds.
 
-    The function never raises an exception.
+    An error becomes the row of the point, with the status "failed".
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ def row_without_design(status: str, reason: str) -> dict[str, Any]:
 
 
 def row_of(solved: Solved) -> dict[str, Any]:
-    """Return the row of a solved problem."""
+    """Return the row of a solved problem, without its key, its point and its duration."""
     judgement = solved.judgement
     yardstick = _yardstick(solved.problem)
     if judgement is None:

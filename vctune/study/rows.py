@@ -57,7 +57,7 @@ class Rows:
     Attributes
     ----------
     path, handle : path of the file, and its file descriptor
-    places : position of the latest row of each key in the file, bytes
+    places : position in the file, bytes, of the latest row of each key that needs no further try
     dropped : number of lines that were not complete rows
     """
 
@@ -75,7 +75,7 @@ class Rows:
         Raises
         ------
         InputError
-            If the file cannot grow; its content then stays the same.
+            If the file cannot grow; complete rows are kept, and the next run drops a torn last line.
         """
         line = (json.dumps(row, allow_nan=False) + "\n").encode()
         place = os.lseek(self.handle, 0, os.SEEK_END)
@@ -87,7 +87,7 @@ class Rows:
         self.places[row["key"]] = place
 
     def read(self, keys: Iterable[str]) -> Iterator[Row]:
-        """Yield the rows of given keys."""
+        """Yield the rows of given keys, in the order of the keys. Each key must have a row."""
         with self.path.open("rb") as file:
             for key in keys:
                 file.seek(self.places[key])
@@ -102,7 +102,7 @@ def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = in
     ----------
     path : path of the file
     study : study to which the rows belong
-    restart : whether to begin again instead of resuming
+    restart : whether to discard the rows of this study instead of resuming
     time_limit : time limit of a point, s; the function ignores rows that a shorter limit cut short
 
     Returns
@@ -151,7 +151,8 @@ def _opened(path: Path) -> Iterator[int]:
 def _index(path: Path, handle: int, study: Study, time_limit: float = inf) -> Rows:
     """Find the rows of a file, and cut off a torn last line.
 
-    The function ignores rows of points that failed or were cut short.
+    The function ignores rows of points that failed, and of points that a time limit shorter than `time_limit` cut
+    short.
     """
     rows, end = Rows(path, handle, {}), 0
     with path.open("rb") as file:

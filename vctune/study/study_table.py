@@ -41,8 +41,9 @@ class Table:
     axes : values of the axes, by dotted key
     status, reason : texts; a certified point has the reason ""
     idle : whether each design is certified but hardly uses its velocity loop
-    numbers : error, terms, design, ratio, felt values and yardstick
-        (`vctune.document.records.rows_json.SHOWN_COLUMNS`); nan for a value that does not exist
+    numbers : error, terms, design, ratio, felt values and yardstick, by the columns of
+        `vctune.document.records.rows_json.SHOWN_COLUMNS` that the study's kind of display has; nan for a value that
+        does not exist
     system : the problem's system of units
     """
 
@@ -96,7 +97,7 @@ class Table:
         return {name: [_plain(value) for value in column] for name, column in self.headed().items()}
 
     def _types(self, number: Any, text: Any, truth: Any) -> dict[str, Any]:
-        """Return the data type of each column, as a library names it."""
+        """Return the data type of each column of `headed`, from the types of numbers, texts and flags in a library."""
         return dict.fromkeys(self.headed(), number) | dict.fromkeys(("status", "reason"), text) | {"idle": truth}
 
     def __repr__(self) -> str:

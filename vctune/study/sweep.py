@@ -30,7 +30,7 @@ OnDone = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A point to solve."""
+    """A point to solve: the key of its row (`rows.key_of`), the values of the axes, and the problem at the point."""
 
     key: str
     values: Values
@@ -43,8 +43,9 @@ class _Sweep:
 
     Attributes
     ----------
-    time_limit : time limit of a point, s
-    statuses : number of finished points by status
+    study, rows, pool, on_done, time_limit : arguments of `sweep`
+    statuses : number of points by status, including points of earlier runs, and "repeated" for points equal to a
+        pending one
     best : least error of a certified point
     infeasible : rows of infeasible points by `rows.constraints_key`
     pending : points at the workers
@@ -73,7 +74,7 @@ def sweep(
     study : the study to solve
     rows : existing rows; the function appends the new rows to them
     pool : the workers
-    on_done : function that is called after each point with the results so far
+    on_done : function that is called after each point with the results so far, as text
     time_limit : time limit of a point, s
 
     Raises

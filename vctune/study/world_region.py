@@ -1,8 +1,9 @@
 """Find the environments that given gains can render, as cells of a plane of two parameters of an environment.
 
-A cell is a box of environments. A cell is feasible if the claim about a box of environments is proved for it. A cell is
-infeasible if each of its environments gives the loop a pole on the unit circle in some hand
-(`vctune.proof.claims.worlds.world_cells`).
+A point of the plane states two parameters. The environment may have any value of the third within its range, and any
+damping above the least. A cell is feasible if the claim about a box of environments is proved for it. A cell is
+infeasible if at each of its points some environment, with some additional damping, gives the loop a pole on the unit
+circle in some hand (`vctune.proof.claims.worlds.world_cells`).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from vctune.running import OutOfTimeError
 from vctune.study.plane import DIGITS, Plane, Squares
 from vctune.study.region import Kind, Kinds, Progress, Region, divided
 
-MASS, DAMPING, STIFFNESS = range(3)
+MASS, DAMPING, STIFFNESS = range(3)  # rows of a box of environments
 DECADES = (3.5, 1.5)
 """Number of decades that the plane reaches below and above the greatest mass, damping and stiffness of the hands. With
 the default hands of a linear device, the axes go from 0.2 g to 20 kg and from 0.9 N/m to 90 kN/m."""
@@ -89,7 +90,8 @@ def world_plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
 
 
 def _spans(problem: Problem) -> list[tuple[float, float]]:
-    """Return the ranges of mass, damping and stiffness that a plane divides."""
+    """Return the lower and upper ends of the axes of mass, damping and stiffness, before `[environment]` extends
+    them."""
     hand = problem.hands.high
     stiffness = hand.stiffness or hand.mass / PERIOD**2 or problem.device.mass / PERIOD**2
     mass = hand.mass or stiffness * PERIOD**2
@@ -168,10 +170,10 @@ def judged(prepared_design: Rendered, plane: Plane, squares: Squares) -> tuple[K
 
 
 def _common_ends(plane: Plane, low: Floats, high: Floats) -> WorldCells:
-    """For each cell, return the ends of its ranges that all its environments must reach.
+    """For each cell, return the ends of what the environments of all its points have in common.
 
-    An environment may have any value of a parameter that is not an axis. The function therefore swaps the ends of the
-    range of this parameter.
+    At each point, an environment may have any value of a parameter that is not an axis. The function therefore swaps
+    the ends of the range of this parameter: each value between the swapped ends belongs to every point.
 
     Parameters
     ----------
