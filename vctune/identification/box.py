@@ -43,7 +43,8 @@ class Estimate:
     key : key of the parameter in the device's table
     value, sigma : estimate and standard deviation, SI units, frequencies in Hz
     source : the recording and the method
-    excess : how far other estimates from this recording lie below and above `value`, beyond their spread
+    excess : widening of the interval below and above, in addition to the standard deviations: the distance of other
+        estimates from this recording, inexact Coulomb friction, jitter, or what the user states
     stated : whether the user stated the parameter, in which case no recording determines it
     reason : reason for the excess
     """
@@ -91,7 +92,8 @@ class Bounded:
 
 
 def box(estimates: Sequence[Estimate], sample_time: float) -> tuple[Bounded, ...]:
-    """Return the least box that contains every interval of every estimate.
+    """Return the least box that contains every interval of every estimate, without negative values and with least
+    widths.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 
 LEAST_SAMPLES = 500
-"""Least number of samples. At any rate of a haptic loop, fewer samples cover less than a second."""
+"""Least number of samples. At 1 kHz, fewer samples cover less than half a second."""
 SAMPLE_TIMES = (1e-6, 0.05)
 """Range of sample times that a haptic loop can have, s."""
 SPEEDS = {False: 30.0, True: 3000.0}
@@ -51,13 +51,13 @@ def check(recording: Recording, sample_time: float | None, *, servo: bool = Fals
     Parameters
     ----------
     recording : the recording as it was read
-    sample_time : sample time that the log.toml states, s; None to use the time column
+    sample_time : sample time that the log.toml states, s; None to use the mean step of the time column
     servo : whether the log is of a servo, so that its sample times depend on the link
 
     Raises
     ------
     InputError
-        If the recording is not usable; the error lists all faults.
+        If the recording is not usable. The error lists all faults of the first failing stage: length, time, columns.
     """
     _refuse(recording, _too_short(recording))
     T, faults = _sample_time(recording, sample_time, LINK if servo else LOOP)
@@ -155,11 +155,12 @@ def _uneven(recording: Recording, time: Channel, T: float, even: Evenness) -> Mi
 
 
 def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
-    """Yield the faults of a column: it never changes, changes too rarely, or stays at a limit."""
+    """Yield the faults of a column: it never changes, changes too rarely, is impossible, or stays at a limit."""
     channel = recording.channels[role]
     if role == "time":
         return
     if np.ptp(channel.values) == 0:
+        # a hand may move the device while the motor is idle
         idle = role in ("command", "force") and "hand" in recording.channels
         if not idle:
             yield Mistake(
@@ -190,7 +191,7 @@ def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
 
 
 def _place(recording: Recording, channel: Channel, role: str, T: float) -> Iterator[Mistake]:
-    """Yield the faults of a position: it contains counts, or its motion is impossible."""
+    """Yield the fault of a position: it contains counts, its motion is impossible, or it hardly moves."""
     raw = channel.values / channel.scale
     units = recording.units
     speed = float(np.abs(np.diff(channel.values)).max()) / T
@@ -225,7 +226,8 @@ def _speed(recording: Recording, channel: Channel) -> Iterator[Mistake]:
 
 
 def _rows_per_change(values: Floats) -> int:
-    """Return the number of rows after which a column usually changes."""
+    """Return the greatest number of rows of which all distances between changes are multiples; 1 with fewer than 50
+    changes."""
     changes = np.flatnonzero(np.diff(values))
     if changes.size < 50:
         return 1
@@ -234,8 +236,11 @@ def _rows_per_change(values: Floats) -> int:
 
 
 def _at_limit(channel: Channel) -> float:
-    """Return the share of samples that are at the limit of the column, or at its extreme value for three samples in a
-    row."""
+    """Return the share of samples that are at the limit of the column.
+
+    Without a known limit, samples count that are at the greatest magnitude next to another such sample; fewer than
+    three do not count.
+    """
     size = np.abs(channel.values)
     limit = channel.limit if channel.limit is not None else float(size.max())
     at = size >= limit * (1 - 1e-9)

@@ -28,6 +28,7 @@ never exceeds the greatest speed of the logs."""
 SPREAD = 0.005
 """Target for the relative standard deviation of a line."""
 PERIODS = (5, 60)
+"""Least and greatest number of periods that vctune proposes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,7 @@ def _lines(identified: Identified, low: float, period: int, T: float) -> Floats:
 
 
 def _wave(lines: Floats, period: int) -> Floats:
-    """Return a period of lines with equal amplitudes and Schroeder's phases, which keep the peak low."""
+    """Return a period of lines with amplitude 1 and Schroeder's phases, which keep the peak low."""
     phases = -2 * pi * np.cumsum(np.arange(1, lines.size + 1) / lines.size * np.diff(lines, prepend=0.0))
     spectrum = np.zeros(period // 2 + 1, dtype=complex)
     spectrum[lines.astype(int)] = np.exp(1j * phases) * period / 2
@@ -107,7 +108,8 @@ def _wave(lines: Floats, period: int) -> Floats:
 
 
 def _scale(identified: Identified, force: Floats, motor: Floats, hertz: Floats) -> float:
-    """Return the amplitude of the wave, which exceeds neither the greatest force nor the greatest speed of the logs."""
+    """Return the amplitude of the wave's lines, N. The wave exceeds neither the greatest force nor the greatest speed
+    of the logs."""
     forces, speeds = [], []
     for study in identified.records:
         recording = study.recording
@@ -116,7 +118,7 @@ def _scale(identified: Identified, force: Floats, motor: Floats, hertz: Floats) 
         position = recording.channels["position"].values
         step = max(1, position.size // 1000)
         speeds.append(float(np.abs(position[step:] - position[:-step]).max()) / (step * study.sample_time))
-    speed = float(np.linalg.norm(2 * pi * hertz * motor)) * np.sqrt(2)
+    speed = float(np.linalg.norm(2 * pi * hertz * motor)) * np.sqrt(2)  # peak: twice the root mean square
     return min(PEAK * max(forces) / float(np.abs(force).max()), max(speeds) / speed)
 
 

@@ -48,11 +48,12 @@ class Identified:
     device : device at the centre of the box
     bounds : the box, one interval for each parameter
     unmodelled : points (Hz, radius) of a disc that covers the part of the response that no device of the box explains;
-        empty if the recordings show only slow motion
+        empty if the recordings show no response at `LEAST_RADII` frequencies
     distances : relative distance of each line or band from the nearest device of the box, for each recording with lines
         or bands
-    friction : friction for the simulation; None if none was found
-    force_noise : standard deviation of the noise in a sample of the sensed force, N; None if no force was recorded
+    friction : friction for the simulation; None if none was found, and for a servo
+    force_noise : standard deviation of the noise in a sample of the hand's sensed force, N; None if no study of any
+        motion has this force, and for a servo
     records : one study for each recording
     remarks : remarks on what the recordings do not show
     """
@@ -148,7 +149,7 @@ def _servo(bounds: Sequence[Bounded], log_map: LogMap, T: float, studies: Sequen
 
 
 def _line_distances(study: RecordStudy, device: Device, bounds: Sequence[Bounded]) -> np.ndarray:
-    """Return the relative difference of each line of a recording from the nearest device of the box."""
+    """Return the relative difference of each line, or of each band of a servo, from the nearest device of the box."""
     if study.servo is not None:
         return servo_distances(device, bounds, study.servo)
     assert study.periodic is not None
@@ -176,7 +177,7 @@ def _unmodelled(
 
 
 def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:
-    """Return the greatest friction that a recording shows."""
+    """Return the greatest friction that a recording shows; None if no recording shows friction."""
     frictions = [
         study.motion.friction for study in studies if study.motion is not None and study.motion.friction is not None
     ]

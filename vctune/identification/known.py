@@ -82,7 +82,10 @@ def velocity_assumed(log_map: LogMap) -> bool:
 
 
 def known_delays(log_map: LogMap) -> dict[str, float]:
-    """Return the delays that the user states, s. A fit does not search for them."""
+    """Return the delays that the user states, s, by "delay" and "sensor_delay". A fit does not search for them.
+
+    The delay of a force sensor includes the lag of its low-pass at low frequency.
+    """
     stated, delays = log_map.document.device, {}
     if stated.delay is not None:
         delays["delay"] = stated.delay
@@ -96,7 +99,8 @@ def known_delays(log_map: LogMap) -> dict[str, float]:
 def with_known(
     estimates: Sequence[Estimate], log_map: LogMap, T: float, recordings: Sequence[Recording]
 ) -> tuple[list[Estimate], list[Note]]:
-    """Return the estimates with the user's delay in place of the identified one, and remarks on it.
+    """Return the estimates with the user's delay in place of the identified one, and remarks on it. A servo's estimates
+    stay the same.
 
     Parameters
     ----------
@@ -108,7 +112,7 @@ def with_known(
     Raises
     ------
     InputError
-        If no recording determines the delay.
+        If no recording determines the delay and the user does not state it.
     """
     stated = log_map.document.device
     if log_map.servo:

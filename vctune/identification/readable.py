@@ -39,6 +39,7 @@ def readable(bounds: Sequence[Bounded], recording: Recording, sample_time: float
 
 
 def _check_delay(delay: Bounded, recording: Recording, T: float) -> None:
+    """Refuse a delay that is certainly negative, or greater than the greatest supported delay."""
     latest = max(each.value for each in delay.estimates)
     name = "command" if delay.key == "servo.delay" else recording.units.force_name
     widest = 4 * max(each.sigma for each in delay.estimates)
@@ -56,6 +57,7 @@ def _check_delay(delay: Bounded, recording: Recording, T: float) -> None:
 
 
 def _lighter(handle: Bounded, mass: Bounded, recording: Recording) -> Bounded:
+    """Return the mass of a handle with an interval that ends below the least mass of the device."""
     most = mass.low * LIGHTER
     if handle.high < most:
         return handle

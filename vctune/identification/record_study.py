@@ -68,7 +68,8 @@ class RecordStudy:
 
     @property
     def measured_hz(self) -> Floats:
-        """The frequencies at which the recording shows a response, Hz."""
+        """The frequencies at which the recording shows a response, Hz. A study of any motion has none, and is not
+        permitted here."""
         if self.servo is not None:
             return self.servo.bands.hertz
         assert self.periodic is not None
@@ -86,7 +87,7 @@ class RecordStudy:
 
     @property
     def sharp_chi2(self) -> tuple[float, float]:
-        """The chi2 in the range where two models differ the most, and its degrees of freedom."""
+        """The chi2 in the range where two models differ the most, and its degrees of freedom; not for a servo."""
         if self.motion is not None:
             return self.motion.sharp_chi2
         assert self.periodic is not None
@@ -133,7 +134,7 @@ def record_study(recording: Recording, T: float, log_map: LogMap) -> RecordStudy
     Raises
     ------
     InputError
-        If neither role explains the recording.
+        If no device, or no servo, explains the recording; with a force and no command, if neither role does.
     """
     if log_map.servo:
         study = servo_study(recording, T)

@@ -2,8 +2,9 @@
 
     F(t - delay) + f_h(t + sensor) = m a + b_+ v_+ + b_- v_- + c_+ [v > 0] - c_- [v < 0]
 
-This equation is linear in all parameters except the delays. The method of Gauss and Newton finds the delays. One
-low-pass filters both sides and the signs of the velocity.
+The symmetric form has one damping b, one Coulomb friction c and an offset: m a + b v + c sign v + offset. Both
+equations are linear in all parameters except the delays. The method of Gauss and Newton finds the delays. One low-pass
+filters both sides and the signs of the velocity.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ LEAST_KEPT = 0.3
 """Least share of samples that are not near turning points. If the share is lower, the fit also uses the samples near
 turning points."""
 STEPS = 60
+"""Greatest number of Gauss-Newton steps."""
 STRIDE = 4.0
 """Greatest change of a delay in one step, in sample times."""
 Flags = NDArray[np.bool_]
@@ -76,7 +78,7 @@ class FittedSamples:
     Attributes
     ----------
     rows : indices of the samples among every `stride`-th sample of the log
-    step : time between two samples of `rows`, s
+    step : time between two neighbouring strided samples, s
     measured, fitted : measured and fitted force, N
     sensitivity : sensitivity of the fitted force to each parameter, shape (samples, p)
     """
@@ -155,6 +157,7 @@ def motion_fit(
 
 
 def _delays(signals: Signals, known_delays: Mapping[str, float]) -> dict[str, float]:
+    """Return the delay of each recorded force, s: the known delay, or 0 as the start of the search."""
     wanted = {"delay": signals.command, "sensor_delay": signals.hand}
     return {name: known_delays.get(name, 0.0) for name, column in wanted.items() if column is not None}
 
@@ -234,7 +237,7 @@ def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
     margin = edge(cutoff_hz, 4 * T, T)
     kept[:margin] = kept[-margin:] = False
     slow = np.abs(v) < least * np.abs(v[kept]).max(initial=0.0)
-    half = int(0.25 / cutoff_hz / T)
+    half = int(0.25 / cutoff_hz / T)  # a slow sample excludes all samples within a quarter of the cut-off's period
     counted = np.concatenate([np.zeros(half + 1, dtype=np.int64), np.cumsum(slow)])
     counted = np.append(counted, np.full(half, counted[-1]))
     away = kept & (counted[2 * half + 1 :] == counted[: -2 * half - 1])

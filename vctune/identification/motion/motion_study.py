@@ -45,10 +45,10 @@ class MotionStudy:
     ----------
     directional, symmetric : fits with separate friction for each direction, and with the same friction for both
     samples : samples of the directional fit
-    others : directional fits at other cut-offs
+    others : directional fits at higher cut-offs, and at cut-offs up to three octaves lower
     force_noise : standard deviation of a sample of the sensed force, N; None without a column of sensed force
     checks : estimates of the mass by other methods
-    classical : the classical inverse model; None if not requested
+    classical : the classical inverse model; None if not requested, or without a force on the motor
     friction : friction for the simulation; None if the recording shows no friction
     speed : root mean square speed, m/s
     position_noise : standard deviation of a position sample, m
@@ -92,8 +92,8 @@ class MotionStudy:
         return found
 
     def _excess(self, name: str) -> tuple[float, float]:
-        """Return how far the estimates at other cut-offs lie below and above this estimate, beyond their own standard
-        deviations."""
+        """Return how far the estimates at other cut-offs lie below and above this estimate, beyond two standard
+        deviations of both."""
         value, below, above = self.directional.value(name), 0.0, 0.0
         for fit in self.others:
             beyond = abs(fit.value(name) - value) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
@@ -139,7 +139,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     Raises
     ------
     InputError
-        If no mass with friction explains the force.
+        If no plausible mass with friction explains the force, or if the encoder's noise hides the acceleration.
     """
     signals = signals_of(recording, sample_time, actuator)
     delays = known_delays(log_map)
@@ -204,7 +204,10 @@ def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, del
 
 
 def _residual_if_swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
-    """Return the relative residual of a fit with force and position swapped."""
+    """Return the relative residual of a fit with force and position swapped.
+
+    The result is None without a force on the motor, or if its noise hides its second derivative.
+    """
     if signals.command is None:
         return None
     T, position = signals.sample_time, signals.command

@@ -192,7 +192,10 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
 
 
 def _velocity(position: Spectrum, noise: float) -> Floats:
-    """Return the velocity after a low-pass with the highest cut-off at which the noise is at most 1 % of the signal."""
+    """Return the velocity after a low-pass with the highest cut-off at which the noise is at most 1 % of the signal.
+
+    If there is no such cut-off, the low-pass has the lowest cut-off that the function tries.
+    """
     omega = np.linspace(0, np.pi / position.sample_time, 4096)
     cutoff = HIGHEST / position.sample_time
     for _ in range(7):
@@ -205,8 +208,8 @@ def _velocity(position: Spectrum, noise: float) -> Floats:
 
 
 def position_noise(position: Floats, quantum: float | None) -> float:
-    """Return the standard deviation of a position sample, from its rounding and from the noise above half the Nyquist
-    frequency.
+    """Return the standard deviation of a position sample: the larger of its rounding and of the noise above three
+    quarters of the Nyquist frequency.
 
     Parameters
     ----------

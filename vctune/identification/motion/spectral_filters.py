@@ -24,7 +24,7 @@ Response = Callable[[Floats], Any]
 """A frequency response, real or complex, as a function of omega, rad/s."""
 HIGHEST = 0.08
 """Greatest cut-off as a share of the sampling rate. A low-pass with this cut-off attenuates the Nyquist frequency to
-1e-6. A low-pass with twice this cut-off would attenuate it only to 1 %."""
+1e-6. A low-pass with twice this cut-off would attenuate it only to 3 %."""
 REACH = 1.1
 """Reach of the low-pass's kernel in time, in units of 1/cut-off. Beyond this reach the kernel is less than 1e-14 of its
 height."""

@@ -59,7 +59,10 @@ class PeriodicStudy:
 
 
 def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Estimate]:
-    """Return the estimates of the parameters that a problem file states, for a handle without its own damping.
+    """Return the estimates of the parameters that a problem file states.
+
+    A problem file has all damping on the motor's side. If the chosen handle has its own damping, the function adds this
+    damping to the motor's, and also returns the dampings of the fit without it.
 
     Parameters
     ----------
@@ -113,9 +116,9 @@ def _bandwidth(lag: float, sigma: float) -> tuple[float, float]:
 def behind_force(
     study: PeriodicStudy, T: float, device: Device, bounds: Sequence[Bounded]
 ) -> tuple[Device, list[Bounded]]:
-    """Return device and box without the parts before the recorded force.
+    """Return device and box without the parts before the recorded force, unless the response has the command as input.
 
-    A measured force comes after the actuator and the delay.
+    A measured force comes after the actuator and the delay between command and force.
 
     Parameters
     ----------

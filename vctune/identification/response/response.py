@@ -14,6 +14,7 @@ LEAST_PERIODS = 4
 """Least number of periods. The evaluation omits the first period, and fewer periods would not show a line's
 variance."""
 LEAST_LINES = 8
+"""Least number of excited lines."""
 REPEATS = 0.9
 """Least correlation of a column with itself one period later. If the noise has at most a tenth of the power, the
 correlation stays above this value."""
@@ -58,7 +59,7 @@ class Response:
     period : length of a period in samples
     periods : number of averaged periods
     input : "force" or "command", the column by which position and handle are divided
-    position, handle : responses, m/N; None if the handle was not recorded
+    position, handle : responses, m/N; handle is None if it was not recorded
     drive : response from command to force; None unless both were recorded
     friction : lines of a Coulomb friction of 1 N, divided by the lines of the input, 1/N
     speed : root mean square speed of the motor, m/s
@@ -77,7 +78,7 @@ class Response:
 
 
 def response(recording: Recording, sample_time: float) -> Response | None:
-    """Return the averaged response of a recording; None if the recording is not periodic.
+    """Return the averaged response of a recording; None if it is not periodic, or has fewer than `LEAST_LINES` lines.
 
     Parameters
     ----------
@@ -187,8 +188,8 @@ def _direction(position: Complex) -> Complex:
 
 
 def _rounding(channel: Channel, period: int) -> float:
-    """Return the error of a line due to rounding. The error is equal in each period, so averaging does not reduce
-    it."""
+    """Return the error of a line due to rounding, in the unit of `_spectra`. The error is equal in each period, so
+    averaging does not reduce it."""
     quantum = channel.quantum
     if quantum is None:
         steps = np.abs(np.diff(channel.values))
@@ -197,7 +198,14 @@ def _rounding(channel: Channel, period: int) -> float:
 
 
 def _lines(outputs: Complex, inputs: Complex, omega: Floats, rounding: float) -> Lines:
-    """Return the ratio of two outputs at the lines, with its spread over the periods and its coherence."""
+    """Return the ratio of outputs to inputs at the lines, with its spread over the periods and its coherence.
+
+    Parameters
+    ----------
+    outputs, inputs : spectra of each period at the lines, shape (periods, n)
+    omega : frequencies of the lines, rad/s, shape (n,)
+    rounding : error of an output's line due to rounding, see `_rounding`
+    """
     count = len(outputs)
     ratio = outputs.mean(axis=0) / inputs.mean(axis=0)
     deviation = outputs - ratio * inputs

@@ -20,6 +20,7 @@ from vctune.model.parts import Actuator
 START_FLOOR = 0.1
 """Model error with which the search starts. Half or twice this error leads to the same fits."""
 ROUNDS = 20
+"""Greatest number of alternations between fitting the parameters and fitting the model errors."""
 DECISIVE_FACTOR = 2.0
 """Factor by which a second mass must reduce chi2. Model errors of neighbouring lines are similar, and friction changes
 a response slightly at all lines. For a device with a resonance, a second mass reduces chi2 by a factor of a hundred."""
@@ -41,16 +42,17 @@ class ResponseFit:
     ----------
     candidate : fitted structure
     numbers : parameters by name, SI units
-    names : names of the free parameters in the order of `covariance`
-    covariance : diagonal matrix, shape (p, p), with the larger of the variances from correlated and from independent
-        residuals
+    names : names of the candidate's parameters in the order of `covariance`
+    covariance : diagonal matrix, shape (p, p), with the largest of the variances from correlated residuals, from
+        independent residuals and from omitting blocks of lines
     model_errors : relative model errors of position and handle with which chi2 per degree of freedom is 1; 0 where
         noise alone explains the residual
     chi2 : chi2 with the noise alone, per degree of freedom
     lines : number of lines of all outputs
     speed : root mean square speed of the motor, m/s
     device : device with the fitted parameters
-    position, handle : responses of the model at the lines, m/N
+    position, handle : responses of the model at the lines, with Coulomb friction, m/N; handle is None if it was not
+        recorded
     """
 
     candidate: Candidate
@@ -76,7 +78,8 @@ def fit_response(
 ) -> tuple[ResponseFit, tuple[ResponseFit, ...]] | None:
     """Return the fit of the simplest candidate that explains a response about as well as the best one, and all fits.
 
-    Return None if the response has too few lines.
+    Return None if no candidate can be fitted, such as for too few lines. The fits do not contain structures whose
+    resonance the response does not show.
 
     Parameters
     ----------
@@ -102,7 +105,8 @@ def fit_response(
 
 
 def _resonates(fit: ResponseFit, measured: Response) -> bool:
-    """Return whether the resonance of a fit is pronounced and within the measured band; False for a rigid fit."""
+    """Return whether the resonance of a fit is pronounced and within the measured band, and the handle lighter than the
+    device; True for a rigid fit."""
     if fit.candidate.masses == 1:
         return True
     omega, at = measured.position.omega, 2 * np.pi * fit.numbers["frequency_hz"]
@@ -168,8 +172,11 @@ def _model_errors(task: FitTask, at: Floats) -> Floats:
 
 
 def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
-    """Return the starts of the search. The mass comes from the lowest lines, and the spring from each peak of |omega^2
-    G|."""
+    """Return the starts of the search.
+
+    A single mass comes from all lines. Of two masses, the sum comes from the lowest lines, and the spring from the
+    highest peaks of |omega^2 G|. Without a peak, there is no start.
+    """
     lines = measured.position
     inertia = 1 / np.abs(lines.omega**2 * lines.ratio)
     low_lines = max(3, inertia.size // 10)

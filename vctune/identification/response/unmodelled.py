@@ -22,6 +22,7 @@ KNOTS = 24
 """Greatest number of frequencies at which the radius is stated."""
 SEED = 1
 LEAST = 1e-6
+"""Least radius, because the logarithmic axes have no 0."""
 MARGIN = 1 + 1e-6
 """Relative allowance for the rounding of the numbers in the file."""
 
@@ -51,7 +52,7 @@ def distances(device: Device, bounds: Sequence[Bounded], measured: Response, cou
 
 
 def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
-    """Return devices of a box: its centre, its corners, and random ones.
+    """Return `TRIED` devices of a box: its centre, corners at random, and random devices.
 
     Parameters
     ----------

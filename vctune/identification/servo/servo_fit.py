@@ -14,11 +14,11 @@ from vctune.identification.servo.servo_motion import modes, positions
 from vctune.identification.servo.servo_noise import Noise, exposure, jitter, likeliest, whitened
 
 BANDWIDTHS = (2e-4, 8.0)
-"""Range of the low-pass's bandwidth, as shares of the sampling rate. The lags range from 800 samples to a fiftieth of a
-sample."""
+"""Range of the low-pass's bandwidth, as shares of the sampling rate. For order 1, the lags range from 800 samples to a
+fiftieth of a sample; for order 2 they are sqrt(2) times as long."""
 LATENCIES = (-5.0, 2.0 * MAX_DELAY_SAMPLES + 800.0)
-"""Range of the latency, in samples. The upper end is twice the greatest supported delay plus the longest lag of
-`BANDWIDTHS`. The latency is negative if the clock of the log is early."""
+"""Range of the latency, the sum of delay and lag, in samples. The upper end is twice the greatest supported delay plus
+the longest lag of order 1. The latency is negative if the clock of the log is early."""
 START_BANDWIDTHS = 24
 """Number of bandwidths from which the search starts, spaced evenly on a logarithmic axis."""
 SETTLING_LAGS = 6.0
@@ -31,9 +31,10 @@ LEAST_SPAN = 8
 """Least number of rows over which a step of the motion is measured. A single row would show only the encoder's
 noise."""
 DERIVATIVE_STEP = 1e-4
-"""Relative step of a numerical derivative."""
+"""Step of a numerical derivative, in samples of the latency or in the logarithm of the bandwidth."""
 MAX_SIGMA_RATIO = 1.5
-"""Greatest permitted ratio of a standard deviation to the half-width that chi2 gives."""
+"""Greatest permitted half-width from the standard deviation, relative to the shorter side of the interval that chi2
+gives."""
 JOINT_INTERVALS = 2
 """Number of intervals that must hold at the same time: the intervals of delay and bandwidth."""
 
@@ -82,13 +83,13 @@ class ServoFit:
     lag : lag of the low-pass at rest, s
     jitter : standard deviation of the delay from command to command, s
     noise : noise in the likelihood
-    exposed : variance that jitter causes in each row, divided by the variance of the delay
+    exposed : variance that jitter causes in each fitted row, divided by the variance of the delay
     first : first row of the fit
     minus_twice_log_likelihood : -2 log likelihood
     inflation : factor by which correlation of the residuals increases a variance
     residual : part of the position's steps that the fit leaves unexplained, m
     residual_share : root mean square residual motion divided by the root mean square motion, both over as many rows as
-        the servo's delay
+        the servo's latency, at least `LEAST_SPAN`
     bandwidth_is_bounded : whether the interval of the bandwidth ends below the highest bandwidth of `BANDWIDTHS`
     """
 
@@ -170,7 +171,7 @@ class _Task:
 
 
 def fit_servos(servo_log: ServoLog) -> tuple[ServoFit, ServoFit]:
-    """Fit servos of order 1 and of order 2 to the same rows.
+    """Fit servos of order 1 and of order 2 to the same rows, and return both fits in this order.
 
     Parameters
     ----------
@@ -233,8 +234,8 @@ def _task_near(servo_log: ServoLog, order: int, at: Floats, noise: Noise, first:
 
 
 def _coarse_numbers(servo_log: ServoLog, order: int) -> Floats:
-    """Return the best combination of a delay in whole samples and one of several bandwidths. The function correlates
-    the measured and the predicted steps."""
+    """Return the unknowns for the best combination of a delay in whole samples and one of several bandwidths. The
+    function correlates the measured and the predicted steps."""
     n, T = servo_log.time.size, servo_log.sample_time
     measured = np.diff(servo_log.position)
     best, least_residual = np.zeros(2), np.inf
@@ -341,9 +342,10 @@ def _intervals(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tupl
 
 
 def _interval(value: float, sigma: float, low: float, high: float, factor: float) -> Interval:
-    """Return an interval.
+    """Return the interval that contains both given ends and reaches at least `factor` standard deviations to each side.
 
-    If the standard deviation reaches far beyond an end, chi2 is not a parabola, and the function keeps the given ends.
+    If the standard deviation reaches far beyond an end, chi2 is not a parabola. The function then reduces the standard
+    deviation (`MAX_SIGMA_RATIO`).
     """
     sigma = min(sigma, MAX_SIGMA_RATIO * min(value - low, high - value) / factor)
     return Interval(value, sigma, min(low, value - factor * sigma), max(high, value + factor * sigma))
@@ -352,7 +354,8 @@ def _interval(value: float, sigma: float, low: float, high: float, factor: float
 def _end_of_bandwidth(task: _Task, at: Floats, least: float, allowance: float, side: int, sigma: float) -> Floats:
     """Return the parameters at one end of the bandwidth's interval: the lower end for `side` -1, the upper end for 1.
 
-    The function steps outwards until chi2 exceeds its least value by the allowance, and then bisects.
+    The function steps outwards until chi2 exceeds its least value by the allowance, and then bisects. If chi2 does not
+    exceed it within `BANDWIDTHS`, the interval ends there.
     """
     limit = log(BANDWIDTHS[0]) if side < 0 else log(BANDWIDTHS[1])
     inside, step = at, min(max(sigma, 1e-5), 0.5)

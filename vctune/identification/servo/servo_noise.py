@@ -16,7 +16,7 @@ import numpy as np
 from vctune.document.recording import Floats
 
 LEAST_LINK = 1e-3
-"""Least jitter that the fit considers, in sample times."""
+"""Least jitter with which the search starts, in sample times."""
 LEAST_WINDOWS = 10
 """Least number of windows of rows from which jitter can be detected."""
 
@@ -36,7 +36,7 @@ class Noise:
 
 
 def exposure(velocity: Floats, *, is_position: bool, late: int, lag: float) -> Floats:
-    """Return the variance that a link's jitter causes in each row, divided by the variance of the delay.
+    """Return the variance that a link's jitter causes in each row, divided by the variance of the delay, shape (n,).
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def likeliest(
 def jitter(residual: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
     """Return the standard deviation of a link's delay, s.
 
-    Return 0 if the estimate is less than three of its own standard deviations from 0.
+    Return 0 if the estimate is less than three of its own standard deviations from 0, or if the log is short.
 
     The lag of the servo spreads the effect of a late command, so the function sums the steps over several lags.
 

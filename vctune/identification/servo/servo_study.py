@@ -46,7 +46,7 @@ class Yielding:
     ----------
     compliance, mobility : m/N and m/(N s), each with its standard deviation
     share : root mean square share of the motion that follows the force, by compliance or by mobility, whichever is
-        significant and larger
+        significant and larger; by compliance if neither is significant
     significant : whether the compliance and the mobility are significant
     """
 
@@ -65,8 +65,8 @@ class ServoStudy:
     servo_log : the log as fitted
     fit : fit of the order that explains the log best
     other : fit of the other order
-    order_is_known : whether chi2 decides between the orders
-    yielding : part of the motion that follows the force; None if no force was recorded
+    order_is_known : whether the likelihood decides between the orders
+    yielding : part of the motion that follows the force; None if no force was recorded, or if it is constant
     bands : measured response in bands
     """
 
@@ -164,7 +164,7 @@ def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
     Raises
     ------
     InputError
-        If no servo explains the motion.
+        If no servo explains the motion, or if the gain from command to motion is outside `GAIN_RANGE`.
     """
     servo_log = _servo_log(recording, sample_time)
     first, second = fit_servos(servo_log)
