@@ -22,14 +22,14 @@ def benchmark(
     name : name of a benchmark's module in `vctune.bench`
     folder : folder for the files; the function creates it if it does not exist
     quick : whether to make a quick run of less than a minute
-    seed : seed of the random devices
+    seed : seed of the random devices; ignored by benchmarks without random devices
     command : shell command that repeats the benchmark; the page states it
     progress : function that receives the current stage
 
     Raises
     ------
     InputError
-        If the folder cannot be written.
+        If the folder cannot be written, or if a package that the benchmark needs is not installed.
     """
     make_folder(folder)
     where = machine()

@@ -1,4 +1,4 @@
-"""Measure run times: to each design of a problem, of `vctune solve` with its report, and of a sweep."""
+"""Measure run times: of each stage of a design, of `vctune solve` with its report, and of a sweep."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ from vctune.report.figures.benchmark_figures import Panel, Series
 
 PROBLEMS = "friction-wheel-hands", "desktop", "cobot-wrist", "friction-wheel-real"
 QUICK, REPEATS = 2, 5
-"""Number of problems of the quick measurement, and number of runs; the benchmark reports their median."""
+"""Number of problems of the quick measurement, and number of runs of the full one; the benchmark reports the median of
+the runs. The quick measurement has one run."""
 SIDES = {"quick": 3, "full": 10}
-"""Number of values of mass, and of damping, in the sweep."""
+"""Number of values of mass, and of damping, in each sweep."""
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 STUDY = """problem = "device.toml"
 [axes]
@@ -36,7 +37,9 @@ STUDY = """problem = "device.toml"
 "device.damping" = {{ log = [0.1, 10.0], n = {0} }}
 """
 CRITERIA = "both", "hands", "passive"
+"""Criteria of stability. The benchmark runs one sweep under each."""
 FIRST, BEST, PROVED, REPORT, SWEEP = "scan", "search", "proof", "with report", "sweep"
+"""Names of the measured work, see `Row.work`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +51,9 @@ class Row:
     work : measured work: the scan alone; the scan and the search; the scan, the search and the proof; the command with
         its report; or one point of a sweep
     problem : name of the problem, or the criterion of the sweep
-    seconds : processor time, s; for a point of a sweep the wall time, s, including the start of the command
-    error : error of the design; nan for commands
+    seconds : processor time, s; for a point of a sweep the wall time of the command, including its start, divided by
+        the number of points, s
+    error : error of the design; nan for commands and without a design
     """
 
     work: str
@@ -63,9 +67,9 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
     Parameters
     ----------
-    quick : whether to measure only a few problems, with one run each
+    quick : whether to measure only a few problems, with one run each, and small sweeps
     seed : ignored, because nothing is random
-    tick : function that receives the name of the work
+    tick : function that receives the name of the problem or of the sweep
 
     Returns
     -------
@@ -91,7 +95,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
 
 def solved(name: str, folder: Path, repeats: int) -> list[Row]:
-    """Return the time and the error of a problem's designs, and the time of `vctune solve` with its report.
+    """Return four rows: the designs of the scan, of the search and of the proof, and `vctune solve` with its report.
 
     Parameters
     ----------
@@ -109,7 +113,7 @@ def solved(name: str, folder: Path, repeats: int) -> list[Row]:
 
 
 def scanned(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best admissible design of the scan, in SI units; None if the scan finds no admissible design."""
+    """Return the best admissible design of the scan, in SI units; None if the scan has no admissible start."""
     prepared = prepare(problem)
     starts = [start for start in scan(prepared.scaled).starts if start.admissible]
     if not starts:
@@ -126,7 +130,7 @@ def _estimate(
 
 
 def swept(criterion: str, side: int, folder: Path) -> Row:
-    """Return the wall time of the sweep command, including its start, divided by the number of points.
+    """Return the row of a sweep: the wall time of the command, including its start, divided by the number of points.
 
     Parameters
     ----------
@@ -144,13 +148,14 @@ def swept(criterion: str, side: int, folder: Path) -> Row:
 
 
 def _command(folder: Path, *arguments: str) -> float:
-    """Run a command of vctune and return its processor time, s; on Windows, its wall time."""
+    """Run a command of vctune and return its processor time, s; on Windows, its wall time. Ignore its exit code."""
     began, before = perf_counter(), _of_children()
     subprocess.run([sys.executable, "-m", "vctune", *arguments, "--quiet"], cwd=folder, check=False)
     return perf_counter() - began if before is None else (_of_children() or 0.0) - before
 
 
 def _of_children() -> float | None:
+    """Return the processor time of all ended child processes, s; None on Windows, which does not measure it."""
     if sys.platform == "win32":
         return None
     from resource import RUSAGE_CHILDREN, getrusage

@@ -18,6 +18,7 @@ from vctune.report.figures.with_matplotlib import svg
 Tick = Callable[[str], None]
 """Type of a function that receives the name of the current stage of the measurement."""
 DIGITS = 6
+"""Number of significant digits of a number in the CSV table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +29,9 @@ class Measured:
     ----------
     title : title of the benchmark
     reading : instructions for reading the picture
-    rows : the rows of the table, all of one frozen dataclass
+    rows : the rows of the table, at least one, all of one frozen dataclass
     facts : the findings, one sentence each
-    panels : panels of the picture
+    panels : panels of the picture; the picture omits panels without points
     """
 
     title: str
@@ -43,7 +44,7 @@ class Measured:
 def csv_of(rows: list[Any]) -> str:
     """Return the CSV text of rows of a frozen dataclass: a heading, and one line for each row.
 
-    A cell is empty if its number is nan or None.
+    A cell is empty if its number is nan or -inf. The cell of an infinite number is "inf".
     """
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -87,7 +88,7 @@ def page(name: str, measured: Measured, command: str, machine: str) -> str:
 
 
 def record_of(name: str, measured: Measured, machine: str) -> BenchRecord:
-    """Return a benchmark's result as a record for JSON. A number that is nan becomes null.
+    """Return a benchmark's result as a record for JSON. A number that is not finite becomes null.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Pose the design problem on a fixed grid for any solver, with exact derivatives. This module imports casadi.
 
-Every peer gets vctune's own formulation: logarithmic variables, log-ratio constraints, the bounds, and the starts of
-the scan. CasADi's algorithmic differentiation supplies the derivatives.
+Every peer, which is a solver that the benchmark compares with vctune, gets vctune's own formulation: logarithmic
+variables, log-ratio constraints, the bounds, and the starts of the scan. CasADi's algorithmic differentiation supplies
+the derivatives.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ from vctune.model.gains import AnyCoupling, Gains
 PANELS = 16
 """Number of panels of the objective's quadrature. These panels give nine digits on the reference problems."""
 MISSED = 1e3
+"""Number that replaces an objective that is nan or inf and, with a minus sign, a constraint that is nan or -inf."""
 SETTINGS: dict[str, Any] = {**OPTIONS, "ipopt.max_iter": 500}
+"""Options of IPOPT on a fixed grid: those of vctune's search, with more iterations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +42,8 @@ class Dense:
     ----------
     prepared : the problem, prepared for the search
     structure : structure of the NLP
-    free : the variables of the NLP
-    fixed : the values of the other variables
+    free : the design variables of the NLP
+    fixed : the start's values of all design variables, dimensionless; a design keeps those that are not free
     numbers : start, parameters and bounds of the NLP
     """
 
@@ -51,17 +54,21 @@ class Dense:
     numbers: NlpNumbers
 
     def values(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the logarithm of the error, and the constraints minus their lower bounds.
+        """Return the logarithm of the error, of shape (1,), and the constraints in use minus their lower bounds.
 
-        A design satisfies a constraint if the difference is >= 0. If Re G_hh <= 0, a constraint has no logarithm, and
+        A design satisfies a constraint if the difference is >= 0. If Re h11 <= 0, a constraint has no logarithm, and
         the difference is -`MISSED`.
+
+        Parameters
+        ----------
+        z : coordinates of the free variables
         """
         f, g = functions(self.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
         return np.nan_to_num(np.array(f).ravel(), nan=MISSED, posinf=MISSED), beyond
 
     def slopes(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the gradient of the objective and the Jacobian of the constraints."""
+        """Return the gradient of the objective, and the Jacobian of the constraints in use."""
         df, dg = functions(self.structure).slopes(z, self.numbers.parameters)
         return np.array(df).ravel(), np.array(dg)[self.posed]
 
@@ -76,7 +83,7 @@ class Dense:
         return self.numbers.least[self.posed]
 
     def design(self, z: Floats) -> tuple[Gains, AnyCoupling]:
-        """Return the gains and the coupling of a solution, rounded as in a file."""
+        """Return the gains and the coupling of a solution in SI units, within their bounds and rounded as in a file."""
         values = list(self.fixed)
         for coordinate, at in zip(self.free, z, strict=True):
             values[coordinate.index] = coordinate.to_x(float(np.clip(at, coordinate.low, coordinate.high)))
@@ -85,7 +92,7 @@ class Dense:
 
 @dataclass(frozen=True, slots=True)
 class Functions:
-    """The compiled objective and constraints, with their first derivatives."""
+    """The compiled objective and constraints, and their first derivatives, as functions of variables and parameters."""
 
     values: ca.Function
     slopes: ca.Function
@@ -107,11 +114,11 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
     """Impose the constraints of a problem on a fixed grid: `count` frequencies for Llewellyn's conditions, and `count`
     for |S|.
 
-    Both grids are log-spaced.
+    With the norm "peak", `count` frequencies of the transparency band bound the error. All grids are log-spaced.
 
     Parameters
     ----------
-    prepared : the problem
+    prepared : problem of an admittance display without parts, with the criterion "passive"
     start : start of the solver, which determines whether the law has an integrator
     count : number of frequencies of each kind
     reserve : relative tightening of the constraints

@@ -1,6 +1,6 @@
 """Make random devices over ten decades of mass, damping, sample time, delay, bounds and bands.
 
-A seed reproduces each device.
+The devices are admittance displays without parts, under the criterion "passive". A seed reproduces each device.
 """
 
 from __future__ import annotations

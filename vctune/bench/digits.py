@@ -21,10 +21,11 @@ class Exact:
 
     Attributes
     ----------
-    offered, required, ratio : Re Z_c, R, and Re Z_c/R (inf if R <= 0); R is meaningless if Re h11 <= 0
-    resistance : Re h11
+    offered, required, ratio : Re Z_c, R, and Re Z_c/R (inf if R <= 0); R is inf if Re h11 = 0, and meaningless if Re
+        h11 < 0
+    resistance : Re h11, m/(N s)
     rollett : Rollett's stability factor of the two-port with Z_c; inf if q = 0
-    admittance, tracking, coupling : |G_hh|, |1 - G_he| and |Z_c|, without the operator
+    admittance, tracking, coupling : |G_hh|, |1 - G_he| and |Z_c|, without the least operator
     """
 
     offered: Any
@@ -38,10 +39,10 @@ class Exact:
 
 
 def exact(case: Case, omega: Any) -> Exact:
-    """Evaluate the definitions for one case at one frequency, with `DIGITS` digits.
+    """Evaluate the definitions for one case at one frequency, with at least `DIGITS` digits.
 
-    The two-port includes the operator's Z_h: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W + C), h22 = Z_h C/(W
-    + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
+    The two-port includes the least operator's Z_h = m_h s + b_h: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W
+    + C), h22 = Z_h C/(W + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ def exact(case: Case, omega: Any) -> Exact:
 def sensitivity(case: Case, omega: Any) -> Any:
     """Return |S| of the sampled loop without a hand on the device.
 
-    |S| is the open-loop characteristic polynomial divided by the closed-loop one, at z = e^(j omega T).
+    S is the open-loop characteristic polynomial divided by the closed-loop one, at z = e^(j omega T).
 
     Parameters
     ----------
@@ -91,6 +92,7 @@ def sensitivity(case: Case, omega: Any) -> Any:
 
 def stable(case: Case) -> bool:
     """Return whether the sampled loop without a hand is stable, by Jury's recursion on its polynomial."""
+    # a digit more for each sample of delay, because the table has a row for each
     with mp.workdps(DIGITS + GUARD + int(case.delay / case.sample_time)):
         return _all_inside(characteristic(case, _decimals(case)[4:6]))
 

@@ -1,8 +1,11 @@
 """Implement the theory independently, in plain complex numbers, without any code of the model.
 
-This module uses dense grids instead of a proof, and matrix exponentials and eigenvalues instead of a return difference.
-The tests also judge many designs at once with this module. For one `Case`, a function of k frequencies (rad/s, not 0)
-returns k numbers in SI units; for n cases it returns n rows of k numbers.
+The module covers admittance displays without parts and without uncertainty, and the conditions for any passive hand.
+The tests also judge many designs at once with this module.
+
+This module uses dense grids instead of a proof, and computes poles from matrix exponentials and eigenvalues. For one
+`Case`, a function of k frequencies (rad/s, not 0) returns k numbers in SI units; for n cases it returns n rows of k
+numbers.
 """
 
 from __future__ import annotations
@@ -22,30 +25,32 @@ from vctune.model.problem import Problem
 Floats = NDArray[np.float64]
 
 POINTS = 20_001
-"""Number of frequencies in each band. The number is odd, as Simpson's rule requires."""
+"""Number of frequencies in each grid. The number is odd, as Simpson's rule requires."""
 ENDLESS = 1e-6
-"""If a band begins at 0, its grid begins at this number times the least other frequency. If a band ends at inf, its
-grid ends at the greatest other frequency divided by this number."""
+"""If the stability band begins at 0, its grid begins at this number times the least of three frequencies: the edges of
+the transparency band and the Nyquist frequency. If the stability band ends at inf, its grid ends at the greatest of
+these frequencies divided by this number."""
 WHOLE = 1e-12
 """Greatest deviation of a delay from a whole number of samples, as a share of a sample, for the delay to count as
 whole."""
 SERIES = 1e-2
-"""Argument up to which the code uses Taylor series for (1 - e^-x)/x and its integral, because the closed forms
-cancel."""
+"""Argument x below which the code uses Taylor series for (1 - e^-x)/x and (x - 1 + e^-x)/x^2, because digits cancel in
+the closed forms."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A device with a design, or many of them, in SI units.
+    """An admittance display without parts, with a design, or many of them, in SI units.
 
-    Each field except `sample_time` and `hold` is one number, or an array with one number for each case.
+    The fields `sample_time`, `hold`, `m_h` and `b_h` have one value for all cases. Each other field is one number, or
+    an array with one number for each case.
 
     Attributes
     ----------
     mass, damping, sample_time, delay, hold : parameters of the device
     K_v, K_p : gains of the velocity loop
-    b_c, m_c, b_0 : damping, mass and drag of the coupling
-    m_h, b_h : mass and damping of the operator's least hand
+    b_c, m_c, b_0 : damping, mass and drag of the coupling; b_c must be finite
+    m_h, b_h : mass and damping of the least operator; 0 if the handle may be free
     """
 
     mass: Any
@@ -63,13 +68,13 @@ class Case:
 
     @property
     def bare(self) -> Case:
-        """The case without the operator."""
+        """The case without the least operator."""
         return replace(self, m_h=0.0, b_h=0.0)
 
     @property
     def loops(self) -> tuple[Case, ...]:
         """The loops that must be stable on their own: without a hand and, if the problem has a least operator, with
-        this operator."""
+        this operator. The second loop is a device with the sums of the masses and of the dampings."""
         if self.m_h == self.b_h == 0:
             return (self,)
         return self.bare, replace(self.bare, mass=self.mass + self.m_h, damping=self.damping + self.b_h)
@@ -85,7 +90,7 @@ def cases(device: Device, design: ArrayLike) -> Case:
 
     Parameters
     ----------
-    device : device with plain numbers, SI units
+    device : admittance display with plain numbers, SI units; the function ignores its parts
     design : K_v, K_p, b_c, m_c and b_0; shape (5,), or (5, n) for n designs
 
     Returns
@@ -103,7 +108,7 @@ def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Case:
 
     Parameters
     ----------
-    device : device with plain numbers, SI units
+    device : admittance display with plain numbers, SI units; the function ignores its parts
     gains : K_v and K_p, N s/m and N/m
     coupling : coupling of an admittance display
 
@@ -121,7 +126,7 @@ def _column(number: Any) -> Any:
 
 
 def impedances(case: Case, s: Any) -> tuple[Any, Any]:
-    """Return Z_d = m s + b and C = (K_v + K_p/s) H(s) e^(-s delay) (paper eq. 9 for C).
+    """Return Z_d = m s + b and C = (K_v + K_p/s) H(s) e^(-s delay) (paper eq. 9 for C), where H is the hold.
 
     Parameters
     ----------
@@ -158,9 +163,10 @@ def coupling_impedance(case: Case, s: Any) -> Any:
 def required(case: Case, omega: Any) -> Any:
     """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least feasible Re Z_c (paper eq. 19).
 
-    The two-port includes the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C), q = -h12 h21 = C (Z_d + C)/(W +
-    C)^2 with W = Z_d + b_h. Where Re q > 0, the code computes |q| - Re q as (Im q)^2/(|q| + Re q), and Im q from 1 - q,
-    so that no digits cancel. A mass in the hand has no effect, because the condition already covers any reactance.
+    The two-port includes the damping of the least operator: h11 = 1/(W + C), h22 = b_h C/(W + C), q = -h12 h21 = C (Z_d
+    + C)/(W + C)^2 with W = Z_d + b_h. Where Re q > 0, the code computes |q| - Re q as (Im q)^2/(|q| + Re q), and Im q
+    from 1 - q, so that no digits cancel. The operator's mass m_h has no effect, because the condition already covers
+    any reactance.
 
     Parameters
     ----------
@@ -204,8 +210,9 @@ def stability_ratio(case: Case, omega: Any) -> Any:
 def sensitivity(case: Case, omega: Any) -> Any:
     """Return |S| = 1/|1 + K_v G_v + K_p G_x| of the sampled loop without a hand.
 
-    G_v and G_x are the sampled velocity and the sampled position, divided by the commanded force. A commanded force
-    acts after `whole` samples plus `remainder` seconds.
+    G_v and G_x are the sampled velocity and the sampled position, divided by the commanded force. The sampled loop
+    holds this force exactly, also if `hold` is "lag". A commanded force acts after `whole` samples plus `remainder`
+    seconds.
 
     Parameters
     ----------
@@ -221,6 +228,7 @@ def sensitivity(case: Case, omega: Any) -> Any:
     whole, remainder = (_column(x) for x in _samples(case))
     back = np.exp(-1j * omega * T)  # 1/z
     (v, x), (v_new, x_new) = _integrals(rate, T), _integrals(rate, T - remainder)
+    # effects of a force that begins `remainder` late in a sample and lasts T: the rest of it acts in the next sample
     velocity, position = ((new + (old - new) * back) / m for new, old in ((v_new, v), (x_new, x)))
     acting, forward = back**whole, -np.expm1(-1j * omega * T)  # z^-whole, 1 - 1/z
     G_v = acting * back * velocity / (forward + back * -np.expm1(-rate * T))
@@ -229,7 +237,7 @@ def sensitivity(case: Case, omega: Any) -> Any:
 
 
 def _samples(case: Case) -> tuple[Any, Any]:
-    """Return the delay as whole samples and a remainder in seconds."""
+    """Return the delay as whole samples and a remainder in seconds, 0 <= remainder < T."""
     T = case.sample_time
     whole = np.floor(np.asarray(case.delay) / T + WHOLE)
     remainder = np.maximum(case.delay - whole * T, 0.0)
@@ -248,12 +256,12 @@ def _integrals(rate: Any, t: Any) -> tuple[Any, Any]:
 
 
 def spectral_radius(case: Case) -> Any:
-    """Return the spectral radius of each sampled loop without a hand."""
+    """Return the spectral radius of each sampled loop without a hand: one number, or shape (n,) for n cases."""
     return by_kind(case, lambda loops: np.abs(np.linalg.eigvals(loop_matrices(loops))).max(axis=1))
 
 
 def by_kind(case: Case, evaluate: Callable[[Case], Floats]) -> Any:
-    """Evaluate a function on groups of loops that have the same number of states.
+    """Evaluate a function of loops without a hand and a coupling, on groups of loops with the same number of states.
 
     Parameters
     ----------
@@ -277,10 +285,11 @@ def by_kind(case: Case, evaluate: Callable[[Case], Floats]) -> Any:
 
 
 def loop_matrices(case: Case) -> Floats:
-    """Return the matrices that advance v, x and the delayed forces by one sample.
+    """Return the matrices that advance v, x and the earlier commands by one sample, of shape (n, size, size).
 
     The cases are arrays with the same number of whole samples of delay. Either all cases have K_p > 0, or no case has.
-    Without K_p, the state does not contain x.
+    Without K_p, the state does not contain x. With w whole samples of delay, the state contains the last w + 1
+    commands, the newest first.
     """
     order, whole = 2 if case.K_p[0] > 0 else 1, int(_samples(case)[0][0])
     remainder, n = _samples(case)[1], len(case.K_v)
@@ -289,9 +298,8 @@ def loop_matrices(case: Case) -> Floats:
         _motion(case, case.sample_time - remainder, order),
     )
     size = order + whole + 1
-    commands_from_state = np.zeros(
-        (n, whole + 2, size)
-    )  # the force commanded now, the force commanded one sample ago, ...
+    # rows: the force commanded now, the force commanded one sample ago, ...
+    commands_from_state = np.zeros((n, whole + 2, size))
     commands_from_state[:, 0, :order] = -np.stack((case.K_v, case.K_p)[:order], axis=1)
     commands_from_state[:, 1:, order:] = np.eye(whole + 1)
     loops = np.zeros((n, size, size))
@@ -303,7 +311,8 @@ def loop_matrices(case: Case) -> Floats:
 
 
 def _motion(case: Case, t: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return the matrix of the motion over a time t, and the effect of a constant unit force."""
+    """Return the matrix of the motion over a time t, and the effect of a constant unit force: shapes (n, order, order)
+    and (n, order)."""
     rates = np.zeros((len(t), order + 1, order + 1))
     rates[:, 0, 0], rates[:, 0, order], rates[:, 1:order, 0] = -case.damping / case.mass, 1 / case.mass, 1.0
     whole = _exponentials(rates * t[:, None, None])
@@ -313,6 +322,7 @@ def _motion(case: Case, t: Floats, order: int) -> tuple[Floats, Floats]:
 def _exponentials(A: Floats) -> Floats:
     """Return e^A for each matrix, by scaling, Taylor's series and squaring."""
     norms = np.abs(A).sum(axis=2).max(axis=1)
+    # the scaled norm is at most 1/16; 1e-300 avoids the logarithm of 0
     halvings = np.maximum(np.ceil(np.log2(np.maximum(norms, 1e-300))) + 4, 0)
     scaled = A / 2.0 ** halvings[:, None, None]
     total = term = np.broadcast_to(np.eye(A.shape[-1]), A.shape)
@@ -330,7 +340,7 @@ def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
 
     Parameters
     ----------
-    problem : band, norm, weights and reference impedance
+    problem : problem, from which the function uses the transparency band, norm, weights and reference impedance
     case : one case or n
     points : number of frequencies; odd, because Simpson's rule integrates the norm "rms"
 
@@ -350,11 +360,11 @@ def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
 
 
 def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
-    """Return the square of the transparency error at frequencies (paper eq. 21).
+    """Return the square of the transparency error at frequencies (paper eq. 21), without the least operator.
 
     Parameters
     ----------
-    problem : weights and reference impedance
+    problem : problem, from which the function uses the weights and the reference impedance
     case : one case or n
     omega : frequency, rad/s, not 0, shape (k,)
 
@@ -372,18 +382,19 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
 def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:
     """Return the logarithm of one case's greatest violation of the constraints on Re Z_c/R and |S|.
 
-    The function evaluates dense grids and the extra frequencies. The result is 0 if the case meets both constraints.
+    A violation is the ratio of the required to the reached Re Z_c/R, or of the reached to the permitted |S|. The
+    function evaluates dense grids and the extra frequencies. The function does not check the poles of the sampled loop.
 
     Parameters
     ----------
     problem : problem with its constraints
     case : one case with the problem's device
-    extra : more frequencies, rad/s; the function ignores frequencies outside the band of a constraint
+    extra : more frequencies, rad/s; the function ignores 0, inf, and frequencies outside the band of a constraint
 
     Returns
     -------
     float
-        Dimensionless, >= 0.
+        Dimensionless: 0 if the case meets both constraints; inf if some Re Z_c/R is not positive.
     """
     device, stability, nyquist = problem.device, problem.stability, pi / problem.device.sample_time
     middle = [problem.transparency.band.min, problem.transparency.band.max, nyquist]
@@ -393,6 +404,7 @@ def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> floa
     inside = extra_finite[(extra_finite >= low) & (extra_finite <= high)]
     ratio = float(stability_ratio(case, np.concatenate((np.geomspace(low, high, POINTS), inside))).min())
     resistance_violation = stability.safety_factor / ratio if ratio > 0 else inf
+    # |S| peaks near the resonance of mass and K_p, for which two grids within a factor of 4 are added
     ringing = min(float(np.sqrt(case.K_p / device.mass)), nyquist) or nyquist
     lowest = min(1e-4 * nyquist, 0.1 * ringing, problem.transparency.band.min, low)
     near_resonance = (

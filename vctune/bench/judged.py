@@ -21,10 +21,12 @@ class Worth:
     Attributes
     ----------
     error : transparency error by the independent evaluator
-    violation : greatest relative violation of the constraints, on the grid and at the prover's witnesses
-    stable : whether the eigenvalues of the sampled loop lie inside the unit circle
-    verdict : verdict of the prover
-    consistent : whether prover and evaluator do not contradict each other
+    violation : logarithm of the greatest relative violation of the constraints on Re Z_c/R and |S|, on the grids of the
+        evaluator and at the frequencies that the prover names; 0 without a violation
+    stable : whether the eigenvalues of the sampled loop without a hand lie inside the unit circle
+    verdict : status of the answer by the prover
+    consistent : whether prover and evaluator do not contradict each other: their errors agree or are not finite, and a
+        certified answer has no violation and is stable
     """
 
     error: float
@@ -39,7 +41,7 @@ def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
 
     Parameters
     ----------
-    problem : problem with its constraints
+    problem : problem of an admittance display without parts, with the criterion "passive"
     gains, coupling : the answer to judge
 
     Returns

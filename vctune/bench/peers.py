@@ -11,6 +11,7 @@ from vctune.bench.dense import Dense, Stopped
 from vctune.document.text.errors import InputError
 
 PACKAGES = {"scipy": "SciPy", "mpmath": "mpmath"}
+"""Names of the packages in messages."""
 
 
 def need(package: str) -> None:

@@ -1,6 +1,7 @@
 """List the reference problems, for any passive hand on a band.
 
-The problems cover free and fixed loops, both holds, delays, K_p = 0, active bounds, and a problem with two basins.
+The problems cover free and fixed loops, both holds, delays, K_p = 0, active bounds, and a problem with two basins. All
+devices are admittance displays without parts.
 """
 
 from __future__ import annotations

@@ -27,39 +27,42 @@ from vctune.model.problem import Problem
 from vctune.report.figures.benchmark_figures import Panel, Series
 
 GRID = 2000
-"""Number of frequencies in the grids of most other solvers: for Llewellyn's conditions, and again for |S|."""
+"""Number of frequencies of each kind in the grids of SLSQP and of the finest IPOPT: for Llewellyn's conditions, and
+again for |S|."""
 COARSE_GRIDS = (8, 32, 128, 512)
-"""Numbers of frequencies of the coarser grids for IPOPT."""
+"""Numbers of frequencies of each kind in the coarser grids for IPOPT. `TIGHTENING` tightens their constraints."""
 CONSTRAINT_RESERVE = 1e-5
 """Relative tightening of the other solvers' constraints on `GRID`. The tightening is about the size of the violation
 between two grid points."""
 MAX_VIOLATION = 1e-6
-"""Greatest violation on the grid with which the benchmark accepts another solver's answer."""
+"""Greatest violation on the grid, the logarithm of a ratio, with which an answer of another solver counts as
+feasible."""
 REPEATS, SLOW_SECONDS = 5, 1.0
-"""Number of timed pairs of runs, one of a solver and one of vctune; and run time, s, above which the benchmark times
-only one pair."""
+"""Number of timed pairs of runs, one of another solver and one of vctune; and run time of the other solver, s, from
+which the benchmark times only one pair. vctune's own row has `REPEATS` runs."""
 OURS, MULTISTART, IPOPT = "vctune", "SciPy SLSQP", "IPOPT, "
 AIMED_PACE = 1 / 3
 """Largest share of the multi-start's time that vctune may take for a certified design."""
 LEAST_GAP = 1e-7
-"""Gap at the dotted line of the picture. Errors with a smaller gap count as equal, because the solvers stop at this
-accuracy."""
+"""Gap, or violation, at the dotted line of the picture. Errors with a smaller gap count as equal, because the solvers
+stop at this accuracy."""
 AS_GOOD_GAP = 1e-3
 """Greatest gap with which an answer counts as equal to the best."""
 UNSTABLE_PENALTY = 1e3
 """Penalty that ranks unstable answers behind all stable answers."""
 Solver = Callable[[Dense], Stopped]
+"""Type of a function that solves a problem on its grid from one start."""
 
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """A solver that the benchmark compares.
+    """A solver with which the benchmark compares vctune.
 
     Attributes
     ----------
     name : name of the solver
     count : number of frequencies of each kind in its grid
-    solver : function that solves a problem
+    solver : function that solves a problem from one start
     reserve : relative tightening of the solver's constraints
     """
 
@@ -76,13 +79,15 @@ class Row:
     Attributes
     ----------
     grid : number of frequencies of each kind; 0 for vctune, which chooses its own frequencies
+    problem, solver : names
     seconds : median processor time, s, without the compilation of the solver's functions. Only vctune's time includes
         the proof and the scan for the starts
-    pace : vctune's time divided by the solver's time, the median over pairs of consecutive runs
-    starts : number of the solver's starts
-    unstable : number of the solver's answers with an unstable sampled loop
-    succeeded : whether the solver reports success
-    gap : relative difference between the solver's error and the least proved error of all solvers
+    pace : vctune's time divided by the solver's time, the median over pairs of consecutive runs; 1 for vctune
+    starts : number of starts from which the solver ran; for vctune the number of its local optima
+    unstable : number of the solver's answers with an unstable sampled loop; 0 for vctune
+    succeeded : whether the solver reports success; True for vctune
+    gap : relative difference between the solver's error and the least proved error of all solvers, negative for an
+        unproved answer with a lower error; nan if no answer is proved
     error, violation, stable, verdict, consistent : see `vctune.bench.judged.Worth`
     """
 
@@ -169,9 +174,9 @@ def _vctune_row(name: str, problem: Problem) -> Row:
 
 
 def _peer_row(name: str, prepared: Prepared, scan_result: ScanResult, peer: Peer) -> Row:
-    """Return the row of another solver: its best answer, and its time relative to vctune's time.
+    """Return the row of another solver: its best answer, its time, and vctune's time relative to it.
 
-    The function first calls the compiled functions once, so no measured time includes their compilation.
+    The function first compiles the functions and IPOPT, so no measured time includes their compilation.
     """
     problem, dense_problems = (
         prepared.problem,
@@ -196,13 +201,23 @@ def _peer_row(name: str, prepared: Prepared, scan_result: ScanResult, peer: Peer
 
 
 def _starts(scan_result: ScanResult) -> list[Start]:
-    """Return the starts from which vctune's own search would optimise."""
+    """Return the admissible starts of a scan, or its first two starts if none is admissible, as vctune's search
+    does."""
     return [start for start in scan_result.starts if start.admissible] or scan_result.starts[:2]
 
 
 @dataclass(frozen=True, slots=True)
 class _Answer:
-    """The answer of a solver from one start; `violation` is the greatest violation on the grid of frequencies."""
+    """The answer of a solver from one start.
+
+    Attributes
+    ----------
+    design : gains and coupling, SI units
+    error : logarithm of the transparency error
+    violation : greatest violation of a constraint on the solver's own grid, the logarithm of a ratio; 0 without one
+    stable : whether the sampled loop without a hand is stable
+    converged : whether the solver reports success
+    """
 
     design: tuple[Gains, AnyCoupling]
     error: float
@@ -252,7 +267,7 @@ def facts(rows: list[Row]) -> list[str]:
 
 
 def _summary_of_solver(solver: str, rows: list[Row]) -> str:
-    """Return a sentence on how often a solver's answers are proved and as good as the best, and on its time."""
+    """Return a sentence on how often a solver's answers are proved and as good as the best, and on the time."""
     all_rows = [row for row in rows if row.solver == solver]
     good = [row for row in all_rows if row.verdict == Status.CERTIFIED and row.gap <= AS_GOOD_GAP]
     unproved = sum(row.verdict != Status.CERTIFIED for row in all_rows)

@@ -29,9 +29,9 @@ QUICK, FULL = 40, 3000
 PATIENCE = 20.0
 """Processor time, s, after which the benchmark records a device as failed."""
 FREQUENCIES = 40
-"""Number of frequencies, log-spaced over each band, at which the benchmark checks a certified design with 50 digits."""
+"""Number of frequencies, log-spaced over each band, at which the benchmark checks a design with 50 digits."""
 BELOW_NYQUIST = 1e-3
-"""Least frequency, as a share of the Nyquist frequency, at which |S| is checked."""
+"""Least frequency of the grids for |S|, as a share of the Nyquist frequency."""
 FAILED = "failed"
 SCAN_GAINS, SCAN_DAMPING, SCAN_FREQUENCIES = 28, 48, 120
 """Number of values of each gain, of values of b_c, and of frequencies of the scan that looks for a design."""
@@ -53,14 +53,13 @@ class Row:
     Attributes
     ----------
     number : index of the device in the series
-    status : "certified", "infeasible", "undecided", or "failed" after an exception, an invalid number or no answer in
-        time
-    seconds : processor time of the solve
+    status : a value of `Status`, or "failed" after an exception, an error that is not finite, or no answer in time
+    seconds : processor time of the solve, s
     wrong : contradiction between the verdict and the independent evaluation; "" if there is none
     float_error : largest relative error of the float formulas against 50 digits, over Re Z_c/R, |G_hh|, |1 - G_he| and
         |Z_c|; nan without a design
-    reason : remark on a device without an answer or with a wrong answer; else ""
-    device : parameters of a device without an answer or with a wrong answer, as JSON; else ""
+    reason : remark on a device that is neither certified nor infeasible, or whose verdict is wrong; else ""
+    device : problem of such a device, as JSON; else ""
     """
 
     number: int
@@ -79,7 +78,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     ----------
     quick : whether to test only `QUICK` devices
     seed : seed of the devices
-    tick : function that receives the number of finished devices
+    tick : function that receives the number of finished devices, in words
 
     Returns
     -------
@@ -118,7 +117,8 @@ def examined(seed: int, number: int) -> Row:
     Returns
     -------
     Row
-        The device's status and time, and the contradiction with an independent evaluation.
+        The device's status and time, and the contradiction with an independent evaluation. 50 digits check designs, and
+        a scan in double precision checks that a problem is infeasible.
     """
     document, problem = device(seed, number)
     device_text, began = json.dumps(document), process_time()
@@ -143,15 +143,15 @@ def examined(seed: int, number: int) -> Row:
 
 
 def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
-    """Check a certified design with 50 digits.
+    """Check a design with 50 digits.
 
-    Return the contradiction ("" if there is none), and the largest relative error of the floats.
+    Return the contradiction ("" if there is none), and the largest relative error of the float formulas.
 
     Parameters
     ----------
     problem : problem with its constraints
-    judgement : judgement of a design; the function can contradict only a certified design, by its least Re Z_c/R, its
-        |S| or the poles of its sampled loop
+    judgement : judgement of a design; the function contradicts only a certified design, by Re Z_c/R and |S| at the
+        checked frequencies, and by the poles of the sampled loop without a hand
     """
     from vctune.bench import digits
 
@@ -183,7 +183,7 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
 
 
 def _in_double_precision(problem: Problem, judgement: Judgement, omega: float) -> tuple[float, float, float, float]:
-    """Return |G_hh|, |1 - G_he|, |Z_c| and Re Z_c/R from the float formulas."""
+    """Return |G_hh| [m/(N s)], |1 - G_he|, |Z_c| [N s/m] and Re Z_c/R from the model's formulas in double precision."""
     at, Z_0 = np.array([omega]), problem.transparency.reference_impedance
     terms = demands.error_terms(problem, judgement.gains, judgement.coupling, at)
     admittance, tracking, coupling = (float(np.sqrt(x[0])) for x in (terms.admittance, terms.tracking, terms.coupling))
@@ -192,9 +192,10 @@ def _in_double_precision(problem: Problem, judgement: Judgement, omega: float) -
 
 
 def feasible_design(problem: Problem) -> str | None:
-    """Search gains and couplings with the independent evaluator. Return a design that meets all constraints, or None.
+    """Search gains and couplings with the independent evaluator. Return a design that meets all constraints, as text.
 
-    The scan varies the gains and b_c. m_c and b_0 stay at their upper bounds, which ease the constraints.
+    Return None if the search finds no design. The scan varies the gains and b_c. m_c and b_0 stay at their upper
+    bounds, which ease the constraints.
 
     Parameters
     ----------
@@ -217,7 +218,10 @@ def feasible_design(problem: Problem) -> str | None:
 
 
 def _log_spaced(bounds: Range, count: int) -> list[float]:
-    """Return log-spaced values over a range, including its ends, and 0 if the range contains it."""
+    """Return `count` log-spaced values over a range, including its ends, and also 0 if the range begins there.
+
+    Return one value if the range is a single value.
+    """
     if bounds.fixed:
         return [bounds.min]
     if bounds.min > 0:
@@ -251,7 +255,7 @@ def findings(rows: list[Row]) -> list[str]:
 
 
 def panels_of(rows: list[Row]) -> list[Panel]:
-    """Draw the sorted times and the sorted errors of the float formulas."""
+    """Draw the times and the errors of the float formulas, each in descending order."""
     series = []
     for status in dict.fromkeys(row.status for row in rows):
         times = sorted((row.seconds for row in rows if row.status == status), reverse=True)

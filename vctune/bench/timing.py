@@ -47,8 +47,9 @@ def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
 
 @contextmanager
 def patience(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in the block after a given processor time. The limit works only in the main thread of a
-    process.
+    """Raise TimeoutError in the block after a given processor time.
+
+    The function needs Unix signals, and works only in the main thread of a process.
 
     Parameters
     ----------

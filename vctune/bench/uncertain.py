@@ -22,13 +22,16 @@ from vctune.report.figures.benchmark_figures import Panel, Series
 from vctune.study.executors import available_cores, worker_pool
 
 QUICK, FULL = 7, 300
+"""Number of devices of a quick run and of a full one. A quick run has one device of each combination."""
 PATIENCE = 60.0
 """Processor time, s, after which the benchmark records a device as late."""
 LATE = "late"
 MAX_HALF_WIDTH = 0.9
 """Greatest relative half-width of a parameter."""
 NUMBERS = "mass", "damping", "delay"
+"""Parameters that may be uncertain."""
 COMBINATIONS = tuple(some for count in (1, 2, 3) for some in combinations(NUMBERS, count))
+"""The seven combinations of one to three uncertain parameters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +40,12 @@ class Row:
 
     Attributes
     ----------
-    mass, damping, sample_time, delay : parameters of the device, SI units
-    uncertain : the uncertain parameters with their relative half-widths
-    status : certified, infeasible, undecided, or late if there is no answer within `PATIENCE`
+    number : index of the device in the series
+    mass, damping, sample_time, delay : nominal parameters of the device, SI units
+    uncertain : the uncertain parameters with their relative half-widths, in words
+    status : a value of `Status`, or "late" if there is no answer within `PATIENCE`
     seconds : processor time of the solve, s
-    error : error of the design; nan if there is no design
+    error : greatest error of the design at the vertices of the box; nan if there is no design
     """
 
     number: int
@@ -62,7 +66,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     ----------
     quick : whether to solve only `QUICK` devices
     seed : seed of the devices
-    tick : function that receives the number of finished devices
+    tick : function that receives the number of finished devices, in words
 
     Returns
     -------
@@ -118,7 +122,7 @@ def solved(seed: int, number: int) -> Row:
     Returns
     -------
     Row
-        The device's parameters, status and time.
+        The device's parameters, status, time and error.
     """
     document, problem = drawn(seed, number)
     uncertain = ", ".join(f"{key} {width:g}" for key, width in document["uncertainty"].items())
@@ -145,7 +149,7 @@ def facts(rows: list[Row]) -> list[str]:
 
 
 def panels(rows: list[Row]) -> list[Panel]:
-    """Draw the times in ascending order."""
+    """Draw the times of each status in descending order."""
     series = []
     for status in dict.fromkeys(row.status for row in rows):
         times = sorted((row.seconds for row in rows if row.status == status), reverse=True)
