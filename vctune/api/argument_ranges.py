@@ -16,6 +16,6 @@ useless."""
 RESOLUTIONS = (1 / 2048, 1 / 8)
 """Least and greatest permitted side of a region's smallest cell, as a share of the plane's side."""
 VARIABLES = (*KEYS, *SPRING_KEYS[3:])
-"""Keys of the design variables."""
+"""Keys of the design variables of all displays. The last entry of `SPRING_KEYS` is the only one that `KEYS` lacks."""
 AXES_OF_REGIONS = (*VARIABLES, *WORLD)
 """Keys that can be axes of a region: design variables, or parameters of the environments that given gains render."""

@@ -37,6 +37,7 @@ from vctune.running import OutOfTimeError, check_time
 from vctune.running import time_limit as limited
 
 SAVED = "bound.npz"
+"""File with the state of an unfinished search, beside design.json."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ class Known:
 
     Attributes
     ----------
-    record : record of the design
+    record : record of the design, or of the reason why there is no design
     best : judgement of the design by this version; None without a design
     resume : state of an earlier search; None without an earlier search
     """
@@ -62,7 +63,8 @@ class Bounded:
     Attributes
     ----------
     file : the problem
-    record : record of the design, including the bound; `to_json()` is the object of design.json
+    record : record of the best known design, including the bound if there is one; `to_json()` is the object of
+        design.json
     judgement : judgement of the best known design; None if no design is known
     optimality : `bound`, `gap` and `proved`; None if the problem was already known to be infeasible, or if the time was
         too short
@@ -75,12 +77,12 @@ class Bounded:
 
     @property
     def status(self) -> Status:
-        """The status: certified, infeasible or undecided."""
+        """The status of the record: infeasible also if the search proves that no design is feasible."""
         return Status(self.record.status)
 
     @property
     def proved(self) -> bool:
-        """Whether the gap between error and bound is at most the required gap."""
+        """Whether the gap between error and bound is at most the required gap; False without a bound."""
         return self.optimality is not None and self.optimality.proved
 
     @property
@@ -110,7 +112,8 @@ def bound(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem; it must leave at least one variable free
-    design : the result of `solve`, or the path of a design.json; None to solve the problem first
+    design : the result of `solve`, the path of a design.json, or a known design with the state of an earlier search;
+        None to solve the problem first
     gap : the search ends when the design's error is at most (1 + gap) times the bound
     jobs : number of threads
     time_limit : seconds, including the time to solve the problem, after which the function returns the bound reached so
@@ -122,12 +125,13 @@ def bound(
     -------
     Bounded
         The bound is valid at any time, even if the search is stopped. `optimality` is None if the time limit ended the
-        work before the search.
+        work before the search, or if the problem is already known to be infeasible.
 
     Raises
     ------
     InputError
-        If the problem is invalid or fixes every variable, or the design belongs to another problem or is not proved.
+        If the gap is out of range; if the problem is invalid, fixes every variable, or has environments that run late
+        or by Euler's rules; or if the design belongs to another problem or is not proved.
     """
     require_gap(gap)
     file = require_bounded(require_free(problem_of(problem)))
@@ -174,7 +178,9 @@ def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
 
 
 def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
-    """Return the given design, or the design of an unfinished search. Return None if neither design exists.
+    """Return the given design, or the design of an unfinished search.
+
+    Return None if neither exists, or if the record states that the problem is infeasible.
 
     Parameters
     ----------
@@ -201,12 +207,15 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
 
 
 def write_bounded(bounded: Bounded, path: Path) -> None:
-    """Write the bound into a design.json, and the state of the search into the same folder.
+    """Write the record with the bound into a design.json, and the state of the search into the same folder.
+
+    If the gap is proved, remove the state of an earlier search. Without a search, leave this state as it is.
 
     Parameters
     ----------
     bounded : result of a search
-    path : path of the design.json. If the file name is not design.json, the function does not write gains.toml
+    path : path of the design.json. If the file name is not design.json, the function does not write gains.toml and does
+        not rename files of an earlier design
 
     Raises
     ------
@@ -237,7 +246,10 @@ def _starting_design(file: ProblemFile, design: Solved | Known | str | Path | No
 
 
 def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None]:
-    """Return the record in a design.json of the problem, and the verdict of this version on the design."""
+    """Return the record in a design.json of the problem, and the judgement of this version on the design.
+
+    Refuse a design that is not certified, unless the time limit cut its proof. The judgement is None without a design.
+    """
     record = read_design(path)
     if record.problem.sha256 != file.sha256:
         require_record_of(file, record.problem, str(path), "design")
@@ -258,7 +270,8 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
 def _with_bound(file: ProblemFile, record: DesignRecord, optimality: Optimality) -> DesignRecord:
     """Return the design's record with the bound added.
 
-    If the search found a better design, return the record of that design.
+    If the search found a better design, return the record of that design. If it proved that no design is feasible, the
+    record states so.
     """
     if optimality.improved is not None:
         solved = Solved(problem=file.problem, judgement=optimality.improved, optimality=optimality)

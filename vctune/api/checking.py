@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from vctune.study.region_check import Recheck
 
 LOST = ("lost.json", "lost.svg")
+"""Names of the files of a check that lists and draws what a region has lost."""
 
 
 def check(
@@ -44,16 +45,17 @@ def check(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None if the problem fixes every
-        variable
-    coupling : coupling of the design, N s/m and kg
+    gains : gains, SI units, given together with `coupling`; or a gains file or its path; None if the problem fixes
+        every variable
+    coupling : coupling of the design, SI units; a `SpringDamper` for an impedance display
     time_limit : seconds after which all unproved claims are undecided
 
     Returns
     -------
     Checked
         `result` is the verdict, `message` is one line of text, and `warnings` are the probable mistakes.
-        `finding.judgement` contains the proved claims, `finding.repairs` the repairs of a violated design.
+        `finding.judgement` contains the verdicts on the claims, `finding.repairs` the repairs of a violated or idle
+        design.
 
     Raises
     ------
@@ -121,12 +123,13 @@ def check_parameter_files(
     Returns
     -------
     list of Checked
-        One check for each axis.
+        One check for each axis, file by file.
 
     Raises
     ------
     InputError
-        If there are several problems, a file is damaged, or the problem's device does not fit the files.
+        If there is not exactly one problem, if a file is damaged, if the problem's device does not fit the files, or if
+        `axes` names an axis that a file does not select.
     """
     from vctune.design.ros.admittance_check import check_admittance
 
@@ -180,9 +183,9 @@ def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
 
 
 def remove_lost(folder: Path) -> list[str]:
-    """Remove the lost.json and lost.svg of an earlier check if this check has no losses.
+    """Remove the lost.json and lost.svg of an earlier check, and return the names of the removed files.
 
-    Return the names of the removed files.
+    `vctune check --region` calls this function if the region has lost nothing.
     """
     gone = [path for name in LOST if (path := folder / name).exists()]
     for path in gone:

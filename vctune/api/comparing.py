@@ -38,9 +38,10 @@ def compare(
     """Compare two designs. If an argument is a problem without a design, vctune first solves the problem. The function
     writes no files.
 
-    The function measures the errors of both designs over the band and with the Z_0 of `a`. If `b` is a problem, the
-    function solves it for this band and Z_0. If `b` states another band or Z_0, or is a design for another band or Z_0,
-    the result contains both errors on both scales.
+    The function measures the errors of both designs on the yardstick of `a`: its transparency band, Z_0, norm and
+    weights. If `b` is a problem that states no band or Z_0, the function solves it with those of `a`. If the yardstick
+    of `b` differs, the result contains both errors on both yardsticks. If the designs are for different kinds of
+    display, or one is linear and one is rotary, each error is on its own yardstick.
 
     Parameters
     ----------
@@ -70,9 +71,9 @@ def compare(
 
 
 def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[DesignRecord, Problem]:
-    """Return a design with its problem.
+    """Return the record of a design with its problem.
 
-    If the problem states no band and no Z_0, the function uses the band and the Z_0 of the base.
+    If the source is a problem that lacks a band or Z_0, the function uses those of the base, if the errors are alike.
     """
     record = known_record(source)
     if record is not None:
@@ -115,7 +116,7 @@ def _measured_design(
 def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -> YardstickErrorRecord | None:
     """Return a design's error on a yardstick.
 
-    Return None without a design, or if the yardstick is impossible for the device.
+    Return None without a design, or if the band of the yardstick ends above the Nyquist frequency of the device.
     """
     if record.design is None or yardstick.band.max > problem.nyquist:
         return None

@@ -80,8 +80,9 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
     Parameters
     ----------
     design : path of a design.json, the file's object, or its record
-    folder : folder for the report; the function creates it if it does not exist. None for the design's own folder. If
-        either folder has a simulation.json of the design, the report also shows the simulation
+    folder : folder for the report; the function creates it if it does not exist. None for the folder of the
+        design.json; required if `design` is no path. If the folder of the design.json, or without a path this folder,
+        has a simulation.json of the design, the report also shows the simulation
 
     Returns
     -------
@@ -91,7 +92,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
     Raises
     ------
     InputError
-        If there is no such design, if its object is invalid, or if the folder cannot be written.
+        If there is no such design, if its object is invalid, or if the folder is missing or cannot be written.
     """
     from vctune.report.design_report import write_report as write
 
@@ -131,8 +132,9 @@ def known_record(source: Any) -> DesignRecord | None:
 def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[Path, Path]:
     """Write design.json and gains.toml, and remove the report of an earlier design.
 
-    If the design has changed, the function renames the other files of the earlier design, such as its firmware. If
-    there is no longer a design, the function renames gains.toml.
+    If the design has changed, the function renames the other files of the earlier design, such as its firmware. If the
+    problem has changed, it also renames the files of the earlier problem, such as its region. If there is no longer a
+    design, the function renames gains.toml.
 
     Parameters
     ----------

@@ -43,8 +43,8 @@ class Simulation:
     ----------
     file : the problem
     gains, coupling : the design
-    experiments : results of the experiments; each has the runs of the design and of the regular PID (`traces`,
-        `metrics`, `mode`)
+    experiments : results of the experiments; each has the run of the design and, if the experiment states a regular
+        PID, the run of this PID (`traces`, `metrics`, `mode`)
     controller : name of the compiled controller that ran instead of the design's own controller; None if the design's
         own controller ran
     made_for : digest of the problem for which the compiled controller was made; None without a compiled controller
@@ -59,15 +59,18 @@ class Simulation:
 
     @property
     def agrees(self) -> bool:
-        """Whether the commands of a compiled controller equal those of the design, except for rounding.
+        """Whether the commands of a compiled controller equal those of the design, within the tolerance.
 
-        True without a controller.
+        True without a compiled controller.
         """
         return all(experiment.difference is None or experiment.difference.passes for experiment in self.experiments)
 
     @property
     def stable(self) -> bool:
-        """Whether the design never diverges and is stable with the hand and environment of every experiment."""
+        """Whether no run diverges, and the design is stable with the hand and environment of every experiment.
+
+        The runs are those of the design or of the compiled controller, without those of the regular PID.
+        """
         runs = [experiment.design for experiment in self.experiments]
         return all(run_of_design.traces.diverged is None and run_of_design.mode.radius < 1 for run_of_design in runs)
 
@@ -97,8 +100,8 @@ def simulate(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None for the design of `solve`
-    coupling : coupling of the design, N s/m and kg
+    gains : gains, SI units, given together with `coupling`; or a gains file or its path; None for the design of `solve`
+    coupling : coupling of the design, SI units
     experiment : experiment to simulate, by name or as an object; None for all experiments of the problem
     controller : a compiled controller, its path, or its folder. It runs instead of the design's own controller, and
         each experiment then has a `difference`
@@ -193,7 +196,7 @@ def require_built_in(file: ProblemFile, chosen: tuple[Experiment, ...]) -> None:
 
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
-    """Solve a problem as for a report, but without repairs, and return the result.
+    """Solve a problem as for a report, but without repairs and without the comparison of criteria.
 
     Parameters
     ----------
@@ -210,7 +213,7 @@ def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     """Write simulation.json, traces.npz and their figure.
 
-    If the folder contains the simulated design, write its report again.
+    If the folder contains the simulated design, write its report again, with the figure.
 
     Parameters
     ----------

@@ -36,8 +36,8 @@ VARIABLE_ENDINGS = (
     r" [A-Za-z](_\w+)?$",
     r"_(hz|db|deg|s|per_s)$",
 )
-"""Pattern of the endings that labels of tables and JSON keys add to a term: a frequency, the index of a part, a symbol,
-a unit."""
+"""Patterns of the endings that labels of tables and JSON keys add to a term: a frequency, a condition, a text after a
+colon, a symbol, a unit."""
 LINEAR_WORDS = (("inertia", "mass"), ("torque", "force"))
 """Words for a rotary device, each with the corresponding word for a linear device."""
 CLAIMS_GUIDE = "vctune/proof/README.md"
@@ -181,7 +181,7 @@ def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
     """Return a glossary row as an entry. If the row has several words or symbols, each is a name of the entry.
 
     The row "| sample time, Nyquist frequency | $T$, $\\pi/T$ | s, rad/s | ... | `device.sample_time` |" has the names
-    "sample time", "Nyquist frequency", "T", "\\pi/T" and "sample_time".
+    "sample time", "Nyquist frequency", "T", "\\pi/T" and "sample_time". The first name is the whole first cell.
     """
     row = {head: cell.replace("\\|", "|") for head, cell in zip(heads, cells, strict=True)}
     symbols = [part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part]

@@ -42,7 +42,7 @@ class Exported:
     Attributes
     ----------
     file : the problem
-    firmware : the exported design; `certified` states whether all its claims are proved
+    firmware : the exported design; for a ROS 2 controller see `export_parameters`
     files : contents of the files by name
     """
 
@@ -66,12 +66,12 @@ def export(
     Parameters
     ----------
     source : path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design
-    gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None for the gains of the
+    gains : gains, SI units, given together with `coupling`; or a gains file or its path; None for the gains of the
         design.json, or for the gains that the problem fixes
-    coupling : coupling of the design, N s/m and kg
+    coupling : coupling of the design, SI units
     to : "c" for C source with vectors to replay, "fmu", "json", or "ros2" for the parameters of an
         admittance_controller
-    precision : precision of the firmware's constants
+    precision : precision of the firmware's constants; "double" for a ROS 2 controller
     unproved : whether to also export a design that is not proved; the head of every file then states that it is not
         proved
     progress : function that receives the current stage
@@ -85,8 +85,9 @@ def export(
     NotCertifiedError
         If the design is not certified and `unproved` is not set. This is also an `InputError`.
     InputError
-        If there is no design, if the design is for another kind of device, or if `to` is "fmu" and there is no C
-        compiler.
+        If an option is unknown, if a file is invalid, if there is no design, or if the design is for another kind of
+        device; if `to` is "fmu" and there is no C compiler on 64-bit Linux; or if `to` is "ros2" and the controller
+        cannot render the design.
     """
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
@@ -158,7 +159,7 @@ def export_parameters(
 RIGID = (
     "; the controller renders mass and drag alone, without a damper in a row: write coupling.damping = inf, solve again"
 )
-"""Hint for a design that is refuted with the arithmetic of an admittance_controller."""
+"""Hint for a design with a finite b_c that is not certified with the arithmetic of an admittance_controller."""
 
 
 class NotCertifiedError(InputError):
@@ -228,7 +229,7 @@ def stated_design(
     Raises
     ------
     InputError
-        If there is no problem, or if there is no design for it or more than one.
+        If there is no problem, if there is no design for it or more than one, or if a file is invalid.
     """
     record = known_record(source)
     if record is None:
@@ -272,7 +273,7 @@ def _stated_corner(
 
 
 def _c_files(file: ProblemFile, controller: Firmware, progress: Progress) -> Files:
-    """Return the C code of a controller, with the files that replay its experiments."""
+    """Return the C code of a controller, with the files that replay its experiments and the bridge to a simulation."""
     from vctune.firmware.c_source import c_source
     from vctune.firmware.replay import replay_files
     from vctune.firmware.vectors import replays
@@ -302,4 +303,4 @@ FILES: dict[Format, Callable[[ProblemFile, Firmware, Progress], Files]] = {
     "fmu": _fmu_files,
     "json": _json_files,
 }
-"""Function that makes the files, for each format."""
+"""Function that makes the files, for each format except "ros2"."""

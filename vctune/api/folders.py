@@ -20,9 +20,9 @@ OWNER_FILE = "problem-file.txt"
 """File with the path of the problem file that owns the folder. The path is relative to the folder, so folder and
 problem file can move together."""
 OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
-"""Files that other commands write for a design, in its folder."""
+"""Files and folders that other commands write for a design, in its folder."""
 OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front")
-"""Files that other commands write for a problem, independent of its design."""
+"""Files and folders that other commands write for a problem, in its folder, independent of its design."""
 
 
 def design_folder(file: ProblemFile, out: Path) -> Path:
@@ -60,7 +60,8 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
     Raises
     ------
     InputError
-        If the folder cannot be created or written, or contains files of another problem.
+        If the folder cannot be created or written, contains files of another problem, or contains the problem file
+        under the name of a file of its design.
     """
     make_folder(folder)
     source, owner = Path(file.source), _owner(folder)
@@ -85,7 +86,9 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
 
 
 def outdated(folder: Path, record: DesignRecord) -> list[Path]:
-    """Return the files in a folder that belong to its previous design, if the new design differs.
+    """Return the files and folders that become outdated if a new design replaces the design of a folder.
+
+    If the problem has changed, these are `OF_DESIGN` and `OF_PROBLEM`; if only the design has changed, `OF_DESIGN`.
 
     Parameters
     ----------

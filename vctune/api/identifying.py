@@ -38,10 +38,10 @@ class Identification:
 
     Attributes
     ----------
-    found : fits, box and distances
+    found : the identified device with its box and the fits of the recordings
     record : the object of identification.json
     text : text of device.toml
-    excitation : a multisine that would reduce the uncertainty of the parameters; None if the user did not request it
+    excitation : a multisine that would reduce the uncertainty of the parameters; None if it was not requested
     """
 
     found: Identified
@@ -70,7 +70,7 @@ def identify(
     logs : CSV files, plain or .gz, all from the same device
     config : the log.toml that assigns the columns; None if the headers name them
     servo : whether the recordings contain a servo's command and position
-    excitation : whether to suggest a multisine that would reduce the uncertainty of the parameters
+    excitation : whether to suggest a multisine that would reduce the uncertainty of the parameters; not for a servo
     progress : function that receives the current stage
 
     Returns
@@ -81,7 +81,7 @@ def identify(
     ------
     InputError
         If a file cannot be read or does not determine the device; the message states line, column and remedy. Also if
-        SciPy is not installed.
+        there is no log, if an excitation of a servo is requested, or if SciPy is not installed.
     """
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
     if not paths:
@@ -107,7 +107,7 @@ def identify(
 
 
 def write_identification(identified: Identification, folder: str | Path, *, report: bool = True) -> Path:
-    """Write device.toml, identification.json and the report with its figures.
+    """Write device.toml, identification.json, the requested excitation.csv, and the report with its figures.
 
     Also remove the files of an earlier identification.
 

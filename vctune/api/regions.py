@@ -74,7 +74,8 @@ class AdmissibleGains:
 
     @property
     def designs(self) -> list[Design]:
-        """The designs that are certified on their own, or the design that renders the environments of the cells."""
+        """The design that renders the environments of the cells; for a plane of design variables the best design, if it
+        is certified."""
         if self.design is not None or self.solved is None:
             return [self.design] if self.design else []
         best = self.solved.judgement
@@ -83,8 +84,8 @@ class AdmissibleGains:
 
     @property
     def status(self) -> Status:
-        """The status: certified if a cell or design is feasible, infeasible if all cells are infeasible, undecided
-        otherwise."""
+        """The status: certified if a cell is feasible or the best design is certified, infeasible if all cells are
+        infeasible or the problem is proved infeasible, undecided otherwise."""
         kinds = self.region.kinds
         if (kinds == Kind.FEASIBLE).any() or (self.designs and self.design is None):
             return Status.CERTIFIED
@@ -119,13 +120,13 @@ def region(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    x, y : dotted keys of two free variables; None for K_v and K_p, or for b_c and k_c of an impedance display. If other
-        variables are free, a cell is feasible if some values within their bounds suffice. If x and y are parameters of
-        an environment, the region contains the environments that can be rendered in every hand of the problem
-    gains, coupling : the design that renders the environments, or its file; None for the problem's own design. The
+    x, y : dotted keys of two free variables; None for the usual keys of the display (see `axes_of`). If other variables
+        are free, a cell is feasible if some values within their bounds suffice. If x and y are parameters of an
+        environment, the region contains the environments that can be rendered in every hand of the problem
+    gains, coupling : the design that renders the environments, or its file; None for the problem's best design. The
         picture of a plane of design variables marks this design
-    resolution : side of the smallest cell as a share of the plane's side, 1/2048 to 1/8
-    solved : the result of `solve` for the problem; None to solve it first
+    resolution : side of the smallest cell as a share of the plane's side, 1/2048 to 1/8, rounded down to a power of 1/2
+    solved : the result of `solve` for the problem; None to solve it first, unless given gains render environments
     time_limit : seconds after which the function returns the result so far
     stopped : function that returns whether to end the search now; the remaining cells are undecided
     progress : function that receives the current stage
@@ -137,8 +138,8 @@ def region(
     Raises
     ------
     InputError
-        If the problem is invalid, if x and y do not span a plane, or if there is no design that could render
-        environments.
+        If the problem or the design is invalid, if they are for different kinds of device, if x and y do not span a
+        plane, if the resolution is out of range, or if there is no design that could render environments.
     """
     file = problem_of(problem)
     x, y = axes_of(file.problem, x, y)
@@ -158,12 +159,13 @@ def region(
                 across = plane(file.problem, x, y, levels)
                 cells = divide(file.problem, across, across.coarsest_squares(), progress, stopped)
                 return AdmissibleGains(file, cells, solved, marked=design)
-            design = design or _best(file, solved)
+            design = design or _best_gains(file, solved)
             across = world_plane(file.problem, x, y, levels)
             return AdmissibleGains(file, world_region(file.problem, *design, across, progress, stopped), solved, design)
 
 
-def _best(file: ProblemFile, solved: Solved | None) -> Design:
+def _best_gains(file: ProblemFile, solved: Solved | None) -> Design:
+    """Return the gains and the coupling of a problem's best design. Refuse a problem without a design."""
     if solved is None or solved.judgement is None:
         message = f"has no design that could render environments: {solved.reason if solved else 'none given'}"
         raise InputError.of(file.source, "no-design", message)
@@ -171,9 +173,9 @@ def _best(file: ProblemFile, solved: Solved | None) -> Design:
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
-    """Solve a problem and return its best design, which a picture of its region shows.
+    """Solve a problem and return the result, whose best design a picture of the region shows.
 
-    The function takes at most the share `SOLVING` of a time limit.
+    The function takes at most the share `SOLVING` of the remaining time.
 
     Parameters
     ----------
@@ -186,6 +188,9 @@ def best_design(problem: Problem, progress: Progress = lambda stage: None) -> So
 
 def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
     """Return the axes of a problem's plane: the given keys, or the usual keys of its display.
+
+    The usual keys are those of K_v and K_p for an admittance display, b_c and k_c for an impedance display, and m_c and
+    b_0 for a servo. If one key is a parameter of an environment, the usual keys are its stiffness and its mass.
 
     Parameters
     ----------
@@ -206,7 +211,7 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
     Parameters
     ----------
     file : the problem
-    x, y : dotted keys of two of its variables
+    x, y : dotted keys of two of its variables, or of two parameters of an environment
 
     Raises
     ------
@@ -226,16 +231,17 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
 
 
 def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, bool]:
-    """Write region.json, and its picture if there is time to draw it.
+    """Write region.json, and its picture if there is time to draw it. The record of a plane of environments is
+    z-width.json.
 
     Parameters
     ----------
-    found : the region. An interrupted search does not replace an earlier complete region
+    found : the region. An interrupted search does not replace an earlier complete region; the function renames it
     folder : an existing folder
 
     Returns
     -------
-    kept : new name of the region.json of an earlier search; None if it was not renamed
+    kept : new path of the record of an earlier search; None if it was not renamed
     drawn : whether the picture was drawn
 
     Raises
@@ -271,6 +277,7 @@ def _picture(result: AdmissibleGains, folder: Path) -> dict[Path, str]:
 
 
 def _interrupted(place: Path) -> bool:
+    """Return whether a file contains the region of an interrupted search; False if the file is not readable."""
     try:
         return read_region(place).interrupted
     except InputError:

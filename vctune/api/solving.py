@@ -37,8 +37,11 @@ def solve(
     problem : path of a problem file, its tables as a dict, or the problem
     gap : share by which the error may exceed the proved lower bound on the error of every design; None for no such
         proof
-    prices : whether to compute the prices: the decrease of the error if a parameter of the device were better by 1 %
-    changing : whether to examine a certified design for stability while the damping of the hand changes at every sample
+    prices : whether to compute the prices of a certified local optimum: the decrease of the error if a parameter of the
+        device were better by 1 %
+    changing : whether to examine a certified design for stability while the damping of the hand changes at every
+        sample. The function does not examine impedance displays, uncertain devices, boxes of environments, and problems
+        without a box of hands
     time_limit : seconds after which the function returns the result so far; `cut` then names the missing parts
     progress : function that receives the current stage
 
@@ -46,13 +49,15 @@ def solve(
     -------
     Solved
         `status`, and `judgement` with the best design and its proved claims. Without a design, `judgement` is None,
-        `reason` states why, and `repairs` lists changes of one value that give a design, the least error first.
-        `prices`, if requested, begins with the greatest decrease of the error.
+        `reason` states why, and `repairs` lists changes of one value that give a design, the least error first. A
+        refuted or idle design also has `repairs`. `prices`, if requested, begins with the greatest decrease of the
+        error. `alternatives`, if computed, has the least error under each of two criteria alone.
 
     Raises
     ------
     InputError
-        If the problem is invalid, or the gap is out of range.
+        If the problem is invalid; if the gap is out of range; or if a gap is requested and vctune cannot bound the
+        error from below.
     """
     file = problem_of(problem)
     if gap is not None:

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     import polars
 
 Bar = Callable[[str, int], AbstractContextManager[OnDone]]
-"""Function that takes a study's name and number of points, and shows the study's progress."""
+"""Function that takes a study's name and number of points. It returns a context manager that yields the function to
+call after each point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ class Swept:
     Attributes
     ----------
     study : the solved study
-    table : one row for each point: its axes, status, error, design and least ratio
+    table : one row for each point, with the columns of study/README.md
     dropped : number of incomplete lines from an interrupted earlier run, whose points the sweep solved again
     """
 
@@ -81,8 +82,9 @@ class Fronts:
 
     Attributes
     ----------
-    terms : front between the terms |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0 of the error
-    band : front between error and upper edge of the stability band; None if hands are required at every frequency
+    terms : front between the three terms of the error: |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0 for an admittance display
+    band : front between error and upper edge of the stability band; None if no condition refers to this band: with the
+        criterion "hands", and for impedance displays and servos
     """
 
     terms: Table
@@ -119,12 +121,12 @@ def sweep(
     sample : `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
         hypercube; or `{"kind": "list"}`, the axes' lists element by element
     folder : folder for rows, table and picture, in which an interrupted sweep continues; None to write nothing
-    jobs : number of workers; None for the number of cores
+    jobs : number of workers; None for the number of cores; not used by "serial" and "dask:ADDRESS"
     executor : "serial" to work only in this process; "processes" for worker processes, which a script may start only
         under `if __name__ == "__main__":`; or "dask" or "dask:ADDRESS"
     restart : whether to begin again instead of resuming
     time_limit : seconds for each point; the row of a point that takes longer is undecided
-    on_done : function that is called after each point with the results so far
+    on_done : function that is called after each point with the results so far, in words
 
     Returns
     -------
@@ -134,7 +136,8 @@ def sweep(
     Raises
     ------
     InputError
-        If the problem or the study is invalid, or the folder cannot be written.
+        If the problem or the study is invalid, if the folder cannot be written or contains the rows of another study,
+        or if there is no such executor or its workers cannot be reached.
     """
     study = _study(problem, axes, sample)
     with worker_pool(executor, jobs or available_cores()) as pool, _kept(folder) as place:
@@ -155,11 +158,13 @@ def front(
 ) -> Fronts:
     """Find two Pareto fronts of a problem: one between the three terms of the error, and one between error and band.
 
+    The second front needs a condition that refers to the stability band, see `Fronts`.
+
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem; it must leave a variable free
     folder, jobs, executor, time_limit : see `sweep`
-    bar : function that shows the progress of each of the two sweeps
+    bar : function that shows the progress of each sweep
 
     Returns
     -------
@@ -168,7 +173,7 @@ def front(
     Raises
     ------
     InputError
-        If the problem is invalid or fixes every variable, or the folder cannot be written.
+        If the problem is invalid or fixes every variable; for the other cases see `sweep`.
     """
     file = require_free(problem_of(problem), "trade")
     studies = [terms_study(file.document, file.problem)]
@@ -212,6 +217,7 @@ def _kept(folder: str | Path | None) -> Iterator[Path]:
 
 
 def _swept(study: Study, path: Path, pool: WorkerPool, on_done: OnDone, *, restart: bool, time_limit: float) -> Swept:
+    """Solve the points of a study that have no row in the file, and return the sweep with the rows of all points."""
     with open_rows(path, study, restart=restart, time_limit=time_limit) as rows:
         return Swept(study, table_of(study, rows, run(study, rows, pool, on_done, time_limit)), rows.dropped)
 

@@ -44,6 +44,7 @@ from vctune.report.page.axes_page import promises as promises
 from vctune.simulation.firmware.stepped import Precision
 
 INDEX = "index.html"
+"""Page in the problem's folder with one line for each axis."""
 Result = TypeVar("Result")
 
 
@@ -66,12 +67,12 @@ def once_per_problem(
     function: Callable[[AxisProblem], Result],
     other_inputs: Callable[[AxisProblem], Hashable] = lambda axis: None,
 ) -> list[tuple[AxisProblem, Result]]:
-    """Apply a function to each axis. Axes that state the same problem share one call.
+    """Apply a function to each axis. Axes that state the same problem and have the same other inputs share one call.
 
     Parameters
     ----------
     axes : problem file with several axes
-    function : function of an axis; called once for each distinct problem
+    function : function of an axis; called for the first of the axes that share a call
     other_inputs : function that returns the other inputs of an axis, which must also be equal for axes to share a call
 
     Returns
@@ -192,7 +193,7 @@ def gains_of_axes(axes: AxesFile, folder: Path) -> dict[str, GainsFile]:
     Raises
     ------
     InputError
-        If the folder of an axis has no gains.
+        If the folder of an axis has no gains, or if they are invalid.
     """
     return {axis.name: read_gains(folder / folder_name(axis.name) / GAINS_FILE) for axis in axes.axes}
 
@@ -213,7 +214,8 @@ def check_axes(
     Returns
     -------
     list of Checked
-        One check for each axis, in the order of the file. vctune proves equal axes only once.
+        One check for each axis, in the order of the file. vctune proves equal axes only once. The check of an axis with
+        unusable input has the verdict "bad input".
     """
 
     def checked_axis(axis: AxisProblem) -> Checked:
@@ -249,13 +251,14 @@ def check_parameters(
     Returns
     -------
     list of Checked
-        One check for each examined axis.
+        One check for each selected axis, in the order of the parameter file.
 
     Raises
     ------
     InputError
-        If the parameter file selects an axis that the problem lacks, or an axis with another kind of motion (a rotation
-        instead of a translation, or the reverse); or if `only` names an axis that the file does not select.
+        If the parameter file is damaged; if it selects an axis that the problem lacks, or an axis whose problem has
+        another kind of motion (a rotation instead of a translation, or the reverse); if `only` names an axis that the
+        file does not select; or if the device of an axis cannot have the controller, see `check_admittance`.
     """
     parameters, axis_names = read_admittance(path), {axis.name for axis in axes.axes}
     selected = [axis.axis for axis in axes_asked_for(path, parameters, only)]
@@ -296,7 +299,7 @@ def _checked(axis: AxisProblem, gains: GainsFile | None) -> Checked:
 
 
 def _of_axis(checked: Checked, axis: AxisProblem, gains: GainsFile | None) -> Checked:
-    """Return a check of one axis as the check of another axis that has the same problem."""
+    """Return a check with the source, the name and the line of an axis, because equal axes share one check."""
     source = Path(axis.file.source if gains is None else gains.source)
     line = axis.line if gains is None else checked.line
     message, finding = f"{axis.name}: {checked.message}", checked.finding
@@ -322,9 +325,9 @@ def export_axes(
     unproved: bool = False,
     progress: Progress = lambda stage: None,
 ) -> list[tuple[Exported, Path]]:
-    """Export each axis into its own folder, or all axes as the parameters of one ROS 2 controller.
+    """Export each axis and write the files, or export all axes as the parameters of one ROS 2 controller.
 
-    The parameter file of a controller goes into the problem's folder.
+    The files of an axis go into the folder of the axis, the parameter file into the problem's folder.
 
     Parameters
     ----------
@@ -336,7 +339,7 @@ def export_axes(
     Returns
     -------
     list
-        Pairs of an export and the folder of its files.
+        Pairs of an export and the folder of its files: one for each axis, or a single pair for a ROS 2 controller.
 
     Raises
     ------
