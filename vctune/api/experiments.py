@@ -196,7 +196,7 @@ def require_built_in(file: ProblemFile, chosen: tuple[Experiment, ...]) -> None:
 
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
-    """Solve a problem as for a report, but without repairs and without the comparison of criteria.
+    """Solve a problem as for a report, but without repairs and the comparison of criteria, and return the result.
 
     Parameters
     ----------

@@ -18,14 +18,16 @@ from vctune.simulation.firmware.expression import Symbol
 BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")
 """The names of the coefficients of a built-in environment."""
 LIMITING = ("limit", "position_reach")
-"""The names of the coefficients that limit the force. Impedance displays and servos have no `position_reach`, because
-their firmware has no integrator that could wind up."""
+"""The names of the coefficients that limit the force. Impedance displays have only `limit`, because their firmware has
+no integrator that could wind up. Servos have neither, because their firmware commands no force."""
 SYSTEM = {
     "linear": "SI units; of a rotary device kg m^2, N m and rad in place of\n * kg, N and m.",
     "rotary": "SI units of a rotary device: kg m2, N m and rad; its\n * force is a torque, its mass an inertia.",
 }
 """The remark on units in the head of the C header, for a linear and for a rotary device."""
 GAINS = "velocity_gain", "position_gain"
+"""The names of the coefficients that are gains of the design. The templates define them apart from the other
+constants."""
 WIDTH = 118
 """Greatest width of a line of C, characters."""
 
@@ -63,10 +65,15 @@ def rendered_template(name: str, variables: dict[str, Any]) -> str:
 
 
 def names_and_numbers(firmware: Firmware) -> dict[str, Any]:
-    """Return the variables that describe a design in the templates, except for the equations."""
+    """Return the variables that describe a design in the templates, except for the equations.
+
+    c_source.py, fmu.py and replay.py use these variables.
+    """
     double = firmware.precision == "double"
+    # " * " begins each line of a C comment
     top = "\n".join(f" * {line}".rstrip() for text in statement(firmware) for line in comment(text) or [""])
     T, numbers = firmware.device.sample_time, (*astuple(firmware.coupling), *astuple(firmware.gains))
+    # the keys in the order of `numbers`; a servo has no stated gains, so its gains of 0 have no key
     keys = [key for key in firmware.device.kind.stated if key.startswith("coupling")]
     keys += [key for key in firmware.device.kind.stated if key.startswith("gains")]
     stated = [
@@ -130,14 +137,14 @@ def _start_head(firmware: Firmware) -> str:
 
 
 def _law_comment(firmware: Firmware) -> str:
-    """Return the comment on the last equations of a step."""
+    """Return the comment on the last block of a step, which computes the command."""
     if not firmware.parts.limit:
         return f"The coupling, and the {firmware.parts.command} that the servo is to follow."
     return "The force against the coupling." if firmware.parts.spring else "The law on the velocity error."
 
 
 def _listed(words: list[str]) -> str:
-    """Return words in the form "a, b and c"."""
+    """Return one or more words in the form "a, b and c"."""
     *first, last = words
     return f"{', '.join(first)} and {last}" if first else last
 
@@ -179,12 +186,15 @@ def _code(firmware: Firmware) -> dict[str, Any]:
 
 
 def state_names(firmware: Firmware) -> list[str]:
-    """Return the names of a firmware's state variables, except for the force of an environment's mass."""
+    """Return the names of a firmware's state variables.
+
+    The force of an environment's mass belongs to the state of the environment, not to this state.
+    """
     return [name for name in equations.remembered(firmware.parts) if name != "inertia"]
 
 
 def limiting(firmware: Firmware) -> tuple[str, ...]:
-    """Return the names of the coefficients with which a firmware limits its force."""
+    """Return the names of the coefficients with which a firmware limits its force; empty for a servo."""
     if not firmware.parts.limit:
         return ()
     return LIMITING[:1] if firmware.parts.spring else LIMITING
@@ -202,6 +212,7 @@ def reads_of(firmware: Firmware) -> list[str]:
 
 
 def _blocks(parts: Parts) -> dict[str, list[Equation]]:
+    """Return the equations of a firmware by the name of their block in `equations`."""
     return {name: list(getattr(equations, name)(parts)) for name in ("estimate", "drive", "law", "environment")}
 
 
@@ -218,10 +229,12 @@ def _used(blocks: dict[str, list[Equation]]) -> set[str]:
 
 
 def _short(quantity: Quantity) -> str:
+    """Return the name of an input in C, such as "position" for `measured_position`."""
     return quantity.name.removeprefix("measured_")
 
 
 def _start_value(name: str, firmware: Firmware) -> str:
+    """Return the C expression of a state variable's start value: an argument of vctune_start, or 0."""
     return {"reference": "reference", "measured": "position"}.get(name, literal(0.0, firmware.precision))
 
 

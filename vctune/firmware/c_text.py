@@ -14,14 +14,19 @@ from vctune.simulation.firmware.expression import Operation, Symbol, Term
 from vctune.simulation.firmware.stepped import Precision
 
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}
-"""Precedence of each operator."""
+"""Precedence of each operator. A greater number binds more tightly. All other operators become function calls or, in C,
+a conditional expression."""
 HOLDING = BINDING | {"choice": 0}
-"""Precedence of an operation that is an operand of another operation. All other operators become function calls."""
+"""Precedence of an operation that is an operand of another operation. The conditional expression binds least."""
 COUNTED = {"+": "additions", "-": "additions", "*": "multiplications", "/": "divisions"}
+"""Kind under which `operations` counts an operator. Changes of sign do not count; all other operators are
+comparisons."""
 
 
 def literal(number: float, precision: Precision) -> str:
     """Return the shortest C constant that a compiler reads as exactly the given number.
+
+    An infinite number becomes VCTUNE_NONE, the greatest finite number of the precision.
 
     Parameters
     ----------
@@ -56,7 +61,8 @@ def code(term: Term, names: Mapping[Symbol, str], precision: Precision) -> str:
 
 
 def plain(term: Term) -> str:
-    """Return a term as text that most languages can read: names, `before.NAME`, + - * /, minimum, maximum, choice."""
+    """Return a term as text that most languages can read: names, `before.NAME`, numbers, + - * /, minimum, maximum,
+    choice."""
 
     def name(symbol: Symbol) -> str:
         return f"before.{symbol.name}" if symbol.before else symbol.name
@@ -70,7 +76,14 @@ def _written(
     number: Callable[[float], str],
     called: Callable[[str, list[str]], str],
 ) -> str:
-    """Return a term as text. An operand gets parentheses if it binds less tightly than its operator."""
+    """Return a term as text. An operand gets parentheses if it binds less tightly than its operator.
+
+    Parameters
+    ----------
+    term : a number, a symbol or an operation on terms
+    name, number : functions that write a symbol and a number
+    called : function that writes an operator without an infix form, given its written operands
+    """
     if isinstance(term, Symbol):
         return name(term)
     if not isinstance(term, Operation):
@@ -82,6 +95,7 @@ def _written(
     precedence = BINDING[term.operator]
     if term.operator == "negative":
         return f"-{_bracketed(operands[0], term.operands[0], precedence)}"
+    # + side: a right operand of the same precedence needs parentheses, because operators associate to the left
     left, right = (_bracketed(operands[side], term.operands[side], precedence + side) for side in (0, 1))
     return f"{left} {term.operator} {right}"
 
@@ -100,7 +114,7 @@ def operations(equations: Iterable[Equation]) -> Counter[str]:
 
 
 def comment(text: str, width: int = 110) -> list[str]:
-    """Return a text as lines for a comment in C. The text cannot end the comment.
+    """Return a text as lines for a comment in C, in ASCII. The text cannot begin or end a comment.
 
     Parameters
     ----------
@@ -118,6 +132,7 @@ def comment(text: str, width: int = 110) -> list[str]:
 
 
 def _bracketed(text: str, term: Term, binding: int) -> str:
-    """Return an operand, in parentheses if it binds less tightly than the operator around it."""
+    """Return an operand, in parentheses if it binds less tightly than the operator around it. 9 stands for operands
+    that never need parentheses."""
     precedence = HOLDING.get(term.operator, 9) if isinstance(term, Operation) else 9
     return f"({text})" if precedence < binding else text

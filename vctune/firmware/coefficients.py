@@ -16,6 +16,7 @@ from vctune.simulation.firmware.equations import COEFFICIENTS, STATE, Quantity
 from vctune.version import __version__
 
 SCHEMA = "vctune/controller/1"
+"""Name and version of the format of controller.json."""
 FORMULAS = {
     "inertance": "mass / sample_time; by the trapezoidal rule 2 * mass / sample_time",
     "inertia_carry": "0; by the trapezoidal rule 1",
@@ -39,9 +40,9 @@ def controller_record(firmware: Firmware) -> dict[str, Any]:
     Returns
     -------
     dict
-        The object states the symbol, the unit and the meaning of each quantity. A program must evaluate the equations
-        from first to last. `before.NAME` is the value of NAME after the previous sample; `choice(a, b, c, d)` is c if
-        a > b, else d.
+        The object states the symbol, the unit and the meaning of each quantity. For a servo it has no gains. A program
+        must evaluate the equations from first to last. `before.NAME` is the value of NAME after the previous sample;
+        `choice(a, b, c, d)` is c if a > b, else d.
     """
     units = firmware.units
     coefficients = {

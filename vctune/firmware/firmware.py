@@ -25,6 +25,7 @@ from vctune.simulation.firmware.stepped import Precision, exported_parts
 from vctune.simulation.scene import designed_law
 
 NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
+"""An environment without mass, damping and stiffness, because the constants of a firmware do not depend on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Firmware:
     Attributes
     ----------
     record : record of the exported design; in single precision, the record of the design with rounded constants
-    device : the certified device
+    device : device of the problem, before the sample time and the filter are rounded
     gains, coupling : the design before rounding
     parts : parts of the firmware, with all built-in environments, and with a limit if the firmware commands a force
     precision : precision of the firmware's arithmetic
@@ -65,7 +66,7 @@ class Firmware:
 
     @property
     def doubt(self) -> str:
-        """The unproved claims, in words; "" if the design is certified."""
+        """The unproved claims with their verdicts and witnesses, in words; "" if the design is certified."""
         if self.record.status == "certified" or self.record.certificate is None:
             return ""
         claims = self.record.certificate.claims
@@ -129,7 +130,7 @@ def controller_coefficients(coefficients: dict[str, float], command: Commanded) 
 
     Parameters
     ----------
-    coefficients : coefficients of a complete firmware, by their names
+    coefficients : coefficients of a complete firmware with a coupling, by their names
     command : quantity that the firmware commands: "force", "velocity" or "position"
     """
     of_law: tuple[str, ...] = ("velocity_gain", "position_gain")
@@ -145,12 +146,18 @@ def controller_coefficients(coefficients: dict[str, float], command: Commanded) 
 def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, AnyCoupling]]:
     """Return the problem and the design whose exact coefficients equal given rounded coefficients.
 
-    The function also rounds the sample time, because the firmware's integrators use the rounded sample time.
+    The problem has the rounded sample time, because the firmware's integrators use it, and the corner frequency of the
+    rounded low-pass of the velocity. A stability band that ends at or below the Nyquist frequency still does.
 
     Parameters
     ----------
     problem : problem in SI units, which supplies the data that the coefficients lack
-    coefficients : see `controller_coefficients`
+    coefficients : see `controller_coefficients`; rounded
+
+    Returns
+    -------
+    problem, design
+        The design consists of gains and coupling. The gains of a servo are 0.
     """
     T, device, stability = coefficients["sample_time"], problem.device, problem.stability
     estimate = device.velocity

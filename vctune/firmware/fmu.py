@@ -21,7 +21,9 @@ from vctune.simulation.firmware.equations import COMMANDS
 from vctune.version import __version__
 
 COMPILERS = ("cc", "gcc", "clang")
+"""Names of C compilers. The first that is installed compiles the FMU."""
 OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
+"""Options of the compiler. Without fused products and sums, every operation is rounded separately."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """Date of every file in the archive. A constant date gives the same bytes for the same design."""
 ABSENT_OF_SERVO = ("position", "velocity", "limit", "start_position")
@@ -40,8 +42,8 @@ REALS = (
     ("start_position", "position", "parameter", "where the motor starts"),
     ("start_reference", "position", "parameter", "where the environment starts"),
 )
-"""The real variables: name, quantity, causality and meaning. `COMMANDS` supplies the quantity and meaning of the
-command."""
+"""The real variables: name, kind of quantity (`vctune.model.numbers.units`), causality and meaning, in the words of a
+linear device. `COMMANDS` supplies the quantity and meaning of the command."""
 DIMENSIONS = {
     "linear": {
         "position": 'm="1"',
@@ -60,11 +62,12 @@ DIMENSIONS = {
         "stiffness": 'kg="1" m="2" s="-2" rad="-1"',
     },
 }
-"""The dimension of each quantity's unit, for a linear and for a rotary device."""
+"""The dimension of each quantity's unit as attributes of FMI's BaseUnit, for a linear and for a rotary device."""
 BOOLEANS = (
     ("wall", "whether damping and stiffness only push, towards negative positions"),
     ("trapezoidal", "whether the environment follows the trapezoidal rule, not backward Euler; then it is no wall"),
 )
+"""The Boolean variables, all parameters: name and meaning."""
 ABSENT = {
     "fmi2GetInteger": "fmi2Component c, const fmi2ValueReference at[], size_t count, fmi2Integer value[]",
     "fmi2SetInteger": "fmi2Component c, const fmi2ValueReference at[], size_t count, const fmi2Integer value[]",
@@ -120,7 +123,11 @@ def fmu(firmware: Firmware) -> bytes:
 
 
 def _reals(firmware: Firmware) -> list[tuple[str, str, str, str]]:
-    """Return the variables of a controller: name, quantity, causality and meaning."""
+    """Return the real variables of a controller: name, quantity, causality and meaning.
+
+    Except for a servo, the inputs include those that the firmware does not read, such as the force of an impedance
+    display.
+    """
     quantity, servo = COMMANDS[firmware.parts.command], firmware.parts.command != "force"
     variables_of_command = [real for real in REALS if not (servo and real[0] in ABSENT_OF_SERVO)]
     command = ("command", quantity.of, "output", quantity.meaning)
@@ -128,7 +135,7 @@ def _reals(firmware: Firmware) -> list[tuple[str, str, str, str]]:
 
 
 def _guid(firmware: Firmware) -> str:
-    """Return the FMU's identifier. The identifier depends only on design, precision and version."""
+    """Return the FMU's identifier. The identifier depends only on problem, design, precision and version."""
     content = f"{firmware.design_sha256} {firmware.precision} {__version__}"
     return f"{{{UUID(bytes=sha256(content.encode()).digest()[:16])}}}"
 
@@ -197,7 +204,12 @@ def _dotted(unit: str) -> str:
 
 
 def _compiled(sources: dict[str, str]) -> bytes:
-    """Return the shared library compiled from sources."""
+    """Return the shared library compiled from sources.
+
+    Parameters
+    ----------
+    sources : texts by file name; vctune_fmu.c includes the controller
+    """
     compiler = next((path for name in COMPILERS if (path := shutil.which(name))), None)
     if compiler is None or (platform.system(), platform.machine()) != ("Linux", "x86_64"):
         message = "an FMU is built by a C compiler on 64-bit Linux: install gcc or clang there, or take --to c"

@@ -1,4 +1,4 @@
-"""Write the head of every exported file: its kind, the design, the proved claims and their assumptions."""
+"""Write the head of every exported file: the problem, the design, the proved claims and their assumptions."""
 
 from __future__ import annotations
 
@@ -14,16 +14,23 @@ from vctune.model.worlds import in_time_in_words
 from vctune.version import __version__
 
 RUN = "environments are passive as they run"
+"""Assumption on the environments of a design without a box of environments."""
 LEFT_TO_CALLER = "Before each step, the caller"
-"""Beginning of the sentence on the parts of a servo's firmware that the exported C lacks."""
+"""Beginning of the sentence on the parts of a servo's firmware that the exported equations lack."""
 
 
 def statement(firmware: Firmware) -> list[str]:
-    """Return the head of every file: its kind, its design, and the proved claims.
+    """Return the head of every file: a warning if the design is not certified, the problem, precision and digests, the
+    proved claims, and the assumptions.
 
     Parameters
     ----------
     firmware : the design as firmware
+
+    Returns
+    -------
+    list of str
+        One text for each paragraph; "" for an empty line.
     """
     doubt = [] if certified(firmware) else [not_proved(firmware), ""]
     proved = (
@@ -72,7 +79,8 @@ def assumptions(firmware: Firmware) -> list[str]:
 
 
 def _left_to_caller(device: Device, units: Units) -> list[str]:
-    """Return a sentence on the parts of a servo's firmware that the exported C lacks; nothing if no part is lacking."""
+    """Return a sentence on the parts of a servo's firmware that the exported equations lack: the filter of the force
+    and the servo's own spring. Return nothing if the device has neither."""
     assert device.servo is not None
     share, stiffness = device.sensing.filter_coefficient, device.servo.stiffness
     parts = [] if share is None else [f"filters the samples of the {units.force_name} with a = {share!r}"]
@@ -84,8 +92,8 @@ def _left_to_caller(device: Device, units: Units) -> list[str]:
 
 
 def _stepped(hands: HandsRecord) -> str:
-    """Return a phrase on the integration rule of a claim's environments. The phrase follows the name of the
-    environments."""
+    """Return a phrase on the integration rule and the lateness of a claim's environments. The phrase follows the words
+    "environments are those of the box"."""
     stepped = in_time_in_words(hands.worlds_rule or "trapezoid", hands.worlds_late or 0)
     if hands.worlds_rule is None:
         stepped = f", by the trapezoidal rule{stepped}"
@@ -94,7 +102,7 @@ def _stepped(hands: HandsRecord) -> str:
 
 
 def _mechanics(device: Device, units: Units) -> str:
-    """Describe a device in words."""
+    """Describe a device in words: mass and damping, or the response of a servo, and the parts."""
     servo = device.servo
     listed = ", ".join(
         f"{units.translated(part.label)} ({_numbers(getattr(device, key))})"

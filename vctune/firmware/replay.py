@@ -12,8 +12,8 @@ from vctune.firmware.preamble import not_proved, statement
 from vctune.firmware.vectors import Replay, experiment_line, greatest_difference, vectors_text
 
 ALLOWED_ULP = 0
-"""Permitted difference in units in the last place. The difference must be 0, because firmware and simulation round
-every operation in the same way."""
+"""Permitted difference in double precision, in units in the last place. The difference must be 0, because firmware and
+simulation round every operation in the same way."""
 
 
 def replay_files(firmware: Firmware, simulated: list[Replay]) -> dict[str, str]:

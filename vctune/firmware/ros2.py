@@ -20,6 +20,7 @@ from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.version import __version__
 
 PARAMETERS = "admittance_controller.yaml"
+"""Name of the parameter file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +41,10 @@ class RosAxis:
 
 
 def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
-    """Return designs with the coefficients that the controller computes, each with its proof. vctune proves equal laws
-    only once.
+    """Return designs as firmware, each with the proof of the law that the controller steps with its parameters.
+
+    `gains` and `coupling` are those of the design. The device, the coefficients and the record are those of the
+    controller's law. vctune proves equal laws only once.
 
     Parameters
     ----------
@@ -50,8 +53,8 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
     Raises
     ------
     InputError
-        If a device is not a servo; if an axis and its device have different kinds of motion; or if the axes need
-        different values of a parameter that all axes of the controller share.
+        If a device is not a servo; if an axis and its device have different kinds of motion; or if the axes have
+        different sample times or filters, which all axes of the controller share.
     """
     for axis in axes:
         _require_servo(axis)
@@ -71,7 +74,7 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
 
 
 def ros2_files(name: str, axes: Sequence[RosAxis], controllers: Sequence[Firmware]) -> dict[str, str]:
-    """Return the parameter file, with the proved claims as comments.
+    """Return the parameter file by its name, with the proved claims and their assumptions as comments.
 
     Parameters
     ----------

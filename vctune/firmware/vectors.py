@@ -22,19 +22,19 @@ from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
 
 USUAL_STIFFNESS = 1000.0
-"""Stiffness of the hand that replays a linear device, N/m."""
+"""Stiffness of the hand in the default experiments, N/m, before `usual` scales it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """The measurements and commands of an experiment; all arrays have the same length.
+    """The measurements and commands of an experiment with n samples, in SI units.
 
     Attributes
     ----------
     experiment : description of the experiment
-    position, reference : start position of the motor, and start value of x_e, m
-    measured : position [m], velocity [m/s] and force [N] at each sample, shape (n, 3)
-    command : commands u, N; for a servo m/s or m
+    position, reference : start position of the motor as the encoder reads it, and start value of x_e, m
+    measured : position [m] as the encoder reads it, velocity [m/s] and force [N] at each sample, shape (n, 3)
+    command : commands u, N; for a servo m/s or m; shape (n,)
     """
 
     experiment: Experiment
@@ -68,8 +68,9 @@ def replays(file: ProblemFile, replays: Firmware, progress: Callable[[str], None
 def usual(problem: Problem) -> tuple[Experiment, ...]:
     """Return the default experiments for a problem without experiments: a spring, and a wall that saturates the motor.
 
-    A servo has no mass that could set the size of the environments, and no force that could saturate. For a servo, the
-    stiffness and damping of the hands set the size of the environments.
+    One factor scales the masses, dampings, stiffnesses and the limit. The factor is 1 for a linear device, and follows
+    the inertia of a rotary device. A servo has no mass that could set the factor, and no force that could saturate. For
+    a servo, the greatest stiffness of the hands sets the factor.
     """
     device, stiffest = problem.device, problem.hands.high.stiffness
     share = usual_share(device.mass, device.units) if device.kind.own_loop else stiffest / USUAL_STIFFNESS or 1.0
@@ -85,7 +86,7 @@ def usual(problem: Problem) -> tuple[Experiment, ...]:
 
 
 def _replay(replays: Firmware, experiment: Experiment, progress: Callable[[str], None]) -> Replay:
-    """Simulate an experiment, and return the firmware's measurements and commands."""
+    """Simulate an experiment with the design before rounding, and return the measurements and the commands."""
     scene = designed_scene(replays.device, replays.gains, replays.coupling, experiment)
     traces = run(scene, lambda share: progress(f"{experiment.name} {share:.0%}"))
     begin = equilibrium(scene)
@@ -120,20 +121,20 @@ def vectors_text(replays: list[Replay], units: Units, commanded: Commanded) -> s
 
 
 def greatest_difference(firmware: Firmware, replays: list[Replay]) -> float:
-    """Return the greatest difference between a firmware's commands and the simulated commands.
+    """Return the greatest difference between a firmware's commands and the simulated commands, in the command's unit.
 
     The firmware runs in its precision, without fused operations.
 
     Parameters
     ----------
-    firmware : firmware in single precision
+    firmware : firmware, usually in single precision
     replays : the simulated runs to replay
     """
     return max(float(np.abs(commands(firmware, replay) - replay.command).max()) for replay in replays)
 
 
 def commands(firmware: Firmware, replay: Replay) -> Floats:
-    """Return the commands that a firmware computes from an experiment's measurements in its own precision.
+    """Return the commands that a firmware computes from an experiment's measurements in its own precision, shape (n,).
 
     Parameters
     ----------
@@ -152,6 +153,7 @@ def experiment_line(replay: Replay, parts: Parts) -> str:
     ----------
     replay : the replay of the experiment
     parts : parts of the firmware, which determine its start values: a position for a differenced velocity, and a limit
+        for a commanded force, where 0 stands for no limit
     """
     rendered = replay.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]
