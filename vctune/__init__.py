@@ -1,4 +1,4 @@
-"""vctune: the most transparent gains of a haptic device that are proved absolutely stable."""
+"""vctune: the most transparent gains of a haptic device that are proved stable."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ _HOME = {
     "write_identification": "api.identifying",
     "write_report": "api.design_files",
 }
-"""Public names and the modules that define them, imported when first used: `import vctune` stays cheap."""
+"""Public names and modules that contain them, imported when first used: `import vctune` stays cheap."""
 
 __all__ = ["__version__", *_HOME]  # noqa: PLE0604
 

@@ -9,9 +9,10 @@ class ExitCode(IntEnum):
     """The exit code of a vctune command."""
 
     OK = 0
-    """The design is certified, or the check passed."""
+    """The design is certified, the check passed, or a command without a verdict did its work."""
     FAILED = 1
-    """The problem is infeasible, a constraint is violated, or the check failed."""
+    """The problem is infeasible, a constraint is violated, the check failed, or a simulated design or firmware
+    failed."""
     BAD_INPUT = 2
     """The usage or the input is wrong, or a file or folder cannot be read or written."""
     UNDECIDED = 3

@@ -9,7 +9,7 @@ Cell = str | float | None
 
 
 def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str] = ()) -> str:
-    """Return a table as HTML. Numbers have six digits; a cell that is None is blank.
+    """Return a table as HTML. Numbers have six significant digits; a cell that is None is blank.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def html_facts(caption: str, facts: Mapping[str, Cell]) -> str:
 
 
 def span(band: tuple[float, float] | None) -> str | None:
-    """Return a frequency band as text."""
+    """Return a frequency band as text, without its unit; None without a band."""
     return None if band is None else f"{band[0]:.6g} to {band[1]:.6g}"
 
 

@@ -29,6 +29,7 @@ class OutOfTimeError(Exception):
     """
 
 
+# _END and _BEGAN are times of `perf_counter`
 _END: ContextVar[float] = ContextVar("end", default=inf)
 _BEGAN: ContextVar[float | None] = ContextVar("began", default=None)
 _LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
@@ -51,7 +52,11 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 
 def process_began() -> None:
-    """Record when this process began, so that `time_limit_of_command` can count from there."""
+    """Record when this process began, so that `time_limit_of_command` can count from there.
+
+    The beginning is the present time minus the processor time so far. Waiting before this call therefore does not
+    count.
+    """
     _BEGAN.set(perf_counter() - process_time())
 
 
@@ -159,7 +164,7 @@ def tell(words: Callable[[], str]) -> None:
 
     Parameters
     ----------
-    words : function that makes the text; called only if there is a listener
+    words : function that makes the text; called only if there is a listener and the work runs within `aloud`
     """
     listener = _LISTENER.get()
     if listener is not None and _ALOUD.get():

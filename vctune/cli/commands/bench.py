@@ -10,7 +10,7 @@ import click
 
 from vctune.cli.printing.options import out_option, output_options
 
-ABOUT = {
+ABOUT = {  # purpose of each benchmark, by the name of its module in vctune.bench
     "answers": "Measure the time to an answer: solve with its report, a sweep, error against run time.",
     "solvers": "Compare error and run time of vctune with those of other solvers on fixed grids.",
     "stress": "Solve thousands of devices over ten decades and check every verdict.",

@@ -100,7 +100,8 @@ def check(
 
 
 def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, show_doubts: Said) -> list[Checked]:
-    """Check a region and the gains files for its problem, and write the losses of the region."""
+    """Check a region and the gains files for its problem. Write the losses of the region, or remove those of an earlier
+    check."""
     from vctune import read_problem
     from vctune.api.checking import LOST, check_files, recheck, remove_lost, write_lost
     from vctune.api.folders import folder_name

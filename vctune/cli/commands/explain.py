@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vctune.document.records.printed_json import EntryRecord
 
 WIDEST = 100
-"""Width of the text, characters."""
+"""Greatest width of the text, characters."""
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -63,10 +63,12 @@ def _page(entry: EntryRecord) -> str:
 
 
 def _verbatim(block: str) -> str:
+    """Return the content of a fenced block of code, indented."""
     return textwrap.indent("\n".join(block.splitlines()[1:-1]), "    ")
 
 
 def _paragraphs(text: str) -> str:
+    """Return Markdown without links, emphasis and formula marks, with filled paragraphs and items of lists."""
     plain = re.sub(r"\[([^\]]+)\]\([^)]*\)", r"\1", text)
     plain = re.sub(r"\*\*|[`$]", "", plain).replace("\\|", "|").replace(r"\lvert ", "|").replace(r" \rvert", "|")
     plain = re.sub(r"_\{(\w+)\}", r"_\1", plain)

@@ -92,7 +92,7 @@ def _export_axes(
     style: str,
     quiet: bool,
 ) -> int:
-    """Export the designs of several axes."""
+    """Export the designs of several axes, print the results, and return the exit code."""
     from vctune.api.exporting import NotCertifiedError, export_record
     from vctune.api.uncoupled_axes import export_axes, gains_of_axes
     from vctune.cli.printing.exits import of_status

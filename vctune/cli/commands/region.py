@@ -10,6 +10,7 @@ from vctune.api.argument_ranges import AXES_OF_REGIONS, RESOLUTIONS
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limited
 
 SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stiffness"
+"""Default axes in the help text: of an admittance display, or of an impedance display."""
 
 
 @click.command(short_help="Find the whole set of feasible gains, cell by cell.")

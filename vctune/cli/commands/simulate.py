@@ -107,7 +107,8 @@ def simulate(
 
 
 def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:
-    """Solve the problem and write its design, as `vctune solve` does. If there is no design, print the reason."""
+    """Solve the problem and write its design, but without repairs and a report. Without a design, print the reason and
+    return None."""
     from vctune.api.design_files import write_solved
     from vctune.api.experiments import solve_to_simulate
     from vctune.cli.commands.solve import say_renamed

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> None:
-    """Print one line with the verdict for each axis, then the warnings, then the folder of the files.
+    """Print the proved claims, one line for each axis, then the reasons and warnings, then the folder of the files.
 
     Parameters
     ----------
     name : name of the problem
-    designs : designs by the name of the axis
+    designs : records of the designs by the name of the axis
     folder : folder of the files, which the last line names
     """
     report = folder / REPORT

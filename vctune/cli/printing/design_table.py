@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 LEAST_WIDTH = 80
 """Width of the terminal, in characters, below which each group heading of a design's table has a separate line."""
 WIDE = 120
+"""Width of tables, in characters, if stdout is not a terminal. On a terminal narrower than this, side_by_side.py stacks
+its tables."""
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
+"""Colour of each status."""
 
 
 @contextmanager
@@ -54,7 +57,7 @@ def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[
 
 
 def _linked(path: Path, console: Console) -> str:
-    """Return a path as a link (OSC 8) if the terminal can open it; otherwise its text.
+    """Return a path as a link (OSC 8) if the output is a terminal; otherwise its text.
 
     A notebook accepts colours like a terminal, but would show the control characters of a link.
     """
@@ -63,6 +66,7 @@ def _linked(path: Path, console: Console) -> str:
 
 
 def _with_links(step: str, console: Console) -> str:
+    """Return a next step as markup. The path in a step "open PATH" becomes a link."""
     verb, _, rest = step.partition(" ")
     return f"{verb} {_linked(Path(rest), console)}" if verb == "open" else escape(step)
 
@@ -73,20 +77,21 @@ def _write(console: Console, text: str) -> None:
 
 
 def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), *, verbose: bool = False) -> None:
-    """Print the proved claims of a design, its gains, the active constraints, and the folder of its files.
+    """Print the status and the proved claims of a design, its numbers, its repairs, its warnings, and the folder of its
+    files.
 
     Parameters
     ----------
     record : record of the design, or of the reason why there is none
-    folder : folder of the files, which the last lines name
+    folder : folder of the files, which the output names before the next steps
     steps : next steps for the user
     verbose : whether to print the parts that the search omitted
     """
-    narrow = Console().is_terminal  # lines wrap at words on a terminal, but not in a file
-    with page(0 if narrow else WIDE, folder, steps) as console:
+    on_terminal = Console().is_terminal  # lines wrap at words on a terminal, but not in a file
+    with page(0 if on_terminal else WIDE, folder, steps) as console:
 
         def say(text: str) -> None:
-            console.print(text, soft_wrap=not narrow)
+            console.print(text, soft_wrap=not on_terminal)
 
         idle = ", but it hardly uses its velocity loop" if record.idle else ""
         colour = COLOURS["undecided" if idle else record.status]
@@ -129,15 +134,15 @@ def _table(record: DesignRecord, width: int) -> Table:
 
     The name of a group stands in front of its rows or, on a narrow terminal, above them.
     """
-    groups, short = _ordered(record), width < LEAST_WIDTH
+    groups, narrow = _ordered(record), width < LEAST_WIDTH
     rows: list[tuple[str, ...]] = []
     for group, group_rows in groups.items():
-        if short:
+        if narrow:
             rows += [(group, "", ""), *((f"  {label}", *others) for label, *others in group_rows)]
         else:
             rows += [(group if number == 0 else "", *row) for number, row in enumerate(group_rows)]
     table = Table(show_header=False, box=None, pad_edge=False)
-    for column, style in enumerate(("", "bold") if short else ("dim", "", "bold")):
+    for column, style in enumerate(("", "bold") if narrow else ("dim", "", "bold")):
         # the table never cuts numbers; the columns after them wrap
         least = max((len(row[column]) for row in rows), default=0)
         table.add_column(style=style, no_wrap=True, min_width=least, justify="right" if style == "bold" else "left")
@@ -181,14 +186,14 @@ def print_sweep(rows: SweepRecord, folder: Path) -> None:
     Parameters
     ----------
     rows : summary of the sweep
-    folder : folder of the files, which the last line names
+    folder : folder of the files; on a terminal, a next step follows
     """
-    narrow = Console().is_terminal
+    on_terminal = Console().is_terminal
     shown = "error.svg" if (folder / "error.svg").exists() else "table.csv"
-    with page(0, folder, [f"open {folder / shown}"] if narrow else []) as console:
+    with page(0, folder, [f"open {folder / shown}"] if on_terminal else []) as console:
 
         def say(line: str) -> None:
-            console.print(line, soft_wrap=not narrow)
+            console.print(line, soft_wrap=not on_terminal)
 
         idle = {"certified": f" ({rows.idle} idle)" if rows.idle else ""}
         counts = ", ".join(f"{count} {status}{idle.get(status, '')}" for status, count in rows.status.items())
@@ -202,6 +207,7 @@ def print_sweep(rows: SweepRecord, folder: Path) -> None:
 
 
 def _design_line(row: Cells) -> str:
+    """Return the error of a row and its point. Only the keys of axes contain a dot."""
     axes = ", ".join(f"{key} = {text(value, 6)}" for key, value in row.items() if "." in key)
     return escape(f"error {text(row['error'])} at {axes}{', idle' if row['idle'] else ''}")
 
@@ -216,7 +222,8 @@ def _yardstick_line(rows: SweepRecord) -> str:
 
 
 def _corner_line(corner: CornerRecord) -> str:
-    """Return the line that states the box of all points without a design."""
+    """Return the lines that state the smallest box with all points without a certified design, and the most frequent
+    reason."""
     spans = ", ".join(
         f"{key} from {text(low, 6)} to {text(high, 6)}"
         for (key, low), high in zip(corner.low.items(), corner.high.values(), strict=True)

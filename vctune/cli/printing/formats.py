@@ -38,13 +38,17 @@ def text(checks: list[Checked]) -> str:
 
 
 def as_json(checks: list[Checked]) -> str:
-    """Return a list with one object for each check: the object of design.json, the object of a region, or the reason
-    for having neither."""
+    """Return the text of a list with one object for each check: the object of design.json, the verdict on a region, or
+    the reason why neither exists."""
     return json.dumps([check_object(checked) for checked in checks], indent=2, allow_nan=False)
 
 
 def github(checks: list[Checked]) -> str:
-    """Return workflow commands that annotate the lines of the files: the verdict of each check, then its warnings."""
+    """Return workflow commands that annotate the lines of the files: the message of each check, then its warnings.
+
+    The level of a message follows the verdict without regard to warnings. With `--strict`, a warning has the level
+    "error".
+    """
     levels = {CheckVerdict.PASSED: "notice", CheckVerdict.UNDECIDED: "warning"}
     lines = []
     for checked in checks:
@@ -69,7 +73,10 @@ def _property(value: str) -> str:
 
 
 def junit(checks: list[Checked]) -> str:
-    """Return JUnit XML with the elements and attributes of Jenkins' schema, with one test case for each check."""
+    """Return JUnit XML with the elements and attributes of Jenkins' schema, with one test case for each check.
+
+    An undecided check counts as a failure, bad input as an error.
+    """
     failed = [checked.result in (CheckVerdict.FAILED, CheckVerdict.UNDECIDED) for checked in checks]
     broken = [checked.result is CheckVerdict.BAD_INPUT for checked in checks]
     counts = {"tests": str(len(checks)), "failures": str(sum(failed)), "errors": str(sum(broken))}
@@ -104,6 +111,7 @@ WARNING = (
     "velocity loop, or that the gains were made for another problem.",
     "Read the message. `vctune check --strict` fails if there is a warning.",
 )
+"""Rule for warnings: rule id, level, short description, full description, help."""
 RULES = {
     CheckVerdict.FAILED: (
         "violated",
@@ -130,7 +138,7 @@ RULES = {
         "Correct the key on the line that the message names.",
     ),
 }
-"""Rules for warnings and for failed checks: rule id, level, short description, full description, help."""
+"""Rules for checks that do not pass, in the same form."""
 
 
 _RULES = [*RULES.values(), WARNING]
@@ -139,7 +147,7 @@ _RULES = [*RULES.values(), WARNING]
 def sarif(checks: list[Checked]) -> str:
     """Return a SARIF 2.1.0 log with the fields that GitHub requires.
 
-    The log has one result for each refusal and each warning.
+    The log has one result for each check whose verdict is not "passed", and one for each warning.
     """
     results = []
     for checked in checks:

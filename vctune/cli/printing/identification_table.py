@@ -15,10 +15,12 @@ if TYPE_CHECKING:
     from vctune.document.records.identification_json import IdentificationRecord
 
 WIDTH = 140
+"""Least width of a line, characters, even if the terminal is narrower. The table then keeps a line for each number."""
 
 
 def print_identification(record: IdentificationRecord, folder: Path) -> None:
-    """Print the parameters with their intervals, the remarks, and the folder of the files.
+    """Print the recordings, the parameters with their intervals, the warnings and remarks, the suggested excitation,
+    and the folder of the files.
 
     Parameters
     ----------

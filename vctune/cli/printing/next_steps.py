@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 def after_design(record: DesignRecord, folder: Path, problem: Path) -> list[str]:
     """Return the next steps.
 
-    For a design: view it, export it, check its gains in CI. Without a design: repair the problem.
+    If there are repairs: apply the first one, then view the report. For any other certified design: view the report,
+    export the design, check its gains in CI. Otherwise: view the report.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ def after_design(record: DesignRecord, folder: Path, problem: Path) -> list[str]
 
 
 def after_bound(record: DesignRecord, design: Path, problem: Path) -> list[str]:
-    """Return the next steps after a search for a bound: resume an unfinished search, then the steps for the design.
+    """Return the next steps after a search for a bound: resume an unfinished search, then the steps of `after_design`.
 
     Parameters
     ----------

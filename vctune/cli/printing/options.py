@@ -15,7 +15,7 @@ from vctune.running import time_limit_of_command
 Added = Callable[[Any], Any]
 """A decorator that adds an argument or an option to a command."""
 SHORT = "vctune.json"
-"""Key under which click records whether the user gave --json."""
+"""Key of the context's `meta` under which `_short` records whether the user gave --json."""
 
 problem_argument: Added = click.argument("problem", type=click.Path(path_type=Path))
 
@@ -25,7 +25,7 @@ def out_option(holds: str = "NAME/", default: str | None = "results") -> Added:
 
     Parameters
     ----------
-    holds : content of the folder, for the help text
+    holds : content of the folder, for the help text; "" for a help text without it
     default : default folder; None if the command determines it
     """
     path, text = click.Path(path_type=Path), f"Folder for OUT/{holds}." if holds else "Output folder."
@@ -86,7 +86,7 @@ def time_limit_option(of: str = "") -> Added:
 
     Parameters
     ----------
-    of : name of the work that the limit ends; empty for the whole command
+    of : words for the help text that name the work which the limit ends, with a leading blank; "" for the command
     """
     text = f"Stop{of} after S seconds, keep the result so far, and exit with code 3."
     return click.option(
@@ -117,7 +117,8 @@ def time_limited(command: Any) -> Any:
 
 
 def worker_options(command: Any) -> Any:
-    """Add the options that every command with workers has."""
+    """Add the options `--executor` and `--jobs`; the command receives `executor`, and `jobs`, which is None by
+    default."""
     for option in (
         click.option(
             "--executor",

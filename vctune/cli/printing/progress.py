@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from vctune.running import told
 
 Progress = Callable[[str], None]
+"""Type of a function that receives the current stage."""
 
 
 @contextmanager

@@ -29,12 +29,12 @@ WIDEST = 1000
 
 
 def print_simulation(record: SimulationRecord, folder: Path) -> None:
-    """Print the measures of a simulation and the folder of its files.
+    """Print the measures of a simulation and the folder of its files; on a terminal, a next step follows.
 
     Parameters
     ----------
     record : record of the simulation
-    folder : folder of the files, which the last line names
+    folder : folder of the files
     """
     from vctune.api.experiments import HEADINGS, dwell_line, measured_rows
 
@@ -61,7 +61,7 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
 
 
 def _wide(rows: list[tuple[str, ...]], headings: Sequence[str]) -> Table:
-    """Return the runs as one table with a line for each run."""
+    """Return the runs as one table with a line for each run, for wide terminals and other outputs."""
     table = Table(box=None, pad_edge=False)
     for heading in headings:
         table.add_column(heading, no_wrap=True, header_style="dim")
@@ -71,7 +71,13 @@ def _wide(rows: list[tuple[str, ...]], headings: Sequence[str]) -> Table:
 
 
 def _stacked(rows: list[tuple[str, ...]], headings: Sequence[str]) -> Iterator[Table]:
-    """Yield a table for each experiment, with a column for each controller."""
+    """Yield a table for each experiment, with a column for each controller, for narrow terminals.
+
+    Parameters
+    ----------
+    rows : runs; the first cell is the experiment, the second cell the controller
+    headings : headings of the cells
+    """
     for name in dict.fromkeys(row[0] for row in rows):
         runs = [row for row in rows if row[0] == name]
         table = Table(box=None, pad_edge=False)
@@ -85,7 +91,7 @@ def _stacked(rows: list[tuple[str, ...]], headings: Sequence[str]) -> Iterator[T
 
 
 def _after_simulation(folder: Path) -> list[str]:
-    """Return the next step: open the curves."""
+    """Return the next step: open the report or the figure; empty if neither exists."""
     shown = next((name for name in (REPORT, "simulation.svg") if (folder / name).exists()), "")
     return [f"open {folder / shown}"] if shown else []
 
@@ -107,6 +113,8 @@ def _difference_line(difference: DifferenceRecord, unit: str) -> str:
 
 
 def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
+    """Return the sentence on the stiffness up to which friction absorbs the energy of an encoder's quantum, and on the
+    stiffness of an impedance display's coupling."""
     return (
         f"the encoder's resolution alone sustains no limit cycle up to {stiffness:.4g} {units.stiffness} (Abbott and "
         f"Okamura); the coupling has {coupling.stiffness:.4g} {units.stiffness}"
@@ -124,7 +132,8 @@ def _least_virtual_line(least: LeastVirtualRecord, units: Units) -> str:
 
 
 def print_comparison(comparison: ComparisonRecord) -> None:
-    """Print two designs side by side: first the keys in which the problems differ, then both results.
+    """Print two designs side by side: their files and status, the keys in which the problems differ, then both results.
+    Reasons why there is no design follow, and on a terminal the next step.
 
     Parameters
     ----------
@@ -160,7 +169,7 @@ def print_comparison(comparison: ComparisonRecord) -> None:
 
 
 def _compared(comparison: ComparisonRecord) -> Iterator[tuple[str, str, str, str, str]]:
-    """Yield group, label, both values and unit of each row."""
+    """Yield group, label, both values and unit of each row, as markup."""
     sides = (comparison.a, comparison.b)
     for label, values in (
         ("file", [side.source for side in sides]),
@@ -191,6 +200,7 @@ def _after_comparison(comparison: ComparisonRecord) -> str:
 
 
 def _cell(value: Any, digits: int = 8) -> str:
+    """Return a value as markup; "-" without a value. A list of two numbers is a range."""
     if isinstance(value, list) and len(value) != 2:
         return escape(printable(str(value)))
     return "-" if value is None else escape(printable(text(value, digits)))
