@@ -21,7 +21,7 @@ from vctune.document.ros import is_admittance as is_admittance
 from vctune.document.ros import read_admittance
 from vctune.document.text.errors import InputError, printable
 from vctune.document.text.output_files import make_folder, write_together
-from vctune.model.gains import Coupling
+from vctune.model.gains import AnyCoupling
 from vctune.running import time_limit as limited
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ LOST = ("lost.json", "lost.svg")
 def check(
     problem: ProblemSource,
     gains: DesignSource | None = None,
-    coupling: Coupling | None = None,
+    coupling: AnyCoupling | None = None,
     *,
     time_limit: float = inf,
 ) -> Checked:

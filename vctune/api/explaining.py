@@ -184,7 +184,9 @@ def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
     "sample time", "Nyquist frequency", "T", "\\pi/T" and "sample_time". The first name is the whole first cell.
     """
     row = {head: cell.replace("\\|", "|") for head, cell in zip(heads, cells, strict=True)}
-    symbols = [part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part]
+    symbols = [
+        part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part.strip()
+    ]
     terms = row["term"].split(", ")
     names = [*terms, *(symbol.split(" = ")[0] for symbol in symbols)]
     names += [term.split()[-1] for term in terms if re.search(r" [A-Za-z]_\w+$", term)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from math import inf, nan
+from math import inf, log, nan
 from statistics import median
 from time import process_time
 
@@ -213,14 +213,14 @@ class _Answer:
     Attributes
     ----------
     design : gains and coupling, SI units
-    error : logarithm of the transparency error
+    log_error : logarithm of the transparency error
     violation : greatest violation of a constraint on the solver's own grid, the logarithm of a ratio; 0 without one
     stable : whether the sampled loop without a hand is stable
     converged : whether the solver reports success
     """
 
     design: tuple[Gains, AnyCoupling]
-    error: float
+    log_error: float
     violation: float
     stable: bool
     converged: bool
@@ -233,7 +233,7 @@ class _Answer:
         violation.
         """
         good = self.violation <= MAX_VIOLATION and self.stable
-        return (not good, self.error if good else self.violation + UNSTABLE_PENALTY * (not self.stable))
+        return (not good, self.log_error if good else self.violation + UNSTABLE_PENALTY * (not self.stable))
 
 
 def _multistart(dense_problems: list[Dense], scan_result: ScanResult, peer: Peer) -> tuple[list[_Answer], float]:
@@ -241,8 +241,8 @@ def _multistart(dense_problems: list[Dense], scan_result: ScanResult, peer: Peer
     answers: list[_Answer] = []
     began = process_time()
     for dense_problem, start in zip(dense_problems, _starts(scan_result), strict=True):
-        good_errors = [answer.error for answer in answers if not answer.rank[0]]
-        if start.error > WORTH_POLISHING * min(good_errors, default=inf):
+        good_errors = [answer.log_error for answer in answers if not answer.rank[0]]
+        if log(start.error / WORTH_POLISHING) > min(good_errors, default=inf):
             continue
         stopped = peer.solver(dense_problem)
         log_error, slack = dense_problem.values(stopped.z)
