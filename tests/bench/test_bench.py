@@ -112,12 +112,12 @@ def test_fifty_digits_at_the_edge_of_stability(samples):
 
 def test_worth_of_designs_good_and_bad(wheel):
     found = solve(wheel).judgement
-    good = judging.worth(wheel, found.gains, found.coupling)
+    good = judging.judge_answer(wheel, found.gains, found.coupling)
     assert (good.verdict, good.violation, good.stable, good.consistent) == (Status.CERTIFIED, 0.0, True, True)
     lighter = replace(found.coupling, mass=0.9 * found.coupling.mass)
-    bad = judging.worth(wheel, found.gains, lighter)
+    bad = judging.judge_answer(wheel, found.gains, lighter)
     assert bad.verdict is Status.VIOLATED and bad.violation > 0.01 and bad.consistent
-    wild = judging.worth(wheel, Gains(5000.0, 3000.0), found.coupling)
+    wild = judging.judge_answer(wheel, Gains(5000.0, 3000.0), found.coupling)
     assert not wild.stable and wild.verdict is Status.VIOLATED
 
 
@@ -125,7 +125,7 @@ def test_worth_notices_a_prover_that_lies(wheel, monkeypatch):
     found = solve(wheel).judgement
     monkeypatch.setattr(judging, "judge", lambda problem, gains, coupling: found)
     lighter = replace(found.coupling, mass=0.9 * found.coupling.mass)
-    assert not judging.worth(wheel, found.gains, lighter).consistent
+    assert not judging.judge_answer(wheel, found.gains, lighter).consistent
 
 
 def test_stress_notices_a_wrong_certificate(wheel):
@@ -261,7 +261,7 @@ def test_quick_stress(tmp_path, monkeypatch):
 def test_answers_say_error_against_run_time(tmp_path):
     """The search improves the design of the scan, and the proof adds time and no error."""
     rows = {row.work: row for row in answers.solved("friction-wheel", tmp_path, 1)}
-    first, best, proved = (rows[work] for work in (answers.FIRST, answers.BEST, answers.PROVED))
+    first, best, proved = (rows[work] for work in (answers.SCAN, answers.SEARCH, answers.PROVED))
     assert best.error < 0.99 * first.error and proved.error == pytest.approx(best.error, rel=1e-4)
     assert rows[answers.REPORT].seconds > 0
     assert answers.facts([*rows.values(), answers.Row(answers.SWEEP, "both", 0.1, 0.0)], 3)[-1].endswith(

@@ -19,7 +19,7 @@ from test_servos import ARM, CONTACT, WALKER, decades, random_servo, top_of
 from vctune import export, simulate, write_export
 from vctune.document.text.toml_writing import toml_text
 from vctune.exit_codes import ExitCode
-from vctune.firmware.vectors import usual
+from vctune.firmware.vectors import default_experiments
 from vctune.model.gains import Coupling
 from vctune.simulation.firmware.coefficient_values import coupling_coefficients, coupling_of
 
@@ -229,7 +229,7 @@ def test_a_rotary_servo_is_told_in_its_units():
 def test_what_is_replayed_without_experiments_is_as_stiff_as_its_hands():
     for tables in (ARM, CONTACT):
         problem = export(tables, to="json").file.problem
-        for experiment in usual(problem):
+        for experiment in default_experiments(problem):
             assert experiment.operator.stiffness == problem.hands.high.stiffness
             assert experiment.limit is None
 

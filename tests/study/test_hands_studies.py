@@ -49,7 +49,7 @@ from vctune.proof.engine.interval import Verdict
 from vctune.study import front as fronts
 from vctune.study.plane import plane
 from vctune.study.region import Kind, easiest, free_damping, region
-from vctune.study.region_estimate import DAMPING, estimate
+from vctune.study.region_estimate import COUPLING_DAMPING, estimate
 
 FOLDER = ROOT / "tests/reference/hands"
 NAMES = ("hands-friction-wheel", "hands-light-grip", "hands-everything")
@@ -206,13 +206,13 @@ def with_room(problem, found_):
     squares = found_.squares[:, found_.kinds == Kind.UNDECIDED]
     cells = easiest(across.cells(squares), across)
     low, high = cells.centres().low.copy(), cells.centres().low.copy()
-    low[DAMPING], high[DAMPING] = cells.low[DAMPING], cells.high[DAMPING]
+    low[COUPLING_DAMPING], high[COUPLING_DAMPING] = cells.low[COUPLING_DAMPING], cells.high[COUPLING_DAMPING]
     with np.errstate(all="ignore"):
         damping = estimate([problem], Cells(low, high), free=True).damping
         met = ~np.isnan(damping)
         for ends in product((cells.low, cells.high), repeat=2):
             corner = low.copy()
-            corner[DAMPING] = damping
+            corner[COUPLING_DAMPING] = damping
             for axis, end in zip(across.axes, ends, strict=True):
                 corner[axis] = end[axis]
             met &= ~np.isnan(estimate([problem], Cells(corner, corner), free=False).damping)

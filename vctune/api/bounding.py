@@ -41,7 +41,7 @@ SAVED = "bound.npz"
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownDesign:
     """The known design with which a search for a bound begins.
 
     Attributes
@@ -99,7 +99,7 @@ class Bounded:
 
 def bound(
     problem: ProblemSource,
-    design: Solved | Known | str | Path | None = None,
+    design: Solved | KnownDesign | str | Path | None = None,
     *,
     gap: float = 0.03,
     jobs: int = 1,
@@ -177,7 +177,7 @@ def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
     return file
 
 
-def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
+def known_design(file: ProblemFile, path: Path, *, given: bool) -> KnownDesign | None:
     """Return the given design, or the design of an unfinished search.
 
     Return None if neither exists, or if the record states that the problem is infeasible.
@@ -203,7 +203,7 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
             raise
         return None
     infeasible = record.status == Status.INFEASIBLE.value
-    return None if infeasible else Known(record, best, resume)
+    return None if infeasible else KnownDesign(record, best, resume)
 
 
 def write_bounded(bounded: Bounded, path: Path) -> None:
@@ -233,16 +233,18 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
         write_together({path: json_text(bounded.record)}, report_paths(path.parent))
 
 
-def _starting_design(file: ProblemFile, design: Solved | Known | str | Path | None, progress: Progress) -> Known:
+def _starting_design(
+    file: ProblemFile, design: Solved | KnownDesign | str | Path | None, progress: Progress
+) -> KnownDesign:
     """Return the design from which a search starts: the given design, or the solution of the problem."""
-    if isinstance(design, Known):
+    if isinstance(design, KnownDesign):
         return design
     start = known_design(file, Path(design), given=True) if isinstance(design, str | Path) else None
     if start is not None:
         return start
     solved = design if isinstance(design, Solved) else solve(file, progress=progress)
     resume = solved.optimality.resume if solved.optimality is not None else None
-    return Known(record_of(file, solved, ipopt_version(), today()), solved.judgement, resume)
+    return KnownDesign(record_of(file, solved, ipopt_version(), today()), solved.judgement, resume)
 
 
 def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None]:

@@ -38,7 +38,7 @@ STUDY = """problem = "device.toml"
 """
 CRITERIA = "both", "hands", "passive"
 """Criteria of stability. The benchmark runs one sweep under each."""
-FIRST, BEST, PROVED, REPORT, SWEEP = "scan", "search", "proof", "with report", "sweep"
+SCAN, SEARCH, PROVED, REPORT, SWEEP = "scan", "search", "proof", "with report", "sweep"
 """Names of the measured work, see `Row.work`."""
 
 
@@ -87,7 +87,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
             rows.append(swept(criterion, side, Path(folder)))
     return Measured(
         "Answers under the default criterion",
-        f"Left: error against run time, after the {FIRST}, the {BEST} and the {PROVED}. Right: whole commands.",
+        f"Left: error against run time, after the {SCAN}, the {SEARCH} and the {PROVED}. Right: whole commands.",
         rows,
         facts(rows, side),
         panels(rows),
@@ -105,7 +105,7 @@ def solved(name: str, folder: Path, repeats: int) -> list[Row]:
     """
     _command(folder, "example", name)
     problem = parse_problem((folder / f"{name}.toml").read_text(), name, name)
-    rows = [_estimate(work, find, problem, repeats) for work, find in ((FIRST, scanned), (BEST, estimated))]
+    rows = [_estimate(work, find, problem, repeats) for work, find in ((SCAN, scanned), (SEARCH, estimated))]
     found, seconds = timed(lambda: solve(problem), repeats)
     error = nan if found.judgement is None else found.judgement.error
     reported = median(_command(folder, "solve", f"{name}.toml") for _ in range(repeats))
@@ -176,7 +176,7 @@ def facts(rows: list[Row], side: int) -> list[str]:
     said = []
     for name in names:
         at = {row.work: row for row in rows if row.problem == name}
-        errors = ", ".join(f"{at[w].error:.4g} after {at[w].seconds:.2f} s ({w})" for w in (FIRST, BEST, PROVED))
+        errors = ", ".join(f"{at[w].error:.4g} after {at[w].seconds:.2f} s ({w})" for w in (SCAN, SEARCH, PROVED))
         said.append(f"{name}: error {errors}; the command with its report takes {at[REPORT].seconds:.2f} s.")
     rates = ", ".join(f"{1 / row.seconds:.1f} under {row.problem}" for row in rows if row.work == SWEEP)
     return [*said, f"Designs a second in a sweep of {side**2} points on all cores, with its start: {rates}."]

@@ -15,7 +15,7 @@ AGREEMENT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Worth:
+class JudgedAnswer:
     """The judgement on an answer.
 
     Attributes
@@ -36,7 +36,7 @@ class Worth:
     consistent: bool
 
 
-def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
+def judge_answer(problem: Problem, gains: Gains, coupling: AnyCoupling) -> JudgedAnswer:
     """Judge an answer by the prover and by the evaluator.
 
     Parameters
@@ -46,7 +46,7 @@ def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
 
     Returns
     -------
-    Worth
+    JudgedAnswer
         The verdict of vctune's prover, and the error and violation by the independent evaluator.
     """
     judged = judge(problem, gains, coupling)
@@ -57,4 +57,4 @@ def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
     verdict = judged.status
     same = abs(judged.transparency.error - error) <= AGREEMENT * error or not error < inf
     sound = verdict is not Status.CERTIFIED or (violation == 0 and stable)
-    return Worth(error, violation, stable, verdict, same and sound)
+    return JudgedAnswer(error, violation, stable, verdict, same and sound)

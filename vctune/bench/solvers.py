@@ -12,7 +12,7 @@ from vctune.bench import peers
 from vctune.bench.benchmark import Measured, Tick
 from vctune.bench.dense import Dense, Stopped, compiled, dense, ipopt
 from vctune.bench.evaluator import case_of, spectral_radius
-from vctune.bench.judged import worth
+from vctune.bench.judged import judge_answer
 from vctune.bench.problems import reference_problems
 from vctune.bench.timing import timed
 from vctune.design.prepared import Prepared, prepare
@@ -88,7 +88,7 @@ class Row:
     succeeded : whether the solver reports success; True for vctune
     gap : relative difference between the solver's error and the least proved error of all solvers, negative for an
         unproved answer with a lower error; nan if no answer is proved
-    error, violation, stable, verdict, consistent : see `vctune.bench.judged.Worth`
+    error, violation, stable, verdict, consistent : see `vctune.bench.judged.JudgedAnswer`
     """
 
     problem: str
@@ -169,7 +169,7 @@ def _vctune_row(name: str, problem: Problem) -> Row:
     solve(problem)
     solved, seconds = timed(lambda: solve(problem), REPEATS)
     assert solved.judgement is not None
-    judged = worth(problem, solved.judgement.gains, solved.judgement.coupling)
+    judged = judge_answer(problem, solved.judgement.gains, solved.judgement.coupling)
     return Row(name, OURS, 0, seconds, 1.0, solved.optima, 0, True, nan, **asdict(judged))
 
 
@@ -196,7 +196,7 @@ def _peer_row(name: str, prepared: Prepared, scan_result: ScanResult, peer: Peer
     best = min(answers, key=lambda answer: answer.rank)
     unstable = sum(not answer.stable for answer in answers)
     timings, counts = (median(times), median(paces)), (len(answers), unstable)
-    judged = asdict(worth(problem, *best.design))
+    judged = asdict(judge_answer(problem, *best.design))
     return Row(name, peer.name, peer.count, *timings, *counts, best.converged, nan, **judged)
 
 

@@ -13,7 +13,7 @@ from vctune.model.parts import PARTS
 from vctune.model.worlds import in_time_in_words
 from vctune.version import __version__
 
-RUN = "environments are passive as they run"
+PASSIVE_ENVIRONMENTS = "environments are passive as they run"
 """Assumption on the environments of a design without a box of environments."""
 LEFT_TO_CALLER = "Before each step, the caller"
 """Beginning of the sentence on the parts of a servo's firmware that the exported equations lack."""
@@ -60,7 +60,9 @@ def assumptions(firmware: Firmware) -> list[str]:
     box = ", and any other of the problem's [uncertainty]" if firmware.record.uncertainty is not None else ""
     certificate = firmware.record.certificate
     hands = None if certificate is None else certificate.hands
-    rendered = RUN if hands is None or hands.worlds is None else f"environments are those of the box{_stepped(hands)}"
+    rendered = PASSIVE_ENVIRONMENTS
+    if hands is not None and hands.worlds is not None:
+        rendered = f"environments are those of the box{_stepped(hands)}"
     built = f"{_mechanics(device, units)}{box}; a step every {device.sample_time!r} s"
     if device.servo is not None:
         return [

@@ -22,7 +22,7 @@ from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
 
 USUAL_STIFFNESS = 1000.0
-"""Stiffness of the hand in the default experiments, N/m, before `usual` scales it."""
+"""Stiffness of the hand in the default experiments, N/m, before `default_experiments` scales it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +61,11 @@ def replays(file: ProblemFile, replays: Firmware, progress: Callable[[str], None
         One replay for each experiment.
     """
     stated = file.problem.experiments
-    experiments = [sample for sample in stated if sample.environment.built_in] or usual(file.problem)
+    experiments = [sample for sample in stated if sample.environment.built_in] or default_experiments(file.problem)
     return [_replay(replays, experiment, progress) for experiment in experiments]
 
 
-def usual(problem: Problem) -> tuple[Experiment, ...]:
+def default_experiments(problem: Problem) -> tuple[Experiment, ...]:
     """Return the default experiments for a problem without experiments: a spring, and a wall that saturates the motor.
 
     One factor scales the masses, dampings, stiffnesses and the limit. The factor is 1 for a linear device, and follows

@@ -19,7 +19,7 @@ from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.engine.boxes import Cells
 
-DAMPING = KEYS.index("coupling.damping")
+COUPLING_DAMPING = KEYS.index("coupling.damping")
 """Row of b_c among the variables of a design, for each kind of display."""
 LOOPS_AT_ONCE = 2
 """Number of designs whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache. The
@@ -88,9 +88,9 @@ def best_damping(problems: Sequence[Problem], cells: Cells) -> Floats:
     problems : problems, all of whose constraints must be met
     cells : n cells with the range of b_c
     """
-    dampings = np.geomspace(cells.low[DAMPING], cells.high[DAMPING], DAMPINGS)
+    dampings = np.geomspace(cells.low[COUPLING_DAMPING], cells.high[COUPLING_DAMPING], DAMPINGS)
     middle, needs = np.tile(cells.centres().low, DAMPINGS), np.zeros(dampings.size)
-    middle[DAMPING] = dampings.ravel()
+    middle[COUPLING_DAMPING] = dampings.ravel()
     for problem in problems:
         needs = np.maximum(needs, worst_places(problem, Cells(middle, middle), few=True)[0])
     least = np.argmin(needs.reshape(dampings.shape), axis=0)

@@ -25,7 +25,7 @@ EDGES = 41
 """Number of values of the upper edge of the stability band."""
 DIGITS = 5
 """Number of significant digits in which two designs must differ so that one dominates the other."""
-OWN = "error_with_own_weights"
+OWN_ERROR = "error_with_own_weights"
 """The name of the error's column if each row has its own weights. These errors cannot be compared between rows."""
 
 
@@ -97,7 +97,8 @@ def terms_front(table: Table) -> Table:
     """Return the designs that no other design dominates in the three terms, sorted by |Z_c|/Z_0."""
     costs = np.column_stack([table.numbers[f"{term}_term"] for term in ("admittance", "tracking", "coupling")])
     front = _front(table, costs, by=2)
-    return replace(front, numbers={OWN if name == "error" else name: each for name, each in front.numbers.items()})
+    numbers = {OWN_ERROR if name == "error" else name: each for name, each in front.numbers.items()}
+    return replace(front, numbers=numbers)
 
 
 def band_front(table: Table) -> Table:

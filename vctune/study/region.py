@@ -23,7 +23,7 @@ from vctune.proof.claims.many_designs import Places, prove, refuted
 from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Cells
 from vctune.running import OutOfTimeError, out_of_time
-from vctune.study.estimate_in_worlds import DAMPING
+from vctune.study.estimate_in_worlds import COUPLING_DAMPING
 from vctune.study.no_coupling import no_coupling
 from vctune.study.plane import Plane, Squares, halved
 from vctune.study.region_estimate import changes, estimate
@@ -154,7 +154,7 @@ def divided(
 
 def free_damping(plane: Plane) -> bool:
     """Return whether each cell may have its own b_c."""
-    return plane.at_full_width(KEYS[DAMPING])
+    return plane.at_full_width(KEYS[COUPLING_DAMPING])
 
 
 def easiest(cells: Cells, plane: Plane) -> Cells:
@@ -181,7 +181,7 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
     """
     low, high = cells.low.copy(), cells.high.copy()
     stated = np.isfinite(damping)
-    low[DAMPING, stated] = high[DAMPING, stated] = damping[stated]
+    low[COUPLING_DAMPING, stated] = high[COUPLING_DAMPING, stated] = damping[stated]
     return Cells(low, high)
 
 

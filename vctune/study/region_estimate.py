@@ -31,7 +31,7 @@ from vctune.proof.claims.many_designs import Places
 from vctune.proof.claims.margins_of_claims import inwards
 from vctune.proof.enclosures.array_intervals import TINY, Flags
 from vctune.proof.engine.boxes import Cells, Integers
-from vctune.study.estimate_in_worlds import DAMPING, best_damping, need_at, worst_places
+from vctune.study.estimate_in_worlds import COUPLING_DAMPING, best_damping, need_at, worst_places
 
 POINTS_PER_DECADE = 24
 """Number of frequencies per decade of the grids."""
@@ -71,20 +71,20 @@ def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estima
     """
     if problems[0].worlds is not None:
         return _estimate_in_worlds(problems, cells, free=free)
-    least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
+    least, most = cells.low[COUPLING_DAMPING].copy(), cells.high[COUPLING_DAMPING].copy()
     meets, places, missed = np.ones(len(cells), bool), [], []
     for problem in problems:
         hardest = _hardest_places(problem, cells, free=free)
         least, most, meets = np.maximum(least, hardest.least), np.minimum(most, hardest.most), meets & hardest.meets
         places.append(hardest.places)
         missed.append(hardest.least > hardest.most if free else ~hardest.meets)
-    damping = np.clip(np.sqrt(least) * np.sqrt(most), least, most) if free else cells.low[DAMPING].copy()
+    damping = np.clip(np.sqrt(least) * np.sqrt(most), least, most) if free else cells.low[COUPLING_DAMPING].copy()
     return Estimate(np.where(meets & (least <= most), damping, np.nan), places, missed)
 
 
 def _estimate_in_worlds(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
     """Return the result of `estimate` for problems with a box of environments."""
-    damping = _damping_in_worlds(problems, cells) if free else cells.low[DAMPING].copy()
+    damping = _damping_in_worlds(problems, cells) if free else cells.low[COUPLING_DAMPING].copy()
     middle, meets, places, missed = _with_damping(cells.centres(), damping), np.ones(len(cells), bool), [], []
     for problem in problems:
         need, worst = worst_places(problem, middle)
@@ -111,7 +111,7 @@ def _damping_in_worlds(problems: Sequence[Problem], cells: Cells) -> Floats:
 def _with_damping(points: Cells, damping: Floats) -> Cells:
     """Return designs with another b_c, shape (n,)."""
     numbers = points.low.copy()
-    numbers[DAMPING] = damping
+    numbers[COUPLING_DAMPING] = damping
     return Cells(numbers, numbers)
 
 
@@ -173,7 +173,8 @@ def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *,
             low, high = middle.low.copy(), middle.high.copy()
             low[axis] = high[axis] = edge[axis]
             if free:
-                low[DAMPING], high[DAMPING] = cells.low[DAMPING], cells.high[DAMPING]
+                low[COUPLING_DAMPING] = cells.low[COUPLING_DAMPING]
+                high[COUPLING_DAMPING] = cells.high[COUPLING_DAMPING]
             edge_cells = Cells(low, high)
             ends.append(
                 np.max([_hardest_places(problem, edge_cells, free=free).missed for problem in problems], axis=0)
@@ -245,7 +246,7 @@ def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     meets &= peak <= problem.stability.max_sensitivity
     worst = np.maximum(worst, np.log(peak / problem.stability.max_sensitivity))
     if free:
-        gap = np.log(np.maximum(least, cells.low[DAMPING]) / np.minimum(most, cells.high[DAMPING]))
+        gap = np.log(np.maximum(least, cells.low[COUPLING_DAMPING]) / np.minimum(most, cells.high[COUPLING_DAMPING]))
         worst = np.maximum(worst, np.where(np.isfinite(gap), gap, -inf))
     return _Hardest(least, most, meets, Places(theta_S, **places_by_name), worst)
 

@@ -26,7 +26,7 @@ from vctune.running import OutOfTimeError
 from vctune.study.plane import DIGITS, Plane, Squares
 from vctune.study.region import Kind, Kinds, Progress, Region, divided
 
-MASS, DAMPING, STIFFNESS = range(3)  # rows of a box of environments
+WORLD_MASS, WORLD_DAMPING, WORLD_STIFFNESS = range(3)  # rows of a box of environments
 DECADES = (3.5, 1.5)
 """Number of decades that the plane reaches below and above the greatest mass, damping and stiffness of the hands. With
 the default hands of a linear device, the axes go from 0.2 g to 20 kg and from 0.9 N/m to 90 kN/m."""
@@ -138,7 +138,7 @@ def world_region(
     """
     squares = plane.coarsest_squares() if squares is None else squares
     try:
-        prepared_design = rendered(problem, gains, coupling, plane.ranges[DAMPING].min)
+        prepared_design = rendered(problem, gains, coupling, plane.ranges[WORLD_DAMPING].min)
     except OutOfTimeError:
         undecided = np.full(squares.shape[1], Kind.UNDECIDED, np.intp)
         return Region(plane, squares, undecided, np.full(undecided.size, np.nan), interrupted=True)
@@ -181,8 +181,8 @@ def _common_ends(plane: Plane, low: Floats, high: Floats) -> WorldCells:
     low, high : least and greatest mass, damping and stiffness of each cell, SI units, shape (3, n)
     """
     least, most = low.copy(), high.copy()
-    least[DAMPING] = high[DAMPING] if DAMPING in plane.axes else low[DAMPING]
-    most[DAMPING] = inf
-    for number in {MASS, STIFFNESS} - set(plane.axes):
+    least[WORLD_DAMPING] = high[WORLD_DAMPING] if WORLD_DAMPING in plane.axes else low[WORLD_DAMPING]
+    most[WORLD_DAMPING] = inf
+    for number in {WORLD_MASS, WORLD_STIFFNESS} - set(plane.axes):
         least[number], most[number] = np.minimum(high[number], GREATEST), low[number]
     return WorldCells(least, most)

@@ -23,7 +23,7 @@ FLOOR = (1e-5, 10.0)
 EVALUATIONS = 100
 """Greatest number of evaluations in a search. A search that needs more evaluations from its start rarely finds the best
 fit."""
-DECADES = 5.0
+LOG_RANGE = 5.0
 """Greatest change of a positive parameter in one search, as a natural logarithm."""
 OUTLYING = 1.0
 """Greatest relative spread of a line that the fit uses. A line with a greater spread is noise."""
@@ -134,7 +134,7 @@ def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
     lower = np.array([-2 * T if name == "delay" else 0.0 for name in names])
     upper = np.full(start.size, np.inf)
     logs = np.array([name in SCALED for name in names])
-    lower[logs], upper[logs] = start[logs] - DECADES, start[logs] + DECADES
+    lower[logs], upper[logs] = start[logs] - LOG_RANGE, start[logs] + LOG_RANGE
     inside = np.maximum(start, lower + 1e-9 * scale)
     solved = least_squares(
         task.residuals, inside, args=(model_errors,), bounds=(lower, upper), x_scale=scale, max_nfev=EVALUATIONS

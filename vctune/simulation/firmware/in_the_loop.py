@@ -16,7 +16,7 @@ from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.firmware.stepped import Precision, Start, SteppedFirmware, exported_parts
 from vctune.simulation.mechanics.hand_changes import after_sample, from_state, hand_changes, steps_of_hands
 from vctune.simulation.mechanics.intended_motion import sample_count
-from vctune.simulation.mechanics.step import ANSWER, SAMPLES_PER_CALL, OpenStep, build_open, columns
+from vctune.simulation.mechanics.step import FIRMWARE_OUTPUTS, SAMPLES_PER_CALL, OpenStep, build_open, columns
 from vctune.simulation.mechanics.step_inputs import INTENDED, held_at
 from vctune.simulation.run import Traces, has_diverged, motion_inputs, traces_of
 from vctune.simulation.scene import Scene, equilibrium
@@ -41,7 +41,7 @@ class Controller(Protocol):
 
     def step(self, measured: Floats) -> Floats:
         """Return x_e [m], v_e [m/s], f_e [N] and u [N, or m/s or m for a servo], given position [m], velocity [m/s] and
-        force [N]. The order is that of `ANSWER`."""
+        force [N]. The order is that of `FIRMWARE_OUTPUTS`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ def _sample(
         after = after_sample(
             lambda held_inputs: advance(np.concatenate([held_inputs, answer])), inputs, grip, regrips=regrips
         )
-    return *after, measured, float(answer[ANSWER.index("motor")])
+    return *after, measured, float(answer[FIRMWARE_OUTPUTS.index("motor")])
 
 
 class _OwnFirmware:

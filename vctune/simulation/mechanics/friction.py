@@ -66,10 +66,10 @@ class Slide:
 
 @dataclass(frozen=True, slots=True)
 class Carriage:
-    """The sliding mass of device and hand, mass dv/dt = push - damping v - stiffness x - F, in SI units.
+    """The sliding mass of device and hand, mass dv/dt = f - damping v - stiffness x - F, in SI units.
 
-    In this module, the push is the force of the motor plus the force of the hand's spring and damper on a handle at
-    rest at 0. The damping is that of device and hand, the stiffness that of the hand.
+    The driving force f is the force of the motor plus the force of the hand's spring and damper on a handle at rest
+    at 0. The damping is that of device and hand, the stiffness that of the hand.
     """
 
     mass: float
@@ -78,11 +78,13 @@ class Carriage:
 
 
 SlideStep = Callable[[Slide, Number, Number], tuple[Slide, Number]]
-"""Type of `slide_step` with a given length: a function of a state, a predicted velocity and a push."""
+"""Type of `slide_step` with a given length: a function of a state, a predicted velocity and a driving force."""
 
 
-def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float, steps: int, theta: float) -> Slide:
-    """Advance by several steps of length h [s] under the force push(t) [N], where t [s] counts from the beginning.
+def slide(
+    step: SlideStep, at: Slide, driving_force: Callable[[float], Number], h: float, steps: int, theta: float
+) -> Slide:
+    """Advance by several steps of length h [s] under a driving force that depends on time.
 
     The midpoint rule (theta = 1/2) is of second order, Euler's rule (theta = 1) of first order. For theta < 1, the code
     evaluates the bristles' rate at a velocity that the previous step predicts. In the first step, a trial step predicts
@@ -92,7 +94,7 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
     ----------
     step : function that advances by one step of length h
     at : state at the beginning
-    push : function of the time since the beginning, s, that returns the force of motor and hand, N
+    driving_force : function of the time since the beginning, s, that returns the force of motor and hand, N
     h : length of a step, s
     steps : number of steps
     theta : point of a step at which the forces are evaluated, 1/2 to 1
@@ -104,9 +106,9 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
     """
     foreseen = at.v
     if theta < 1:
-        _, foreseen = step(at, foreseen, push(theta * h))
+        _, foreseen = step(at, foreseen, driving_force(theta * h))
     for k in range(steps):
-        at, w = step(at, foreseen, push((k + theta) * h))
+        at, w = step(at, foreseen, driving_force((k + theta) * h))
         foreseen = 2 * at.v - w if theta < 1 else at.v
     return at
 
@@ -116,12 +118,12 @@ def slide_step(
     friction: Friction,
     at: Slide,
     foreseen: Number,
-    push: Number,
+    driving_force: Number,
     h: float,
     theta: float,
     ops: Arithmetic,
 ) -> tuple[Slide, Number]:
-    """Advance by one step h under the force `push`, and return the new state and the velocity of the step.
+    """Advance by one step h under the force `driving_force`, and return the new state and the velocity of the step.
 
     The velocity of the step is w = v + theta (v_new - v).
 
@@ -137,7 +139,7 @@ def slide_step(
     friction : friction on the mass
     at : state at the beginning
     foreseen : predicted velocity at which the friction's rate is evaluated, m/s
-    push : force of motor and hand, N
+    driving_force : force of motor and hand, N
     h : length of the step, s
     theta : point of the step at which the forces are evaluated, 1/2 to 1
     ops : arithmetic of state, velocity and force
@@ -149,7 +151,7 @@ def slide_step(
     """
     bristles = bristle_step(friction, foreseen, h, ops)
     inertia = carriage.mass / (theta * h)
-    free = inertia * at.v + push - carriage.stiffness * at.x - bristles.stiffness * at.z
+    free = inertia * at.v + driving_force - carriage.stiffness * at.x - bristles.stiffness * at.z
     w = free / (inertia + carriage.damping + carriage.stiffness * theta * h + bristles.slope)
     return Slide(at.x + h * w, at.v + (w - at.v) / theta, bristles.deflection_after(at.z, w)), w
 

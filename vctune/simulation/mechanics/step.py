@@ -46,7 +46,7 @@ after the servo's filter, plus the force of the servo's own spring. The firmware
 f_s."""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
 """Additional recorded columns if motor and handle move differently."""
-ANSWER = ("reference", "desired", "environment_force", "motor")
+FIRMWARE_OUTPUTS = ("reference", "desired", "environment_force", "motor")
 """Columns that a firmware outputs. An open step takes these columns as inputs after `INPUT_NAMES`."""
 
 
@@ -75,8 +75,8 @@ class OpenStep:
 
     The function sense(state, inputs) -> (position, velocity, force) returns the firmware's input as one column. Its
     position is rounded to the encoder's steps. The function advance(state, inputs) -> (state, record) takes the
-    firmware's output, `ANSWER`, after its other inputs. The state equals the state of a `Step` without the firmware's
-    part. `start` is the state at the start of the motion.
+    firmware's output, `FIRMWARE_OUTPUTS`, after its other inputs. The state equals the state of a `Step` without the
+    firmware's part. `start` is the state at the start of the motion.
     """
 
     sense: Any
@@ -129,8 +129,8 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None 
         Two compiled functions: the firmware's measurement, and a sample with the firmware's output.
     """
     count = len(INPUT_NAMES)
-    wired = sample_symbols(scene, count + len(ANSWER))
-    answer = [wired.inputs[count + k] for k in range(len(ANSWER))]
+    wired = sample_symbols(scene, count + len(FIRMWARE_OUTPUTS))
+    answer = [wired.inputs[count + k] for k in range(len(FIRMWARE_OUTPUTS))]
     step = _compiled(scene, stretch, wired, _Firmware(memory=[], kept=[], start=[], answer=answer), then)
     read = wired.measurement
     position = encoded(scene.law, read.position, SYMBOLS)
@@ -142,7 +142,7 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None 
 @dataclass(frozen=True, slots=True)
 class _Firmware:
     """The state of a firmware before a sample (`memory`), after the sample (`kept`) and at the start (`start`), and the
-    firmware's outputs (`answer`, as in `ANSWER`)."""
+    firmware's outputs (`answer`, as in `FIRMWARE_OUTPUTS`)."""
 
     memory: list[Any]
     kept: list[Any]
