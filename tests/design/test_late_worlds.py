@@ -17,6 +17,10 @@ from vctune.analysis.in_hands import least_ratios, ratio_in_some_hands
 from vctune.analysis.worlds.growing_in_time import growing_in_time
 from vctune.api.exporting import export
 from vctune.api.solving import solve
+from vctune.design.prepared import Posed, prepare
+from vctune.design.result import Polished
+from vctune.design.search import exchange
+from vctune.design.search.scan import scan
 from vctune.design.verdict.judge import Status, judge
 from vctune.design.verdict.parameter_changes import parameter_changes
 from vctune.design.verdict.repair import OF_FIXED, find_repairs
@@ -26,6 +30,7 @@ from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 from vctune.model.problem import Problem
 from vctune.proof.engine.interval import Verdict
+from vctune.running import OutOfTimeError
 
 DEVICE = """[device]
 mass = 0.4
@@ -278,3 +283,19 @@ def test_most_relaxations_are_excluded_without_a_refinement(monkeypatch: pytest.
     changes = parameter_changes(tomllib.loads(text), problem)
     find_repairs(tomllib.loads(text), changes, replace(OF_FIXED, verify=lambda _: None))
     assert 0 < len(refined) < 50  # of some 130 trials
+
+
+def test_a_time_limit_between_the_two_exchanges_leaves_the_answer_of_the_first(monkeypatch):
+    scaled = prepare(parse_problem(DEVICE + LATE, "x", "x")).scaled
+    scanned, exchanged, errors = scan(scaled), exchange._exchanged, []
+
+    def cut(posed: Posed, *given: Any, **also: Any) -> Polished | None:
+        if errors:
+            raise OutOfTimeError
+        found = exchanged(posed, *given, **also)
+        errors.append(found.error)
+        return found
+
+    monkeypatch.setattr(exchange, "_exchanged", cut)
+    found = exchange.polish(scaled, scanned.starts[0], scanned)
+    assert found is not None and [found.error] == errors

@@ -137,7 +137,10 @@ def polish(
     if first is None:
         return again(posed, start, incumbent=incumbent)
     beyond = replace(start, gains=design_of(first.values)[0], coupling=design_of(first.values)[1], error=first.error)
-    better = again(posed, beyond, incumbent=min(first.error, incumbent))
+    try:
+        better = again(posed, beyond, incumbent=min(first.error, incumbent))
+    except OutOfTimeError:
+        return first
     return better if better is not None and better.error < first.error else first
 
 
