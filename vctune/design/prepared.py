@@ -95,7 +95,11 @@ class Posed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """A problem in SI units, the same problem in the optimiser's units, and these units."""
+    """A problem in SI units, the same problem in the optimiser's units, and these units.
+
+    The weights of `scaled` are relative to the greatest weight that acts. A term that no design can change has weight
+    0.
+    """
 
     given: Posed
     scaled: Posed

@@ -36,7 +36,8 @@ class Solution:
     peak_tracked : whether the tracked peak of |S| stayed within its limits
     iterations : number of IPOPT iterations
     others : the other unknowns: log frequencies of tracked peaks, and the epigraph variable if there is one
-    multipliers : Lagrange multipliers of the constraints in the order of the NLP; negative if a lower bound is active
+    multipliers : Lagrange multipliers of the constraints that the working set uses, in the order of the NLP; negative
+        if a lower bound is active
     """
 
     z: Floats
@@ -54,7 +55,7 @@ class Round:
 
     Attributes
     ----------
-    frequencies : number of its frequencies
+    frequencies : number of its constraints, which are points of the working set and tangents of the stability boundary
     solution : point at which IPOPT stopped
     """
 
@@ -72,7 +73,8 @@ class Polished:
     start : the start from which the exchange reached the optimum
     values : the variables of the design
     error : transparency error
-    structure, working_set, solution : the last NLP, its working set, and the point at which IPOPT stopped
+    structure, working_set, solution : the NLP whose answer this is, its working set, and the point at which IPOPT
+        stopped
     tightening : relative tightening of the constraints
     rounds : the NLPs of the exchange
     """
@@ -178,7 +180,8 @@ class Solved:
     repairs : changes of the problem that would make a design possible; None if not requested
     alternatives : least errors under each criterion separately; None if the problem has one criterion or if not
         requested
-    prices : prices of the device's parameters, the greatest gain first; None if not requested or without an optimum
+    prices : prices of the device's parameters, the greatest gain first; None if not requested, without an optimum, or
+        if the design is not certified, IPOPT has not converged or the time limit ended the work
     changing : result for hands whose damping changes; None if not requested or not examined
     cut : stages that the time limit cut short, in words
     """
@@ -250,7 +253,8 @@ class Solved:
 
     @property
     def reason(self) -> str | None:
-        """The reason why there is no design, with the best repair; for a given design, the amount of its violation."""
+        """The reason why there is no design, with the best repair. For a given design that is stable but misses the
+        safety factor, the amount that is missed; else None."""
         if self.infeasibility is None:
             return self.judgement.reserve_missed if self.judgement else None
         if self.repairs:

@@ -32,9 +32,10 @@ SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 """SEARCH_BOXES is the greatest number of boxes in the search of all designs, which runs if the optimiser finds no
 design.
 
-If the search evaluates each box on several devices, it divides this number by the number of devices. The search then
-takes about as long as a user would wait for an answer. With half as many boxes it proves fewer problems infeasible;
-with twice as many it proves only a few more. SEARCH_GAP is the gap at which the search accepts a design: 1 %.
+If the search evaluates each box on several devices, it divides this number by the number of devices; the first, short
+search does not. The search then takes about as long as a user would wait for an answer. With half as many boxes it
+proves fewer problems infeasible; with twice as many it proves only a few more. SEARCH_GAP is the gap at which the
+search accepts a design: 1 %.
 """
 STABILITY_BOXES = 1_500_000
 """Greatest number of boxes in the proofs that loops are stable or unstable. Each of these boxes takes a tenth of the
@@ -68,7 +69,8 @@ def solve(
     progress : function that receives the current stage
     gap : relative gap; the function proves that no design has an error that is lower than the result's by more than
         this share. None for no such proof
-    exhaustive : whether to search every box if the optimiser finds no design, or if `gap` is given
+    exhaustive : whether to search every box if the optimiser finds no design, or if `gap` is given; with a box of
+        environments the function searches every box only if `gap` is given
 
     Returns
     -------

@@ -62,9 +62,9 @@ LEAST_RADIUS = 1e-3
 """Half-width of the trust box at which the exchange ends: 0.1 %, the accuracy to which the search distinguishes basins.
 With half this size the exchange takes one more round; with twice this size it takes one round less."""
 FIRST_FREQUENCIES = 9
-"""Number of log-spaced frequencies at which the first NLP imposes each constraint. With this number, the first answer
-violates the constraints only slightly; the exchange adds the missing frequencies later. With half as many frequencies,
-the exchange takes one or two more rounds; with twice as many, every round is slower."""
+"""Number of log-spaced frequencies at which the first NLP imposes each constraint without a hand. With this number, the
+first answer violates the constraints only slightly; the exchange adds the missing frequencies later. With half as many
+frequencies, the exchange takes one or two more rounds; with twice as many, every round is slower."""
 PANELS = 4
 MAX_PANELS = 256
 """First and greatest number of panels of the error's quadrature, with eight nodes each. The exchange doubles them until
@@ -101,8 +101,9 @@ def polish(
 
     If environments run late or by Euler's rules, the function first requires only a positive margin of the real part,
     and starts a second exchange with all margins from the result. The polygons of such environments are thin, so an
-    exchange with all margins seldom becomes feasible from the original start. Impedance displays with a box of
-    environments have their own search (`search/in_worlds/stiffest.py`).
+    exchange with all margins seldom becomes feasible from the original start. Environments that answer ahead need no
+    first exchange. Impedance displays with a box of environments have their own search
+    (`search/in_worlds/stiffest.py`).
 
     Parameters
     ----------
@@ -119,12 +120,13 @@ def polish(
     -------
     Polished or None
         A dimensionless design that meets the tightened constraints in double precision, without a proof. If the time
-        limit ends the exchange, the result is the best answer so far.
+        limit ends the exchange, the result is the best feasible answer so far.
 
     Raises
     ------
     OutOfTimeError
-        If the time limit ends before the exchange has a feasible answer.
+        If the time limit ends before the exchange has a feasible answer, or ends the search for the stiffest coupling
+        of an impedance display.
     """
     again = partial(_exchanged, scanned=scanned, tightening=tightening, witnesses=witnesses, demands=demands)
     worlds = posed.problem.worlds
@@ -227,15 +229,16 @@ class _Search:
     ----------
     cases : problems of the devices at which the relaxation imposes the constraints
     witnesses : points in hands at which a proof refuted an earlier design
-    reference : the last design with stable loops and Re(D + Z_h) > 0, the centre of the trust box
+    reference : centre of the trust box: the last answer with stable loops and Re(D + Z_h) > 0, or the best known design
+        if that answer was worse
     warm_start : design from which IPOPT starts
     radius : half-width of the trust box in log coordinates
     known, known_error : the best known feasible design, an answer or the start, and its error
     missed : greatest violation of the last answer
     trail : greatest violation of each answer with stable loops
     start_examined : whether the exchange has evaluated the start as a known design
-    unstable : whether the last answer was unstable; after one unstable answer a cut may suffice, after two in a row the
-        exchange halves the trust box
+    unstable : whether the last answer was unstable. After one unstable answer a new cut may suffice; after two in a
+        row, or without a new cut, the exchange halves the trust box
     """
 
     start: Start

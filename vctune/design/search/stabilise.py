@@ -15,7 +15,7 @@ from vctune.proof.claims.sampled_poles import prove_sampled_poles
 from vctune.proof.engine.interval import Verdict
 
 GAIN_REDUCTIONS = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
-"""Factors of K_p, or of both gains, that the search tries until the loops of a start are proved stable. The scan
+"""Factors of K_p, or of both gains, that the search tries until the loops of a start are stable (`stable`). The scan
 evaluates few frequencies, so its stability limit is wrong by some per cent; the first factors correct such errors. The
 last factors are for devices with greater errors of the estimate. The NLP changes the gains again within its trust box,
 so other factors lead to the same optimum."""
@@ -29,7 +29,7 @@ contains only a piece of this curve, so few tangents suffice. If the exchange ne
 
 
 def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
-    """Return the start with K_p, or both gains, reduced until its loops are proved stable.
+    """Return the start with K_p, or both gains, reduced until its loops are stable, as `stable` decides.
 
     The reduction is needed because the scan only estimates stability. If possible, the function also reduces the gains
     until Re(D + Z_h) > 0, because the NLP's formulas are undefined otherwise.
@@ -76,7 +76,10 @@ def _loop_stable(device: Device, gains: Gains) -> bool:
 
 
 def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, outside: Gains) -> bool:
-    """Add a tangent of the stability boundary where a step crosses it; return whether the tangent is new.
+    """Add a tangent of the stability boundary where a step crosses it.
+
+    The function returns whether it added one. It adds none if the set has the tangent already, or would have more than
+    `MAX_CUTS`.
 
     Parameters
     ----------

@@ -51,9 +51,9 @@ class Violations:
     Attributes
     ----------
     ratio, sensitivity, peak, unmodelled, in_hand : points for each kind of constraint
-    greatest : greatest relative violation; 0 if the design meets all constraints
+    greatest : greatest relative violation of a tightened constraint beyond half the tightening; 0 if there is none
     near_peak : point where |S| is greatest, if it is near its limit
-    positive : whether Re(D + Z_h) > 0 at all frequencies on all devices
+    positive : whether Re(D + Z_h) > 0 at all frequencies on all devices; always true without the criterion "passive"
     """
 
     ratio: list[ConstraintPoint] = field(default_factory=list)
@@ -69,8 +69,8 @@ class Violations:
 def violations(
     posed: Posed, cases: list[Problem], values: Point, tightening: float, refuted: Sequence[ConstraintPoint] = ()
 ) -> Violations:
-    """Find the points where constraints fail on any device by more than half the tightening, or where the error is
-    greatest.
+    """Find the points where the tightened constraints fail on any device by more than half the tightening, or where the
+    error is greatest.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def violations(
     Returns
     -------
     Violations
-        Dimensionless frequencies, each with a device and perhaps a hand, at which the design violates a constraint.
+        The points, with dimensionless frequencies, and how much the design violates the constraints.
     """
     gains, coupling = design_of(values)
     loops = of_own_loops(cases)

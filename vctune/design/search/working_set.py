@@ -1,4 +1,4 @@
-"""The points at which an exchange imposes the constraints: frequencies and devices."""
+"""The points at which an exchange imposes the constraints: frequencies, devices and hands."""
 
 from __future__ import annotations
 
@@ -42,7 +42,10 @@ def constraint_points(device: Device, omega: Iterable[float]) -> list[Constraint
 
 
 def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
-    """Return the devices of n points as one device with arrays, and the points' frequencies, all of shape (n,)."""
+    """Return the devices of n points as one device with arrays of shape (n,), and the points' frequencies.
+
+    A number that all devices share stays a plain number.
+    """
     return stacked_devices([point.device for point in points]), np.array([point.omega for point in points])
 
 
@@ -63,7 +66,8 @@ class WorkingSet:
     stability : tangents of the stability boundary
     peak : points at which the error must not exceed the epigraph variable, for the norm "peak"
     unmodelled : points for |1 - S| r < 1
-    in_hand : points for Re Z_c >= safety_factor R in a hand
+    in_hand : points for Re Z_c >= safety_factor R in a hand, for Re(1/Z_c) of an impedance display, for the margins
+        with a box of environments, and for walls
     tracked_peaks : points where |S| peaks near its limit; the frequency of the peak is a variable of the NLP
     """
 
