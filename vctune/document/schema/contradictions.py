@@ -18,6 +18,7 @@ from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
 from vctune.model.parts import DELAYS, PARTS
 
 MAX_DECADES = 12
+"""Greatest width of a band, in decades of frequency."""
 
 
 def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
@@ -81,7 +82,10 @@ def _impossible_bands(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of unmodelled dynamics that the stated criterion does not cover."""
+    """Yield the fault of unmodelled dynamics that the stated criterion does not cover.
+
+    The proof in hands covers those of a servo, which has no other criterion.
+    """
     stability, uncertainty = raw.get("stability"), raw.get("uncertainty")
     criterion = stability.get("criterion") if isinstance(stability, dict) else None
     device = raw.get("device")
@@ -114,7 +118,8 @@ def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
     """Yield the faults in the limits of the environments.
 
-    Environments that are not passive as they run need limits that passive ones must not have.
+    Environments that are not passive as they run need a greatest mass, damping and stiffness. Passive environments may
+    have a greatest mass and stiffness, and must not have a greatest damping.
     """
     table = raw["environment"]
     late_samples, explicit = table.get("late", 0), table.get("rule") == "explicit"
@@ -153,7 +158,10 @@ def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the keys that the proof for walls does not allow."""
+    """Yield the keys that the proof for walls does not allow, and a corner without walls.
+
+    The corner 2 pi corner_hz of the multiplier is at most 2/T.
+    """
     table, corner = raw["environment"], number_at(raw, "environment", "corner_hz")
     rule, late_samples = table.get("rule", "trapezoid"), table.get("late", 0)
     if table.get("walls") is True and (rule != "trapezoid" or late_samples):
@@ -178,6 +186,7 @@ def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
         yield ("environment", "walls"), f"needs a range of stiffness, not {most:g} alone; a wall has two slopes"
     sample_time = number_at(raw, "device", "sample_time")
     if corner and sample_time and sample_time > 0 and corner * pi * sample_time > 1:
+        # rounded down to six digits
         highest = float(f"{1 / (pi * sample_time) * (1 - 5e-7):.6g}")
         yield ("environment", "corner_hz"), f"{corner:g} Hz is above 1/(pi sample_time); write at most {highest:g}"
 

@@ -9,10 +9,10 @@ there is no delay. Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 
 1e-8 m/T, which is below 1e-5 Z for any supported delay. Where actuator or estimate make tau longer than about 1000 T,
 it may be 1e-5 Z.
 
-For an impedance display the stability band ends at the Nyquist frequency, K_v is 0 unless the file frees it, and k_c
-replaces K_p, m_c and b_0. For a servo tau is the lag of hold, delay, low-pass and interpolation, the transparency band
-is [0.005, 0.1]/tau, the stability band ends at the Nyquist frequency, Z_0 is the resistance of the greatest hand, and
-there are no gains.
+For an impedance display the stability band ends at the Nyquist frequency, K_v is 0 unless the file frees it, b_c may be
+0, and k_c replaces K_p, m_c and b_0. For a servo tau is the lag of hold, delay, low-pass and interpolation, the
+transparency band is [0.005, 0.1]/tau, the stability band ends at the Nyquist frequency, Z_0 is the resistance of the
+greatest hand, and there are no gains.
 """
 
 from __future__ import annotations
@@ -63,9 +63,10 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
     ----------
     document : the tables of a problem file, in its units
     default_name : name of the problem if the document states none
-    yardstick : problem whose transparency band, Z_0 and, if both problems require any passive hand, stability band
-        replace the defaults; None for the device's own defaults. The bounds of the variables use the device's own
-        scales in either case
+    yardstick : problem whose transparency band and Z_0 replace the defaults; None for the device's own defaults. Its
+        stability band replaces the default if both problems require any passive hand on an admittance display. Else
+        the default stability band starts at the lower edge of the yardstick's transparency band. The bounds of the
+        variables use the device's own scales in either case
     """
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
@@ -178,7 +179,8 @@ def _hands(table: OperatorTable, units: UnitSystem) -> Hands:
 
 
 def _worlds(table: WorldsTable | None) -> Worlds | None:
-    """Return the environments of a table, or None if the table permits every passive environment."""
+    """Return the environments of a table; None, that is, every passive environment, if no key differs from its
+    default."""
     if table is None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)
@@ -222,8 +224,12 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
 
 
 def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
-    """Return the device of a table. Parts without effect are omitted."""
+    """Return the device of a table, without its least operator and without the radii of a servo.
+
+    Parts without effect are omitted.
+    """
     if isinstance(table, ServoDeviceTable):
+        # mass 1 and damping 0: the motion of a servo does not depend on them
         return Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **_parts(table))
     velocity = table.velocity or VelocityTable()
     if velocity.source is None:
@@ -257,7 +263,8 @@ def stated_parts(table: BaseModel) -> dict[str, Any]:
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
     """Return the uncertainty; None if no parameter of the device varies and there is no disc.
 
-    A parameter does not vary if its half-width or the parameter is 0. The disc of a servo is in Servo.radii, not here.
+    A parameter does not vary if its half-width or the parameter is 0, or if the device lacks it. The disc of a servo is
+    in Servo.radii, not here.
     """
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
     moving = tuple((key, width) for key, width in widths.items() if width > 0)
@@ -276,7 +283,7 @@ def _range(value: object, low: float, high: float) -> Range:
 
 
 def _experiment(table: ExperimentTable, device: Device) -> Experiment:
-    """Return the experiment of a table; the device's mass sets the default damping of the friction's bristles."""
+    """Return the experiment of a table of [[experiment]] for a device."""
     return Experiment(
         name=table.name,
         environment=Environment(**table.environment.model_dump()),
@@ -289,7 +296,10 @@ def _experiment(table: ExperimentTable, device: Device) -> Experiment:
 
 
 def _friction(table: FrictionTable, device: Device) -> Friction:
-    """Return the friction of an experiment, with defaults for stiction and for the damping of the bristles."""
+    """Return the friction of an experiment, with defaults for stiction and for the damping of the bristles.
+
+    That damping makes the damping ratio of the device's mass on the bristles 1/2.
+    """
     stiction = table.coulomb if table.stiction is None else table.stiction
     damping = sqrt(table.stiffness * device.mass) if table.damping is None else table.damping
     return Friction(table.coulomb, stiction, table.stribeck_velocity, table.stiffness, damping)

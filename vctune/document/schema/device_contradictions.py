@@ -13,16 +13,17 @@ from vctune.document.text.raw import number_at
 from vctune.model.parts import DELAYS, LOOP_DELAYS, NUMBERS, PARTS, PartNumber
 
 MAX_DELAY_SAMPLES = 200
-"""Greatest permitted delay of the device, and of its force sensor, in samples."""
+"""Greatest permitted delay of the device or the servo, and of its force sensor, each with its uncertainty, in
+samples."""
 SENSED_DELAYS = set(DELAYS) - set(LOOP_DELAYS)
-"""Keys of the delays of the parts. `contradictions` examines the delay of the loop itself."""
+"""Keys of the delays of the sensed force. `contradictions` examines the delay of the device or of the servo."""
 FASTEST, SLOWEST = 1e3, 1e-6
-"""Greatest and least bandwidth or resonance, as a share of the sampling rate. Outside this range, the part has no
-effect or hides all other parts."""
+"""Greatest and least bandwidth or resonance, as a share of the sampling rate. Above this range the part has no effect;
+below it, it hides all other parts. A filter of samples only has to be below the Nyquist frequency."""
 
 
 def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return the contradictions in the parts of a device and in their uncertainty."""
+    """Yield the contradictions in the parts of a device and in the uncertainty of the device."""
     device = raw.get("device")
     if not isinstance(device, dict):
         return
@@ -36,7 +37,8 @@ def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _rates(raw: dict[str, Any], sample_time: float) -> Iterator[Contradiction]:
-    """Yield the bandwidths and resonances that are too high or too low for the sample time."""
+    """Yield the bandwidths and resonances that are too high or too low for the sample time, and too long delays of the
+    sensed force."""
     nyquist = 0.5 / sample_time
     for part, number_of_part in _numbers_of_parts():
         path, number = ("device", part, number_of_part.name), number_at(raw, "device", part, number_of_part.name)
@@ -66,7 +68,7 @@ def _numbers_of_parts() -> Iterator[tuple[str, PartNumber]]:
 
 
 def _filters(device: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the faults of the low-passes of the velocity and of the force sensor."""
+    """Yield the orders of low-passes, of the velocity and of the force sensor, whose corner frequency is absent."""
     for part, number_of_part in _numbers_of_parts():
         table = device.get(part)
         if (
@@ -82,7 +84,7 @@ def _filters(device: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _masses(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of a handle that, with its uncertainty, is not lighter than the whole device."""
+    """Yield the fault of a handle that is not lighter than the whole device, both with their uncertainty."""
     mass, handle = number_at(raw, "device", "mass"), number_at(raw, "device", "structure", "handle_mass")
     if not (mass and handle and mass > 0 and handle > 0):
         return
@@ -120,7 +122,8 @@ def _uncertain(raw: dict[str, Any], device: dict[str, Any]) -> Iterator[Contradi
 
 
 def _unmodelled(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the faults of unmodelled dynamics: their frequencies, and bands that they do not permit."""
+    """Yield the faults of unmodelled dynamics: frequencies that do not increase, and a stability band from 0 or to
+    inf."""
     table = raw.get("uncertainty")
     rows = table.get("unmodelled") if isinstance(table, dict) else None
     if not isinstance(rows, list) or not rows:

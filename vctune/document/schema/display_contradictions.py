@@ -40,7 +40,7 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
 
 
 def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the keys of a problem that do not apply to its display."""
+    """Yield the keys of a problem that do not apply to its display, and values that its display does not permit."""
     device = raw.get("device")
     if not isinstance(device, dict):
         return
@@ -86,7 +86,7 @@ def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of a box whose only hand has no impedance.
+    """Yield the fault of a box whose only hand has no impedance, on a servo without a spring of its own.
 
     Such a hand pushes with no force, so there is no feedback.
     """

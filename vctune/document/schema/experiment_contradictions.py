@@ -13,7 +13,9 @@ from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
 
 LEAST_STROKE = 4
+"""Least duration of a stroke at the greatest speed of the hand, sample times."""
 MOST_SAMPLES = 5_000_000
+"""Greatest number of samples of an experiment. A cycle of a sine takes pi times a stroke at its greatest speed."""
 OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("friction",): "the hand does not move it, and its motion follows the command whatever rubs",
     ("sensors", "position_resolution"): "the firmware reads no position of it",
@@ -40,7 +42,10 @@ def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | None:
-    """Return a number of a table, or its default if it is absent; None if it is not a number."""
+    """Return a number in the sub-table `group` of a table, or its default if it is absent; None if it is not a number.
+
+    The schema of the sub-table is `model`.
+    """
     values = table.get(group, {})
     if isinstance(values, dict) and key not in values:
         fields = model.model_fields.items()
@@ -49,7 +54,7 @@ def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | N
 
 
 def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the contradictions in the hand of an experiment: its stiffness, its changes and its motion."""
+    """Yield the contradictions in the hand of an experiment: its connection, its changes and its motion."""
     start, end, speed, cycles, damping, stiffness = (
         _value(table, SceneOperatorTable, "operator", key)
         for key in ("from", "to", "speed", "cycles", "damping", "stiffness")

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from vctune.model.worlds import MOST_LATE
 
 LEAST, MOST = 1e-20, 1e20
+"""Least and greatest positive number of a key that does not permit inf, in the units of the file."""
 
 
 def _zero_or_sizeable(value: float) -> float:
@@ -26,6 +27,7 @@ def _most_or_inf(value: float) -> float:
 
 Positive = Annotated[float, Field(strict=True, ge=LEAST, le=MOST)]
 NotNegative = Annotated[float, Field(strict=True, ge=0, le=MOST), AfterValidator(_zero_or_sizeable)]
+# a share is below 1, a portion is above 0 and may be 1; the edge of a band may be inf
 Share = Annotated[float, Field(strict=True, ge=0, lt=1), AfterValidator(_zero_or_sizeable)]
 Portion = Annotated[float, Field(strict=True, ge=LEAST, le=1)]
 Edge = Annotated[float, Field(strict=True, ge=0), AfterValidator(_zero_or_sizeable)]

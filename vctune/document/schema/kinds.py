@@ -16,6 +16,7 @@ from vctune.model.numbers.units import UNITS, UnitSystem
 DISPLAYS: Mapping[DisplayName, str] = MappingProxyType(
     {"admittance": "an admittance display", "impedance": "an impedance display", "servo": "a servo"}
 )
+"""Words for each kind of display in messages."""
 
 
 def require_gains_of(file: ProblemFile, given: GainsFile) -> None:

@@ -20,7 +20,7 @@ QUANTITIES = {
     "time": ("sample_time", "delay", "dwell", "changes_at"),
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz", "corner_hz"),
 }
-"""Quantity of a number by the last part of its key (`vctune.model.numbers.units`), in any table."""
+"""Last parts of the keys of numbers, in any table, by their quantity (`vctune.model.numbers.units`)."""
 BY_KEY = OF_VARIABLES | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
 """Quantity of each number whose quantity depends on the whole key, not only on the last part of the key."""
 SHARES = ("uncertainty", "weights")
@@ -49,7 +49,7 @@ def unit_of(path: KeyPath, units: Units) -> str:
 
 
 def heading(name: str, unit: str) -> str:
-    """Return the heading of a column: its name with its unit, unless the name contains the unit.
+    """Return the heading of a column: its name with its unit, unless the name contains "_hz".
 
     Parameters
     ----------

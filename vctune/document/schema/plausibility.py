@@ -11,13 +11,14 @@ from vctune.model.problem import Problem
 from vctune.model.worlds import Worlds
 
 SLOWEST = 0.1
-"""Sample time, s, above which vctune asks whether it is in seconds: twice the sample time of the slowest example."""
+"""Sample time, s, from which vctune asks whether it is in seconds: twice the sample time of the slowest example."""
 STIFFEST = 1e6
-"""Stiffness of a hand, N/m or N m/rad, above which vctune asks whether it is in SI units: ten times the stiffness of a
+"""Stiffness of a hand, N/m or N m/rad, from which vctune asks whether it is in SI units: ten times the stiffness of a
 stiff fixture, and a thousand times the stiffness of a firm grip."""
 FIRM = 1e3
 """Stiffness of a firm grip, N/m."""
 FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))
+"""Finer units of time, each in seconds, with its name."""
 
 
 def doubts(problem: Problem) -> Iterator[Note]:
@@ -48,9 +49,9 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return a phrase about a number of an environment that is outside a problem's box, and the key of this number.
+    """Return a phrase about what takes an environment out of a problem's box, and the key of it.
 
-    Return None if all numbers are inside.
+    The key is a number, `wall`, `rule` or `late`. Return None if the environment is inside, or if there is no box.
     """
     worlds, units = problem.worlds, problem.units
     if worlds is None:
@@ -85,6 +86,8 @@ def _stepped_alike(environment: Environment, worlds: Worlds) -> bool:
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:
     """Return the finer unit in which a number of seconds may have been written, and the value in seconds.
+
+    The unit is the millisecond if the value is then below a fifth of the greatest plausible time, else the microsecond.
 
     Parameters
     ----------

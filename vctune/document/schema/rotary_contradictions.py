@@ -16,7 +16,7 @@ from vctune.model.problem import HUMAN_HANDS
 
 
 def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the numbers that a rotary problem must state: numbers of its hands, and of the hands in its experiments."""
+    """Yield the numbers that a rotary problem lacks: of its hands, and of hands and friction in its experiments."""
     if units_stated(raw) is not ROTARY:
         return
     if _hands_are_met(raw):

@@ -22,7 +22,9 @@ SERVO_KEYS = ("units", "sample_time", *(key for key, part in PARTS.items() if "s
 def statement(problem: Problem) -> dict[str, Any]:
     """Return the document of a problem, as a problem file would state it.
 
-    Reading it gives the same problem. Only the edges of bands may differ, in the second last digit.
+    Reading it gives the same problem, up to the second last digit of frequencies. Hands that no claim is about are not
+    stated: with the criterion "passive", and with any passive hand on an impedance display, the document has only the
+    least mass and damping.
     """
     device = table_of(problem.device)
     operator = device.pop("operator", None)
@@ -95,7 +97,7 @@ def table_of(value: Any) -> dict[str, Any]:
 
 
 def _worlds(worlds: Worlds) -> dict[str, Any]:
-    """Return the environments as a table, without the keys at their defaults."""
+    """Return the environments as a table: all ranges, and the other keys unless they are at their defaults."""
     low, high = worlds.low, worlds.high
     return {
         "mass": {"min": low.mass, "max": high.mass},
@@ -125,13 +127,13 @@ def _hz(band: Band) -> list[float]:
 
 
 def _edge(omega: float) -> float:
-    """Return a frequency in hertz. If the frequency was a short decimal in hertz, the result is that decimal."""
+    """Return a frequency, rad/s, in hertz. If it was a short decimal in hertz, the result is that decimal."""
     short = hertz(omega)
     return short if omega == inf or 2 * pi * short == omega else omega / (2 * pi)
 
 
 def _experiment(experiment: Experiment) -> dict[str, Any]:
-    """Return an experiment as a table, without the keys at their defaults."""
+    """Return an experiment as a table, without absent parts, and with defaults written out."""
     operator = {key: value for key, value in asdict(experiment.operator).items() if value is not None}
     sensors = asdict(experiment.sensors)
     operator["from"], operator["to"] = operator.pop("start"), operator.pop("end")

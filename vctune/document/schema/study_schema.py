@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 MOST_VALUES = 10_000_000
+"""Greatest number of values of an axis, and of points of a Latin hypercube."""
 
 Text = Annotated[str, Field(strict=True)]
 Count = Annotated[int, Field(strict=True, ge=1, le=MOST_VALUES)]

@@ -19,9 +19,11 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.hints import CALLED, commas_meant, number_meant
 
 MAX_MISTAKES = 25
+"""Greatest number of mistakes that one error lists."""
 TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>")
 """Tags of the alternative forms of a key's value. A tag is not part of the key's path."""
 LONG = 60
+"""Greatest length of a key or a value that a message quotes, in characters."""
 
 KeyPath = tuple[str | int, ...]
 Contradiction = tuple[KeyPath, str]
@@ -63,7 +65,8 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake in line order, with its dotted key, value and remedy.
+        If the text is invalid; the error lists the first `MAX_MISTAKES` mistakes in line order, with dotted keys,
+        values and remedies.
     """
     document, faults = examined(model, toml.parse(text, source), check)
     if document is None or faults:
@@ -72,7 +75,10 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
 
 
 def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[Document | None, list[Fault]]:
-    """Return the document that parsed TOML states, or None, and all faults.
+    """Return the document that parsed TOML states, and all faults.
+
+    The document is None if a key violates the schema. It exists if the only faults are contradictions. An unknown key
+    is no fault of its own if a contradiction explains why the key has no meaning.
 
     Parameters
     ----------
@@ -88,6 +94,7 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
 
         @cache
         def means(table: KeyPath, name: str) -> bool:
+            """Return whether a key of a table has a meaning: stating it there gives no contradiction at the key."""
             return all(at != (*table, name) for at, _ in check(_with(raw, (*table, name))))
 
         alone = [_fault(model, details, means) for details in error.errors(include_url=False)]
@@ -125,7 +132,10 @@ def _line(lines: toml.Lines, path: KeyPath) -> int:
 
 
 def dotted(path: KeyPath) -> str:
-    """Return a key in its written form: tables joined by dots, list elements in brackets."""
+    """Return a key in its written form: tables joined by dots, indices of lists in brackets.
+
+    The form ends with "..." if the key is longer than `LONG`.
+    """
     text = ""
     for step in path:
         name = step if isinstance(step, int) or re.fullmatch(r"[\w-]+", step) else json.dumps(step, ensure_ascii=False)
@@ -203,7 +213,7 @@ def untagged(path: KeyPath) -> KeyPath:
 
 
 def shown(value: Any) -> str:
-    """Return a value in the form in which a mistake quotes it."""
+    """Return a value as JSON, in the form in which a mistake quotes it: at most `LONG` characters."""
     try:
         text = json.dumps(value, ensure_ascii=False, default=str)
     except ValueError:  # an integer with thousands of digits
@@ -247,6 +257,8 @@ def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
     """Return the table at a path: the value of the key, an element of its list, or an optional table.
 
     A tag in the path selects one of several tables that a key may hold. Without a tag, the function returns the first.
+    The result is None if the key does not exist, if its value is no table, or if the key is a variable, whose value is
+    a number or a range.
     """
     tables, annotation = [model], None
     for step in path:
@@ -281,9 +293,9 @@ def _tables_in(annotation: Any, tag: str | None = None) -> list[type[BaseModel]]
 
 
 def _with(raw: Any, path: KeyPath) -> Any:
-    """Return tables with a number set at a path."""
+    """Return tables with a number set at a path, to find out whether the key at the path has a meaning."""
     if not path:
-        return 0.1
+        return 0.1  # an arbitrary number: only the presence of the key matters
     if isinstance(raw, list):
         return [_with(element, path[1:]) if place == path[0] else element for place, element in enumerate(raw)]
     table = raw if isinstance(raw, dict) else {}
@@ -317,8 +329,11 @@ def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str
 
 
 def _tables(model: type[BaseModel], tagged: KeyPath, tag: KeyPath) -> Iterator[tuple[str, set[str]]]:
-    """Yield the tables of a document with their keys. At the path `tagged`, yield only the table that the tag
-    selects."""
+    """Yield the name and the keys of each table at the top of a document.
+
+    Where a key may hold one of several tables, yield the one that the tag selects if the key is `tagged`, else the
+    first.
+    """
     for name in model.model_fields:
         table = _table_at(model, (name, *(tag if (name,) == tagged else ())))
         if table:
