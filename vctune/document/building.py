@@ -36,23 +36,28 @@ DesignSource = Gains | GainsFile | str | Path
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Device(devices.Device):
-    """An admittance display as a user states it, with the same checks as the [device] table of a problem file.
+    """An admittance or impedance display as a user states it, with the checks of the [device] table of a problem file.
+
+    The tables of a problem state a servo.
 
     Attributes
     ----------
     mass : moving mass, kg
     damping : viscous damping, N s/m
-    sample_time : sample time of the velocity loop, s
+    sample_time : sample time of the firmware, s
     delay : delay from sampling to actuation in addition to the hold, s
     hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
     operator : the least operator, a load that is always at the handle; None if the handle may be free
-    velocity, actuator, ... : parts of the device (`vctune.model.parts`); None for a part that is absent or ideal
+    velocity, actuator, force_sensor, structure : parts of the device (`vctune.model.parts`); None for a part that is
+        absent or ideal
+    display : "admittance" or "impedance"
+    servo, unmodelled : None; other values are refused
     units : "linear", or "rotary" with kg m2, N m s/rad and so on instead of kg and N s/m
 
     Raises
     ------
     InputError
-        If a value is not a number, or out of range.
+        If a value is not a number or out of range, or if two values contradict each other.
     """
 
     def loop(self, gains: Gains, coupling: AnyCoupling | None = None, hand: Hand | None = None) -> Loop:
@@ -60,7 +65,7 @@ class Device(devices.Device):
 
         Parameters
         ----------
-        gains : gains of the velocity loop
+        gains : gains of the velocity loop; for an impedance display K_p is 0
         coupling : coupling, for Z_c; None if Z_c is not needed
         hand : hand at the handle; None for a device without a hand
         """
@@ -95,8 +100,8 @@ def problem(source: ProblemSource) -> ProblemFile:
     Raises
     ------
     InputError
-        If the problem is invalid; the error lists every mistake with its dotted key, value and remedy, and with its
-        line if there is a file.
+        If the problem is invalid; the error lists the mistakes (`refusal`) with dotted key, value and remedy, and with
+        the line if there is a file.
     """
     if isinstance(source, ProblemFile):
         return source
@@ -119,13 +124,14 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
     ----------
     gains : a gains file or its path, or gains together with `coupling`
     coupling : coupling of the design; None for a gains file
-    kind : kind of display that the coupling must fit
+    kind : kind of display of the gains. If the coupling is of another type, the first kind with this type of coupling
+        replaces it. A gains file states its own kind
 
     Raises
     ------
     InputError
-        If the design is invalid; the error lists every mistake with its dotted key, value and remedy, and with its line
-        if there is a file.
+        If the design is invalid; the error lists the mistakes (`refusal`) with dotted key, value and remedy, and with
+        the line if there is a file.
     """
     if isinstance(gains, GainsFile) and coupling is None:
         return gains

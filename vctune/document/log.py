@@ -20,11 +20,13 @@ KINDS = {
     "command": ("N", "mN", "kN", "Nm", "mNm"),
     "velocity_command": ("m/s", "mm/s", "rad/s", "deg/s"),
 }
+"""Units that a column may have, by its role. `KIND_OF` names the roles with the same units as one of these."""
 KIND_OF = {
     "force": "command", "hand": "command", "handle": "position", "reference": "position", "position_command": "position"
 }  # fmt: skip
 """Roles that have the same units as another role."""
 ANGLES = ("rad", "mrad", "deg", "Nm", "mNm", "rad/s", "deg/s")
+"""Units of angles, torques and angular velocities, which only the log of a rotary device has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +68,7 @@ def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
+        If the text is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value and remedy.
     """
     if path is None:
         return LogMap(LogDocument.model_validate({}), servo=servo)
@@ -90,7 +92,8 @@ def read_log(path: Path, log_map: LogMap) -> Recording:
     Raises
     ------
     InputError
-        If the log cannot be read; each fault names its line and column.
+        If the log cannot be read; a fault in a row names its line and column. Also if the log lacks a column that the
+        map names or that vctune needs, or if the unit of a column is not known; each fault names a key of the map.
     """
     table = read_table(path)
     headers = table.headers
@@ -111,7 +114,8 @@ def read_log(path: Path, log_map: LogMap) -> Recording:
 
 
 def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, ColumnTable]:
-    """Return the column of each role that the log contains."""
+    """Return the column of each role that the log contains: the column in the map, or one whose header states the
+    role."""
     stated = {
         role: _table(entry) for role in log_map.roles if (entry := getattr(log_map.document.columns, role)) is not None
     }
@@ -127,7 +131,7 @@ def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, Colum
     if faults:
         raise InputError(log_map.source, faults)
     used_headers = {table.column for table in stated.values()}
-    possible_roles = [role for role in log_map.roles if role in stated or role not in _unneeded_roles(stated)]
+    possible_roles = [role for role in log_map.roles if role in stated or role not in _roles_only_by_map(stated)]
     columns = {
         role: table
         for role in possible_roles
@@ -137,8 +141,11 @@ def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, Colum
     return columns
 
 
-def _unneeded_roles(stated: Mapping[str, ColumnTable]) -> tuple[str, ...]:
-    """Return the roles that the log may lack. A servo receives only one of the two commands."""
+def _roles_only_by_map(stated: Mapping[str, ColumnTable]) -> tuple[str, ...]:
+    """Return the roles that no header gives to a column.
+
+    A servo receives only one of the two commands. If the map states one, a header does not add the other.
+    """
     return SERVO_COMMANDS if set(SERVO_COMMANDS) & set(stated) else ()
 
 
@@ -147,7 +154,10 @@ def _table(entry: str | ColumnTable) -> ColumnTable:
 
 
 def _column_by_header(role: str, headers: list[str], used_headers: set[str]) -> ColumnTable | None:
-    """Return the column whose header states the role and a unit, unless the map assigns the role to another column."""
+    """Return the first column whose header states the role and a unit, as in position_mm; None if there is none.
+
+    The map has not given another role to this column.
+    """
     ends = [f"{role}_{_in_header(unit)}" for unit in KINDS[KIND_OF.get(role, role)]]
     return next(
         (ColumnTable(column=header) for header in headers if header in ends and header not in used_headers), None
@@ -159,7 +169,10 @@ def _in_header(unit: str) -> str:
 
 
 def _check_needed(path: Path, headers: list[str], columns: dict[str, ColumnTable], log_map: LogMap) -> None:
-    """Refuse a log without a position, without a force or command, or without times."""
+    """Refuse a log without a position, without times and sample time, or without what moves the device.
+
+    A device needs a command, a force of the motor or a force of the hand. A servo needs exactly one of its commands.
+    """
     missing = []
     if "position" not in columns:
         missing.append(("columns.position", "without a position nothing can be identified; name its column"))
@@ -177,7 +190,7 @@ def _check_needed(path: Path, headers: list[str], columns: dict[str, ColumnTable
 
 
 def _servo_command_faults(columns: Mapping[str, ColumnTable]) -> list[tuple[str, str]]:
-    """Return the faults of a servo's command column."""
+    """Return the fault of a servo's log without a command, or with both."""
     sent = [role for role in SERVO_COMMANDS if role in columns]
     if len(sent) == 1:
         return []
@@ -198,7 +211,13 @@ def _channel(values: Floats, stated: ColumnTable, log_map: LogMap, role: str) ->
 
 
 def _unit(stated: ColumnTable, log_map: LogMap, role: str) -> str:
-    """Return the unit of a column: the stated unit, or the end of its header."""
+    """Return the unit of a column: the stated unit, or the end of its header.
+
+    Raises
+    ------
+    InputError
+        If this is no unit of the role, for a linear or a rotary device as the map states.
+    """
     fitting = KINDS[KIND_OF.get(role, role)]
     if role != "time":
         fitting = tuple(unit for unit in fitting if (unit in ANGLES) == log_map.document.rotary)

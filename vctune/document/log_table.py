@@ -21,10 +21,12 @@ MAX_BYTES = 400_000_000
 GZIP, ZIP, OLE = b"\x1f\x8b", b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 """First bytes of gzipped files, of new workbooks, and of old workbooks."""
 SEPARATORS = (",", ";", "\t")
+"""Separators of columns. The first of them that the line of headers contains separates the columns."""
 LOOKED_AT = 10
 """Number of rows in which the reader looks for decimal commas."""
 WHOLE = re.compile(r'"?[+-]?\d+(e[+-]?\d+)?"?', re.IGNORECASE)
 COMMA = re.compile(r'"?[+-]?\d+,\d+(e[+-]?\d+)?"?', re.IGNORECASE)
+"""A whole number, and a number with a decimal comma, both also in quotes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +37,7 @@ class LogTable:
     ----------
     headers : headers of the columns
     numbers : finite numbers, shape (rows, columns)
-    first_line : line of the file that contains the first row, from 1
+    first_line : line of the file that contains the first row of numbers, from 1
     sha256 : SHA-256 digest of the file, in hexadecimal
     """
 
@@ -50,7 +52,7 @@ def read_table(path: Path) -> LogTable:
 
     Parameters
     ----------
-    path : path of a CSV file, plain or gzipped
+    path : path of a CSV file, plain or gzipped. Empty lines and lines that begin with # may precede the headers
 
     Returns
     -------
@@ -59,7 +61,7 @@ def read_table(path: Path) -> LogTable:
     Raises
     ------
     InputError
-        If the log cannot be read; each fault names its line and column.
+        If the log cannot be read. A fault in a cell names its line and column; the error lists up to `MAX_MISTAKES`.
     """
     packed = _bytes(path)
     _check_text(path, packed)
@@ -188,7 +190,11 @@ def _row_by_row(path: Path, data: bytes, separator: str, headers: list[str], fir
 
 
 def _check_point(path: Path, lines: list[str], separator: str, columns: int, first_line: int) -> None:
-    """Raise one error for decimal commas. If commas also separate columns, decimal commas split every row."""
+    """Raise one error for decimal commas.
+
+    If commas also separate columns, decimal commas split the numbers of a row into two whole numbers each. Most rows
+    then have more cells than headers, up to twice as many.
+    """
     rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
     whole = separator == "," and all(WHOLE.fullmatch(cell) for cells in rows for cell in cells)
     torn = whole and 2 * sum(columns < len(cells) <= 2 * columns for cells in rows) > len(rows)

@@ -20,7 +20,7 @@ from vctune.document.text.toml_writing import toml_text
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 NOT_OVERRIDDEN = ("name", "description", "experiment", "axis")
-"""Keys that an axis cannot override."""
+"""Keys that an axis cannot override. An axis has a `name`, which is its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class AxisProblem:
     ----------
     name : name of the axis
     file : problem of the axis, named after the file and the axis; `text` states the merged tables
-    line : line of its [[axis]] heading
+    line : line of its name
     """
 
     name: str
@@ -58,17 +58,18 @@ def read_axes(path: str | Path) -> AxesFile | None:
 
     Parameters
     ----------
-    path : path of a TOML file
+    path : path of a file
 
     Returns
     -------
     AxesFile
-        None if the file has no [[axis]] or is not TOML; `read_problem` then reads it.
+        None if the path is no file with the suffix .toml, or if the file has no [[axis]] or is not TOML. `read_problem`
+        then reads or refuses it.
 
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
+        If the axes are invalid; the error lists the mistakes (`refusal`) with line, dotted key, value and remedy.
     """
     if not Path(path).is_file() or Path(path).suffix != ".toml":
         return None
@@ -95,7 +96,8 @@ def read_problem_or_axes(path: str | Path) -> ProblemFile | AxesFile:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
+        If the file cannot be read or is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value
+        and remedy.
     """
     text = toml.read_text(Path(path))
     return axes_file(text, Path(path)) or problem_file(text, Path(path))
@@ -109,10 +111,15 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
     text : text in TOML
     path : path of the file; its stem is the problem's name unless the text states one
 
+    Returns
+    -------
+    AxesFile
+        None if the text has no [[axis]].
+
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
+        If the text is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value and remedy.
     """
     path = toml.called(path)
     raw, source = toml.parse(text, str(path)), str(path)
@@ -186,7 +193,7 @@ def _faults_of_list(tables: Any) -> Iterator[Fault]:
 
 
 def _placed(fault: Fault, shared: Mapping[str, Any], axis_tables: Mapping[str, Any], index: int) -> Fault:
-    """Return a fault of the merged tables with its place in the file."""
+    """Return a fault of the merged tables with its place in the file: in the axis if it states the key or its table."""
     path: KeyPath = ("axis", index, *fault.path)
     if _has(axis_tables, fault.path) or (not _has(shared, fault.path) and fault.path[0] in axis_tables):
         return fault._replace(path=path)

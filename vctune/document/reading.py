@@ -35,7 +35,7 @@ class ProblemFile:
     ----------
     problem : problem with all defaults filled in
     text : text in TOML
-    source : path of the file; "problem" without a file
+    source : path of the file, "stdin" for standard input; "problem" without a file
     """
 
     problem: Problem
@@ -69,11 +69,11 @@ class ProblemFile:
 
 
 def read_problem(path: str | Path) -> ProblemFile:
-    """Read a problem file.
+    """Read a problem file with one axis.
 
     Parameters
     ----------
-    path : path of a TOML file
+    path : path of a TOML file; "-" is standard input
 
     Returns
     -------
@@ -83,7 +83,8 @@ def read_problem(path: str | Path) -> ProblemFile:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
+        If the file cannot be read or is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value
+        and remedy.
     """
     return problem_file(toml.read_text(Path(path)), Path(path))
 
@@ -99,7 +100,7 @@ def problem_file(text: str, path: Path) -> ProblemFile:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
+        If the text is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value and remedy.
     """
     path = toml.called(path)
     name = path.stem.encode("utf-8", "replace").decode()
@@ -118,7 +119,7 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
+        If the text is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value and remedy.
     """
     problem, faults = pose(toml.parse(text, source), default_name)
     if problem is None:
@@ -135,7 +136,8 @@ def pose(
     ----------
     raw : tables of the document
     default_name : name of the problem if the tables state none
-    yardstick : problem whose bands and Z_0 apply where the tables state none; None for the problem's own defaults
+    yardstick : problem whose bands and Z_0 apply where the tables state none (`resolve`); None for the problem's own
+        defaults
 
     Returns
     -------
@@ -158,7 +160,8 @@ def on_yardstick(file: ProblemFile, yardstick: Problem) -> ProblemFile:
     Parameters
     ----------
     file : the problem
-    yardstick : the other problem; ignored if one of its bands ends above the Nyquist frequency of the device
+    yardstick : the other problem; ignored if the problem is not valid with its bands, for example because one of them
+        ends above the Nyquist frequency of the device
     """
     problem, _ = pose(file.document, file.problem.name, yardstick)
     return file if problem is None else replace(file, problem=problem)
@@ -176,7 +179,7 @@ class GainsFile:
     Attributes
     ----------
     kind : kind of display of the design
-    gains, coupling : the design
+    gains, coupling : the design; the gains that a kind of display lacks are 0
     sha256 : digest of the problem for which the design was made; None if the file does not state it
     units : units of the numbers; None if the file does not state them
     text : the file's text
@@ -197,7 +200,7 @@ class GainsFile:
 
 
 def read_gains(path: str | Path) -> GainsFile:
-    """Read a gains file. Raises `InputError` like `read_problem`."""
+    """Read a gains file; "-" is standard input. Raises `InputError` like `read_problem`."""
     return gains_file(toml.read_text(Path(path)), Path(path))
 
 
@@ -212,7 +215,7 @@ def gains_file(text: str, path: Path) -> GainsFile:
     Raises
     ------
     InputError
-        If the text is invalid; the error lists every mistake with its line, dotted key, value and remedy.
+        If the text is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value and remedy.
     """
     path = toml.called(path)
     kind = _kind_of(toml.parse(text, str(path)))
@@ -230,12 +233,14 @@ GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | Se
     "impedance": SpringGainsDocument,
     "servo": ServoGainsDocument,
 }
+"""Schema of a gains file for each kind of display."""
 
 
 def _kind_of(raw: dict[str, Any]) -> Display:
     """Return the kind of display of a gains file.
 
-    The kind follows from the keys of [coupling] and from the presence of [gains].
+    A stiffness in [coupling] means an impedance display. A file without [gains] is of a servo, unless [design] states
+    another display. Every other file is of an admittance display.
     """
     coupling, origin = raw.get("coupling"), raw.get("design")
     if isinstance(coupling, dict) and "stiffness" in coupling:
@@ -268,7 +273,11 @@ def _empty_default_band(problem: Problem) -> Fault:
 
 
 def _beyond_nyquist(problem: Problem) -> list[Fault]:
-    """Return a fault for each band of a yardstick that ends above the problem's Nyquist frequency."""
+    """Return a fault for each band of a problem that ends above its Nyquist frequency, because a yardstick states it.
+
+    The stability band matters only for any passive hand on an admittance display. It may end at inf if the device has
+    no parts, hold "lag" and no delay.
+    """
     compared = {"transparency": ("the errors are compared", problem.transparency.band.max)}
     endless = problem.device.ideal and problem.device.hold == "lag" and problem.device.delay == 0
     if problem.passive and not (problem.stability.band.max == inf and endless):

@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 ROLES = ("time", "position", "command", "force", "hand", "handle", "reference")
 """Roles of the columns in a device's log."""
 SERVO_COMMANDS = ("velocity_command", "position_command")
+"""Roles of a servo's command. A log has one of them."""
 SERVO_ROLES = ("time", "position", *SERVO_COMMANDS, "force", "hand")
 """Roles of the columns in a servo's log."""
 
@@ -27,7 +28,7 @@ class Channel:
     ----------
     header : header of the column in the file
     values : numbers in SI units, shape (n,)
-    scale : SI units per unit of the column
+    scale : SI units per unit of the column; negative if the column has the opposite sign
     quantum : resolution that the map states, SI units; None if it states none
     limit : value at which the column saturates, SI units; None if it is not known
     """

@@ -12,6 +12,7 @@ from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
+"""Axes in the order of the lists of the file: three translations, then three rotations."""
 COEFFICIENT, JOINT_DAMPING = 0.05, 5.0
 """Default values of filter_coefficient and joint_damping in the controller."""
 LIGHTEST, HEAVIEST, STIFFEST = 1e-4, 1e6, 1e8
@@ -60,8 +61,8 @@ class Admittance:
 
     @property
     def joint_loss(self) -> float:
-        """The damping due to joint_damping, N s/m. joint_damping acts as an acceleration on every joint, and thus on
-        the tool."""
+        """The damping due to joint_damping, N s/m; for a rotation N m s/rad. joint_damping acts as an acceleration on
+        every joint, and thus on the tool."""
         return self.joint_damping * self.mass
 
 
@@ -71,7 +72,7 @@ class AdmittanceFile:
 
     Attributes
     ----------
-    axes : selected axes in the file's order, at least one
+    axes : selected axes in the order of `AXES`, at least one
     filter_coefficient : weight of each new sample in the filter of the force, in (0, 1]
     line : line of the file that selects the axes
     lines : lines of the file by the dotted keys of `TUNED`; if a key is absent, the line of the nearest table above it
@@ -106,8 +107,8 @@ def read_admittance(path: Path) -> AdmittanceFile:
     Raises
     ------
     InputError
-        If PyYAML is not installed, or if the file is invalid; the error then lists every mistake with its line, dotted
-        key, value and remedy.
+        If PyYAML is not installed, if the file is not YAML, or if it does not state exactly one such controller. Also
+        if a parameter is invalid; the error then lists every mistake with its line, dotted key, value and remedy.
     """
     source = str(path)
     try:
@@ -139,8 +140,9 @@ def _controllers(
 ) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any]]]:
     """Yield the place and the parameters of every controller that states a given table.
 
-    The table may be nested at any depth.
+    The key ros__parameters may stand below up to six other keys.
     """
+    # the limit on the depth has nothing to do with the axes: it ends the search in deeply nested files
     if not isinstance(value, Mapping) or len(place) > len(AXES):
         return
     for key, entry in value.items():
@@ -186,7 +188,7 @@ class _Reader:
         return AdmittanceFile(tuple(axes), coefficient, selection, lines)
 
     def _list(self, name: str, *, least: float = 0.0, most: float = inf, flags: bool = False) -> list[Any]:
-        """Return one value for each axis; record a fault for each value that is missing or out of range."""
+        """Return one value for each axis. Record a fault for a list of another length, or for each invalid value."""
         key, values = f"admittance.{name}", self._table("admittance").get(name)
         kind = "true or false" if flags else "numbers"
         if not isinstance(values, list) or len(values) != len(AXES):
@@ -201,7 +203,7 @@ class _Reader:
         return [element if flags or not _is_number(element) else float(element) for element in values]
 
     def _number(self, table: str, name: str, default: float, most: float) -> float:
-        """Return a number or its default; record a fault if it is out of range."""
+        """Return a number, or its default if it is absent or invalid; record a fault if it is invalid."""
         value = self._table(table).get(name, default)
         if not (_is_number(value) and 0 <= value <= most):
             self._wrong(f"{table}.{name}", f"is {_shown(value)}: must be a number from 0 to {most:g}")

@@ -16,7 +16,9 @@ from vctune.document.schema.validation import Contradiction, KeyPath, dotted, sh
 
 Scale = Literal["list", "linear", "log"]
 SPANS: tuple[Scale, ...] = ("linear", "log")
+"""Rules that divide a range."""
 MOST = 1e300
+"""Greatest finite magnitude of a value."""
 FORMS = "write a list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }"
 
 
@@ -26,10 +28,11 @@ class Axis:
 
     Attributes
     ----------
-    key : dotted key, in the unit of the problem file
+    key : dotted key
     path : path of the key in the problem
     scale : "list", or the rule that divides a range
-    values : values of a list, or the two ends of a range; the values of a whole number have the type int
+    values : values of a list, or the two ends of a range, in the unit of the problem file; the values of a whole number
+        have the type int
     n : number of values; None for a range that is only sampled
     """
 
@@ -71,7 +74,7 @@ def _keys_of(kind: str) -> dict[str, KeyPath]:
 
 
 def read_axis(key: str, value: Any, *, sampled: bool) -> tuple[Axis | None, list[Contradiction]]:
-    """Return the axis that a study states under a key, or its faults.
+    """Return the axis that a study states under a key and no faults, or None and its faults.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ class Sample:
     Attributes
     ----------
     kind : kind of sample: every combination, a Latin hypercube, or the axes' lists in parallel
-    n, seed : number of points and seed of a Latin hypercube
+    n, seed : number of points and seed of a Latin hypercube; 0 for the other kinds
     """
 
     kind: Literal["grid", "lhs", "list"] = "grid"
@@ -51,7 +51,8 @@ class Study:
     name : name of the study
     document : parsed problem file
     axes : axes that vary
-    yardstick : problem whose bands and Z_0 every point uses unless an axis states others
+    yardstick : problem whose transparency band and Z_0 every point uses unless the file or an axis states others; its
+        stability band likewise, for any passive hand on an admittance display
     sample : how the axes form points
     """
 
@@ -73,7 +74,8 @@ class Study:
     def sha256(self) -> str:
         """The digest that ties rows to their study.
 
-        The digest covers the problem and the keys that vary, but not their values.
+        The digest covers the parsed problem file without name and description, and the keys that vary. It does not
+        cover the values of the axes, nor how they form points.
         """
         content = {key: value for key, value in self.document.items() if key not in ("name", "description")}
         text = json.dumps([content, [axis.key for axis in self.axes]], sort_keys=True, default=str)
@@ -83,13 +85,14 @@ class Study:
         """Return the document of the problem at a point. The document may be invalid.
 
         An axis may vary one end of a band or range that the document leaves at its default. The other end is then the
-        default at this point, or the yardstick's.
+        default at this point, or the yardstick's. If there is no such default because the rest of the document is
+        invalid, the band or range is left out.
         """
         return _posed(self.document, self.axes, values, self.yardstick)
 
     def extremes(self) -> Iterator[Problem]:
         """Yield, for each axis, the problem with the axis at its greatest value and all other axes at their first
-        values."""
+        values. Points without a valid problem are left out."""
         first = [axis.values[0] for axis in self.axes]
         for place, axis in enumerate(self.axes):
             problem, _ = self.at([*first[:place], max(axis.values), *first[place + 1 :]])
@@ -107,7 +110,8 @@ def read_study(path: Path) -> Study:
     Raises
     ------
     InputError
-        If study or problem is invalid; the error lists every mistake with its line, dotted key, value and remedy.
+        If study or problem is invalid; the error lists the mistakes of the first invalid one of the two files, with
+        line, dotted key, value and remedy.
     """
     text = toml.read_text(path)
     document, faults = examined(StudyDocument, toml.parse(text, str(path)), _contradictions)
@@ -148,7 +152,7 @@ def build_study(
     Raises
     ------
     InputError
-        If axes or sample are invalid; the error lists every mistake with its dotted key, value and remedy.
+        If axes or sample are invalid; the error lists the mistakes with dotted key, value and remedy.
     """
     raw = {"problem": problem.problem.name, "axes": plain(axes), "sample": plain(sample or {})}
     document, faults = examined(StudyDocument, raw, _contradictions)
@@ -172,8 +176,7 @@ def _planned(document: StudyDocument) -> tuple[tuple[Axis, ...], Sample]:
 def _posed(
     document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Problem | None = None
 ) -> dict[str, Any]:
-    """Return the document with the values of the axes. If an axis sets one end of a band or range that the document
-    lacks, the other end has its default."""
+    """Return the document with the values of the axes, as `Study.posed` describes it."""
     varied = dict(zip((axis.path for axis in axes), values, strict=True))
     defaults = dict.fromkeys(path[:-1] for path in varied if _is_default(document, path, varied))
     if not defaults:
@@ -226,7 +229,10 @@ def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
 
 
 def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
-    """Return why the problem has no place for an element of a list or an end of a range."""
+    """Return why the problem has no place for an axis; empty if it has.
+
+    An element of a list or an end of a range needs the list or the range in the problem, or its default.
+    """
     node: Any = problem
     for i, (step, inner) in enumerate(pairwise(axis.path), 1):
         owner, form = dotted(axis.path[:i]), FORM_OF.get(inner, "a table")
@@ -241,9 +247,9 @@ def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
 
 
 def _is_default(document: dict[str, Any], path: KeyPath, varied: Mapping[KeyPath, float]) -> bool:
-    """Return whether a path leads to an end of a band or range that the document leaves at its default."""
-    siblings = {second_axis[-1] for second_axis in varied if second_axis[:-1] == path[:-1]}
-    return path[-1] in FORM_OF and len(siblings) == 1 and _at(document, path[:-1]) is None
+    """Return whether a path leads to the only varied end of a band or range that the document leaves at its default."""
+    varied_ends = {other[-1] for other in varied if other[:-1] == path[:-1]}
+    return path[-1] in FORM_OF and len(varied_ends) == 1 and _at(document, path[:-1]) is None
 
 
 def _at(document: dict[str, Any], path: KeyPath) -> Any:
@@ -264,9 +270,9 @@ def _first(problem: dict[str, Any], axes: Sequence[Axis]) -> dict[str, Any]:
 
 
 def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Problem | None, list[Fault]]:
-    """Return the problem without axes.
+    """Return the problem without axes or, if it is invalid, the problem at the first value of each axis.
 
-    If the problem lacks numbers that only axes give, those numbers have the first values of the axes.
+    The result is None, with the fault, if both are invalid.
     """
     for document in (problem, _first(problem, axes)):
         found, faults = pose(document, "study")
@@ -280,7 +286,8 @@ def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Problem |
 
 
 def _problem_faults(problem: dict[str, Any], axes: Sequence[Axis]) -> list[Fault]:
-    """Return those faults of the problem that do not depend on the axes."""
+    """Return those faults of single keys of the problem that do not depend on the axes. Contradictions are not among
+    them."""
     _, faults = examined(ProblemDocument, _first(problem, axes), lambda _raw: [])
 
     def varied(path: KeyPath) -> bool:

@@ -113,6 +113,7 @@ Code = Literal[
 ]
 """All codes. To add a code, write it here, use it in its message, and explain it in a README."""
 ENDING = re.compile(r" \[([a-z]+(?:-[a-z]+)*)\]$")
+"""A code in brackets at the end of a line."""
 
 
 def coded(text: str, code: Code) -> str:

@@ -46,7 +46,13 @@ def _escaped(code: int) -> str:
 
 
 class InputError(ValueError):
-    """Error in the user's input: a file, an option or a number. `mistakes` lists all faults of the input."""
+    """Error in the user's input: a file, an option or a number.
+
+    Attributes
+    ----------
+    source : path of the file, or another source of the faults
+    mistakes : the faults; the text of the error has a line for each
+    """
 
     def __init__(self, source: str, mistakes: list[Mistake]) -> None:
         self.source = source
@@ -55,7 +61,7 @@ class InputError(ValueError):
 
     @classmethod
     def of(cls, source: str, code: Code, message: str, *, key: str = "", line: int | None = None) -> InputError:
-        """Return the error with a single mistake. The arguments are those of `Mistake`.
+        """Return the error with a single mistake.
 
         Parameters
         ----------

@@ -60,7 +60,7 @@ def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy:
     Raises
     ------
     InputError
-        If it is another kind of object, or if parts are missing or wrong; the error lists them.
+        If it is another kind of object, or if parts are missing or wrong; the error lists up to `MAX_MISTAKES` of them.
     """
     if not isinstance(value, dict) or value.get("schema") != part.SCHEMA:
         raise InputError.of(source, "other-document", f"is not {part.SCHEMA}; name {kind}", key="schema")

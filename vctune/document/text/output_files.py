@@ -15,6 +15,7 @@ from vctune.interrupt import interrupt_deferred, raise_lost_interrupt
 
 Content = str | bytes | memoryview
 MAX_NAME_BYTES = 100
+"""Greatest length of a folder's name, in bytes of UTF-8."""
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
 """Names of devices on Windows, which a file or folder cannot have."""
 
@@ -22,8 +23,9 @@ RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
 def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
     """Replace the files of an earlier run with the files of a new run. SIGINT and SIGTERM take effect only afterwards.
 
-    When all new files are complete, the function deletes the stale files. The function then deletes the files of the
-    earlier run in reverse order, except the first file and the files to set aside. Finally, the function renames the
+    When all new files are complete, the function deletes the stale files, and what earlier runs set aside under the
+    same names. The function then deletes the files of the earlier run in reverse order, except the first file and the
+    files to set aside. Finally, the function renames the
     files to set aside, and moves the new files into place in order. The files in the folder therefore always belong to
     one run, even if the process is killed. The first file must be useful alone. The last file should be the one that
     displays the others.
@@ -38,7 +40,8 @@ def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), as
     Raises
     ------
     InputError
-        If a file cannot be written; the files of the earlier run are then untouched.
+        If a file cannot be written; the files of the earlier run are then untouched. Also if a file cannot be deleted
+        or renamed; some files of the earlier run may then be missing.
     KeyboardInterrupt
         If an interrupt was lost; the files of the earlier run are then untouched.
     """
@@ -100,6 +103,7 @@ def folder_name(name: str) -> str:
     """Return a design's name as a folder name that is valid on any system.
 
     The name has no separators, no unprintable characters and no leading dots, and is not the name of a Windows device.
+    If nothing else remains, the name is "design".
     """
     plain = "".join(char if is_plain(char) and char not in '/\\:*?"<>|' else "_" for char in name)
     short = plain.encode()[:MAX_NAME_BYTES].decode(errors="ignore").strip().lstrip(".").rstrip(". ")

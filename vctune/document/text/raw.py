@@ -9,7 +9,7 @@ from typing import Any
 
 
 def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
-    """Return the number at a path; None if there is no finite number."""
+    """Return the number at a path; None if there is none, or if its magnitude is 1e300 or more, as for inf."""
     node: Any = raw
     for step in path:
         try:
@@ -22,7 +22,7 @@ def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
 def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
     """Return a copy of a document with numbers set at their paths. The function creates missing tables and pairs.
 
-    The function replaces an invalid value with the given number.
+    A table or a pair also replaces a value that is in the way, such as a number where the path needs a range.
 
     Parameters
     ----------

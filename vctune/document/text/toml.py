@@ -14,6 +14,7 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.hints import hint_on_line
 
 MAX_BYTES = 100_000
+"""Greatest size of a file that people write, bytes."""
 STDIN = Path("-")
 """Path that stands for standard input instead of a file."""
 
@@ -78,7 +79,8 @@ def parse(text: str, source: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If the text is not TOML; the error has the line of the first syntax error.
+        If the text is not TOML; the error has the line of the first syntax error, if there is one. Also if tables are
+        nested too deeply or a number has thousands of digits; the error then has no line.
     """
     try:
         return tomllib.loads(text)
@@ -99,8 +101,8 @@ class Lines:
     """Finds the line of a key in a TOML text.
 
     tomllib gives no positions, but it can parse beginnings of the text. The key stands on the line after the longest
-    parsable beginning that lacks the key. If a beginning has the key, so has every longer one. A bisection therefore
-    finds the line in a few parses. The object stores these parses for the next key.
+    parsable beginning that lacks the key. If a beginning has the key, so has every longer parsable one. A bisection
+    therefore finds the line in a few parses. The object stores these parses for the next key.
     """
 
     def __init__(self, text: str) -> None:

@@ -18,7 +18,8 @@ def toml_text(document: Mapping[str, Any]) -> str:
     Returns
     -------
     str
-        Each table has its own heading; nested tables are inline.
+        Keys that are no tables come first. Each table and each table of a list has its own heading; tables within them
+        are inline.
     """
     plain = {key: value for key, value in document.items() if not _headed(value)}
     blocks = ["\n".join(_entries(plain))] if plain else []
