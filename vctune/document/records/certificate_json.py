@@ -80,7 +80,15 @@ class HandRecord(Part):
 class EnvironmentRecord(Part):
     """An environment with which the loop of a design grows in a hand.
 
-    The firmware integrates it by the trapezoidal rule unless `rule` states another one.
+    Attributes
+    ----------
+    hand : hand at the handle
+    kind, value, unit : "spring" or "mass", its stiffness or mass, and the unit of this value; 0 for no environment
+    damping : damping in parallel, N s/m
+    hz, growth_per_s : frequency and growth rate of the motion
+    stiffness : stiffness of a spring in parallel with a mass, N/m
+    rule : rule by which the firmware integrates the environment; null for the trapezoidal rule
+    late : number of samples by which its force is late; null for 0
     """
 
     hand: HandRecord
@@ -132,6 +140,12 @@ class ClaimRecord(Part):
 
     If the time limit `cut` the proof short, the claim is undecided. The sentence `claim` is for people and may change
     with the version; programs should use `id`.
+
+    Attributes
+    ----------
+    witness_hz : frequency at which a claim fails or is undecided; null if there is none, or if it tends to infinity
+    witness_device, witness_hand : device of the box, and hand, in which it fails there; null if there is none
+    environment : environment with which the loop of a refuted design grows, for claims in hands; null if none was found
     """
 
     model_config = ConfigDict(json_schema_extra=_id_may_lack)
@@ -182,7 +196,10 @@ class WithoutOperatorRecord(Part):
 
 
 class WorldRecord(Part):
-    """The virtual environment with which a design has the smallest margin."""
+    """The virtual environment with which a design has the smallest margin: a mass, kg, on a spring, N/m.
+
+    The number of an absent part is 0. If both are 0, the margin is smallest without an environment.
+    """
 
     mass: float
     stiffness: float
@@ -222,7 +239,18 @@ class WallsRecord(DisplayPart):
 
 
 class HandsRecord(DisplayPart):
-    """The claims about every hand of a box, in the sampled loop at every frequency."""
+    """The claims about every hand of a box, in the sampled loop at every frequency.
+
+    Attributes
+    ----------
+    box : ends of the range of each parameter of the hands
+    min_ratio, worst_hz, worst_hand : the least ratio, its frequency and its hand; a number that is infinite is null
+    boxes : number of boxes in the proof
+    worlds, worlds_rule, worlds_late : box of environments, their rule unless trapezoidal, and their lateness unless 0;
+        null in `worlds` for every environment that is passive as it runs
+    worst_world : environment with which the ratio is least; null unless the environments are lossless as they run
+    walls : claim about walls; null without walls
+    """
 
     verdict: Annotated[Proof, Shown("every hand", "of {within}")]
     box: dict[str, Pair]
@@ -275,7 +303,8 @@ class AnyHandRecord(DisplayPart):
 
 
 class WholeSampleRecord(Part):
-    """The verdicts just below and at a whole number of samples of delay. At a whole number the sensed force jumps."""
+    """The worse verdict of a delay just below a whole number of samples and of this number, where the sensed force
+    jumps. `delay` is the whole number in s."""
 
     verdict: Annotated[Proof, Shown("either side", "of {samples} T = {delay} s of delay, where the sensed force jumps")]
     samples: int
@@ -283,7 +312,21 @@ class WholeSampleRecord(Part):
 
 
 class CertificateRecord(DisplayPart):
-    """The claims about absolute stability and about the velocity loop."""
+    """The claims about a design, and the numbers that describe them.
+
+    Attributes
+    ----------
+    verdict : "proved" if every claim is proved
+    band_hz : required stability band; null unless any passive hand is required on an admittance display
+    proved_band_hz : widest band around it on which a ratio of 1 is proved; null if that claim is not proved
+    proved_ratio : the safety factor if all ratios are proved, 1 if the ratio on the band is proved without the factor,
+        null if nothing is proved
+    min_ratio, worst_hz : least of all computed ratios, and its frequency; null for infinity
+    rollett_k : Rollett's K at `worst_hz` on the band; null without a band
+    without_operator : the same claims for a free handle; null if there is no least operator
+    hands, any_hand, changing : claims in hands; null if the problem does not make them
+    whole_sample : verdict beside a delay of a whole number of samples; null if the delay is not near such a value
+    """
 
     verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]
     band_hz: Annotated[Pair | None, Shown("band", "Hz")]
@@ -319,7 +362,10 @@ class CertificateRecord(DisplayPart):
 
 
 class NyquistRecord(Part):
-    """Nyquist's count for the sampled loop: unstable poles and encirclements."""
+    """Nyquist's count for the sampled loop: Z = N + P unstable poles of the closed loop.
+
+    N is computed in doubles. P is 0, because the open loop has no unstable pole. Z is 0 if this is proved, else null.
+    """
 
     N: int | None
     P: int
@@ -334,7 +380,10 @@ class NyquistRecord(Part):
 
 
 class InnerLoopRecord(Part):
-    """The sampled velocity loop."""
+    """The sampled velocity loop of a device with a loop of its own. A margin that is infinite is null.
+
+    `stable` is null if the proof is undecided.
+    """
 
     stable: bool | None
     spectral_radius: Annotated[Number, Shown("spectral radius", "{stability}")]

@@ -26,7 +26,8 @@ class StorageRecord(Part):
 class ChangingRecord(Part):
     """The claim about every hand of a box whose damping may take any value in its range at every sample.
 
-    `storages` proves it, with one function for each number of whole samples of the delays.
+    `storages` proves it, with one function for each number of whole samples of the delays; it is null if the claim is
+    not proved.
     """
 
     verdict: Annotated[Proof, Shown("changing damping", "of hands of {within}, at every sample")]

@@ -39,6 +39,14 @@ class ContactRecord(Part):
 
     `stiffness` is the stiffness of the stiffest hand in the box. `safety_factor` comes from the problem. Every drag
     includes the safety factor. `own_spring` is the drag that the firmware's own spring requires at rest.
+
+    Attributes
+    ----------
+    parts, latency_s : parts of the latency, and their sum; of the device of the box with the longest latency
+    rest_drag : drag that the hands require at rest
+    drag_alone, drag_alone_hz, drag_alone_hand : drag that a coupling without b_c needs, and where and in which hand
+    stiffest_contact, stiffest_contact_verdict : stiffest contact that this coupling bears, and whether that is proved;
+        null if it bears none
     """
 
     stiffness: float

@@ -43,7 +43,15 @@ and the proof may place one extremum at two frequencies. At twice this distance,
 
 
 class ActiveRecord(Part):
-    """An active constraint: its frequency, the device on which it is active, and its price (Lagrange multiplier)."""
+    """An active constraint of the search.
+
+    Attributes
+    ----------
+    demand : formula of the constraint
+    hz : frequency at which it is active; null if it belongs to no frequency
+    multiplier : relative decrease of the error for a relative weakening of the constraint, to first order
+    device : device on which it is active; null if there is only one device
+    """
 
     demand: str
     hz: Number
@@ -52,7 +60,18 @@ class ActiveRecord(Part):
 
 
 class RepairRecord(Part):
-    """A change of one number of the problem file that makes the problem feasible."""
+    """A change of one value of the problem file after which there is a design, or after which an idle design uses its
+    loop.
+
+    Attributes
+    ----------
+    key : dotted key
+    old, new : old and new value, in the unit of the file; 1 and 0 for true and false. An infinite value is null
+    change : meaning of the change, in words
+    needs : the new line of the file, in TOML
+    size : change relative to the greater of the two values; null in older files
+    error : transparency error of the repaired design
+    """
 
     key: str
     old: Number
@@ -69,7 +88,10 @@ class RepairRecord(Part):
 
 
 class AlternativeRecord(Part):
-    """The error of a certified design for one stability criterion alone."""
+    """The error of the best design under one stability criterion alone, from the optimiser and without proof.
+
+    `stiffness` is k_c of an impedance display, `drag` is b_0 of other displays; the other one is null.
+    """
 
     criterion: Literal["passive", "hands"]
     error: float
@@ -78,7 +100,11 @@ class AlternativeRecord(Part):
 
 
 class GlanceRecord(Part):
-    """The state of the search for a bound at one moment."""
+    """The state of the search for a bound at one moment.
+
+    `boxes` counts the searched boxes, `open` those that may contain a better design, and `error` is the error of the
+    best design known.
+    """
 
     boxes: int
     lower_bound: Number
@@ -87,7 +113,10 @@ class GlanceRecord(Part):
 
 
 class BoxRecord(Part):
-    """A box of gains and couplings."""
+    """A box of designs: the ends of K_v, K_p, tau_c and b_0.
+
+    tau_c is m_c/b_c. For an impedance display tau_c is b_c/k_c, and K_p and b_0 are 0.
+    """
 
     low: Four
     high: Four
@@ -216,7 +245,7 @@ class DesignRecord(Document):
 
     @property
     def promise(self) -> str:
-        """The proved claim of the design in words; empty if it is not certified."""
+        """The proved claims about hands in words; empty if the design is not certified."""
         if self.certificate is None or self.status != "certified":
             return ""
         without = " without unmodelled dynamics" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
@@ -232,7 +261,7 @@ class DesignRecord(Document):
 
     @property
     def compared(self) -> list[str]:
-        """Sentences on the error that either criterion alone would permit."""
+        """Sentences on the error that each criterion alone would permit; empty if the record has no such errors."""
         if not self.alternatives or self.transparency is None:
             return []
         error, result = text(self.transparency.error, 3), []
@@ -253,7 +282,7 @@ class DesignRecord(Document):
         """The active constraints, the greatest multiplier first, each with the frequencies at which it is active.
 
         The search and the proof place the same minimum at slightly different frequencies. The list shows the frequency
-        from the proof.
+        from the proof. If the search did not converge, it contains only `UNKNOWN_LIMITS`.
         """
         if not self.active and self.solver.get("converged") is False:
             return [UNKNOWN_LIMITS]
@@ -290,7 +319,10 @@ class DesignRecord(Document):
         return None if self.gains is None or self.coupling is None else (self.gains.plain, self.coupling.plain)
 
     def groups(self) -> dict[str, list[Row]]:
-        """Return the rows of a design by group; empty without a design."""
+        """Return the rows of a design by the titles of `GROUPS`; empty without a design.
+
+        The rows of a servo have no gains, and those of an impedance display no K_p.
+        """
         if self.gains is None:
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}

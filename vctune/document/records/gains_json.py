@@ -21,7 +21,10 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 class ProblemRecord(Part):
-    """The problem file, and the motion of its device. The file omits the motion if it is linear."""
+    """The problem: its name, its digest, the text of its file, and the motion of its device.
+
+    A JSON file omits the motion if it is linear.
+    """
 
     name: str
     sha256: str
@@ -35,7 +38,7 @@ def stated_units(device: Device) -> dict[str, UnitSystem]:
 
 
 class GainsRecord(Part):
-    """Gains of the velocity loop."""
+    """Gains of the velocity loop. Both are 0 for a servo, and K_p is 0 for an impedance display."""
 
     velocity: Annotated[NotNegative, Shown("velocity K_v", digits=8, of="damping")]
     position: Annotated[NotNegative, Shown("position K_p", digits=8, of="stiffness")]
@@ -47,7 +50,7 @@ class GainsRecord(Part):
 
 
 class CouplingRecord(Part):
-    """The virtual coupling. An infinite b_c is null."""
+    """The virtual coupling of an admittance display or a servo. An infinite b_c is null."""
 
     damping: Annotated[Positive | None, Shown("damping b_c", digits=8, of="damping")]
     mass: Annotated[Positive, Shown("mass m_c", digits=8, of="mass")]

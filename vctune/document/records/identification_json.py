@@ -20,8 +20,10 @@ STROKE = {"to": 0.05, "speed": 0.01}
 """Stroke, m, and speed, m/s, of the hand in the experiment. vctune shortens the stroke if it would take too many
 samples."""
 GRIP = 0.1
+"""Distance from the axis at which a hand holds a rotary servo, m."""
 ROTARY_HAND = {"mass": 0.005, "damping": 0.3, "stiffness": 30.0}
-"""Default hands of a rotary servo, which has no inertia from which to derive them."""
+"""Greatest numbers of the hands of a rotary servo: those of a human hand at the distance `GRIP`, in kg m2, N m s/rad
+and N m/rad."""
 STEP = 1e-5
 """Step to which half-widths are rounded up, so that the written box contains the identified one."""
 
@@ -52,7 +54,18 @@ class CandidateRecord(Part):
 
 
 class RecordingRecord(Part):
-    """A recording and its results."""
+    """A recording and its results.
+
+    Attributes
+    ----------
+    samples, used : number of samples in the file, and number of samples that the fit uses
+    kind : kind of the excitation, in words
+    cutoff_hz : cut-off frequency of the fit in time; null for periodic excitation and for a servo
+    residual_share : root mean square residual as a share of the signal
+    chi2 : residual relative to the noise alone, squared, per degree of freedom; null if the noise is not known
+    numbers, derived : fitted numbers, and numbers derived from them
+    candidates : structures of the device that the fit compared
+    """
 
     source: str
     sha256: str
@@ -80,7 +93,16 @@ class EstimateRecord(Part):
 
 
 class BoundedRecord(Part):
-    """A parameter of the device with its interval."""
+    """A parameter of the device with its interval.
+
+    Attributes
+    ----------
+    key, unit : dotted key without "device.", and the unit of the numbers
+    value, share : middle of the written interval, and its relative half-width
+    low, high : ends of the identified interval
+    limit : what determines the width of the interval, in words
+    estimates : estimates from single recordings or directions
+    """
 
     key: str
     unit: str
@@ -101,7 +123,16 @@ class FrictionRecord(Part):
 
 
 class ExcitationRecord(Part):
-    """A multisine for the numbers that are still uncertain: excitation.csv is one period of it."""
+    """A multisine for the numbers that are still uncertain: excitation.csv is one period of it.
+
+    Attributes
+    ----------
+    period, periods : length of a period, s, and number of periods to record
+    lines_hz : excited frequencies
+    peak, speed : greatest force, N, and predicted root mean square speed, m/s
+    spread : predicted relative standard deviation of the worst line
+    reasons : the parameters that the multisine would determine better
+    """
 
     period: float
     periods: int
@@ -140,12 +171,13 @@ class IdentificationRecord(Document):
 
 
 def stated(value: float, low: float, high: float) -> tuple[float, float]:
-    """Return the middle of an interval with six digits, and its relative half-width, rounded up so that the file
-    contains the interval.
+    """Return a value with six digits, and a relative half-width, rounded up so that the file contains the interval.
+
+    The half-width is at most 0.99 if the interval reaches 0, and less than 1 otherwise. A value of 0 has no half-width.
 
     Parameters
     ----------
-    value, low, high : value and ends of the interval; if it reaches 0, the half-width is the greatest permitted one
+    value, low, high : value and ends of the interval
 
     Returns
     -------
@@ -161,6 +193,8 @@ def stated(value: float, low: float, high: float) -> tuple[float, float]:
 
 def device_text(record: IdentificationRecord) -> str:
     """Return the device file: a problem file with the device, its uncertainty and its friction, and their sources.
+
+    The file of a device with a mass states the criterion "passive". The file of a rotary servo states hands.
 
     Parameters
     ----------
@@ -250,7 +284,10 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
 
 
 def _experiment(record: IdentificationRecord) -> dict[str, Any]:
-    """Return an experiment that the device can follow, with the identified friction and noise."""
+    """Return an experiment that the device can follow, with the identified friction and noise.
+
+    The numbers of a rotary device are those of a linear device, times its share of inertia (`usual_share`).
+    """
     experiment: dict[str, Any] = {"name": "as identified"}
     bristles: dict[str, float] = {}
     cycles = SceneOperatorTable.model_fields["cycles"].default

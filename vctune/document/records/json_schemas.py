@@ -64,4 +64,4 @@ SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "explanation": lambda: _of(ExplanationRecord),
     "example": lambda: _of(ExampleRecord),
 }
-"""Function that makes the schema, for each kind of document."""
+"""Function that makes the schema, for each kind of document. The schema "gains" is that of an admittance display."""

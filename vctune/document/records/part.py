@@ -30,7 +30,7 @@ class Shown:
     scale : factor from the stored number to the displayed one
     optional : whether to omit the row if the number does not exist
     detail : whether only the report shows it, because it is too long for a terminal
-    of : quantity (`vctune.model.numbers.units`) whose unit follows the number
+    of : quantity (`vctune.model.numbers.units`) whose unit follows the number instead of `unit`; "" for `unit`
     """
 
     label: str
@@ -56,7 +56,7 @@ def text(value: Any, digits: int = 5) -> str:
 
     Parameters
     ----------
-    value : a number, a pair of numbers, a text, or None if it does not exist
+    value : a number, a pair of numbers of which None stands for inf, a text, or None if it does not exist
     digits : number of significant digits of a float
     """
     if isinstance(value, list):
@@ -76,8 +76,8 @@ Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
 class Part(BaseModel):
-    """Part of a record. A part keeps unknown keys, which other versions may have written, and does not write unset
-    keys."""
+    """Part of a record. A part keeps unknown keys, which other versions may have written. `Document.to_json` does not
+    write keys that were not set."""
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
 
@@ -91,7 +91,7 @@ class Part(BaseModel):
                 yield Row(units.translated(label), text(scaled, shown.digits), units.of(shown.of) or unit, shown.detail)
 
     def in_words(self, units: Units) -> str:
-        """Return the part as a phrase that fits into a sentence."""
+        """Return the numbers of the part with their units, as a phrase that fits into a sentence."""
         return ", ".join(f"{row.value} {row.unit}".rstrip() for row in self.rows(units))
 
 

@@ -23,6 +23,7 @@ class RefusalRecord(Document):
     source : the file
     line : line of the file to which the reason refers, from 1
     status : null, so that every entry of the list has this key
+    reason : why vctune cannot use the file, or has skipped it
     warnings : always empty
     """
 
@@ -87,7 +88,10 @@ class BenchRecord(Document):
 
 
 class EntryRecord(Part):
-    """The text of a guide about a name, in Markdown. The list of all names contains this record with an empty text."""
+    """The text of a guide about a name, in Markdown. The list of all names contains this record with an empty text.
+
+    `guide` is the file of the guide.
+    """
 
     kind: Literal["code", "key", "term", "claim"]
     name: str

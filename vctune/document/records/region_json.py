@@ -48,7 +48,10 @@ free."""
 
 
 class DemandsRecord(Part):
-    """The constraints on the gains; `hands` is the box of hands that they include."""
+    """The constraints on the gains; `hands` is the box of hands that they include, empty without one.
+
+    `criterion` is stated with a box of hands; otherwise it is "passive".
+    """
 
     safety_factor: float
     max_sensitivity: float
@@ -64,7 +67,7 @@ class AxesRecord(Part):
 
 
 class EdgesRecord(Part):
-    """The values at which cells begin and end, SI units."""
+    """The values at which cells begin and end, SI units, increasing; x and y have the same number."""
 
     x: Edges
     y: Edges
@@ -104,10 +107,17 @@ class CheckedProblemRecord(Part):
 
 
 class RegionDocument(Document):
-    """The plane of gains and its cells, in SI units: the object of region.json.
+    """A plane of gains, or of environments for one design, and its cells, in SI units: the object of region.json.
 
-    If the search was `interrupted`, skipped cells are undecided. In `others`, the infinite damping of a rigid coupling
-    is null.
+    If the search was `interrupted`, skipped cells are undecided.
+
+    Attributes
+    ----------
+    axes, edges, cells : keys of the plane, its edges, and its cells
+    others : number, or least and greatest number, of each key outside the plane; infinite numbers are left out, and the
+        infinite damping of a rigid coupling is null
+    areas : share of the plane for each verdict
+    designs : listed gain sets; exactly one if the cells are environments
     """
 
     SCHEMA = "vctune/region/1"

@@ -15,7 +15,7 @@ class RenderedRecord(Part):
     ranges.
 
     `tools` is the range of masses for the stiffest spring. `springs` is the range of stiffnesses for the lightest tool.
-    An infinite value is null in the file.
+    An infinite value is null in the file. `stiffest_spring` and `lightest_tool` are null if none is proved.
     """
 
     stiffest_spring: Annotated[Number, Shown("stiffest spring", digits=4, of="stiffness")] = None

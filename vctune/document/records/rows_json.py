@@ -22,7 +22,8 @@ class RowsHeader(Document):
 
 
 class FeltRecord(Part):
-    """How a design feels, in physical units (`vctune.analysis.feel`); null without a design, or above Nyquist.
+    """How a design feels, in physical units (`vctune.analysis.feel`); null without a design, or if it does not exist,
+    for example above Nyquist.
 
     The wall is evaluated at 10 Hz. Tracking ends where |G_he| (for an impedance display |A H/N|) falls below 1/sqrt 2.
     """
@@ -44,10 +45,12 @@ class RowYardstickRecord(Part):
 
 
 class NumbersRecord(Part):
-    """The error, its unweighted terms, the design, the least ratio and the frequency of the least ratio; null without a
+    """The error, its unweighted terms, the design, the least ratio, its frequency, and the greatest |S|; null without a
     design.
 
-    `coupling_stiffness` may be absent: older lines, without impedance displays, lack it.
+    The labels of terms and ratio are those of an admittance display. An impedance display has the dual terms, and the
+    ratio Re 1/Z_c / R. Numbers that a kind of display lacks are 0 or null. `coupling_stiffness` may be absent: older
+    lines, without impedance displays, lack it.
     """
 
     error: Annotated[Number, Shown("transparency error")]

@@ -25,7 +25,7 @@ KIND = "a simulation.json of `vctune simulate`"
 
 
 class SimulatedProblemRecord(Part):
-    """The problem file."""
+    """The problem: its name, its digest, the digest of its experiments, and the motion of its device."""
 
     name: str
     sha256: str
@@ -53,7 +53,7 @@ class LeastVirtualRecord(Part):
 
 
 class FitRecord(Part):
-    """A number of the environment as the hand feels it."""
+    """A number of the environment as the hand feels it: its value, the rendered value, and its standard error."""
 
     value: Number
     asked: Number
@@ -61,7 +61,8 @@ class FitRecord(Part):
 
 
 class MetricsRecord(Part):
-    """The measures of one simulated run."""
+    """The measures of one simulated run, as `vctune.simulation.metrics.Metrics` describes them; null for a measure that
+    does not exist."""
 
     non_overlap: Number
     fits: dict[str, FitRecord]
@@ -87,7 +88,15 @@ class SimulatedLoopRecord(Part):
 
 
 class RunRecord(Part):
-    """One controller in one experiment."""
+    """One controller in one experiment.
+
+    Attributes
+    ----------
+    diverged_s : time at which the run diverged, s; null if it did not
+    metrics : measures; null if the run diverged
+    loop : linear loop of this controller
+    curve : points of the hand's force over position or velocity (`ExperimentRecord.axis`)
+    """
 
     diverged_s: Number
     metrics: MetricsRecord | None
@@ -98,7 +107,8 @@ class RunRecord(Part):
 class DifferenceRecord(Part):
     """The greatest difference between the commands of a firmware and of the design on the same data, and its time, s.
 
-    Both commands are in the precision of the firmware. A difference up to `tolerance` passes.
+    Both commands are in the precision of the firmware. A difference up to `tolerance` passes. `force` and `tolerance`
+    have the unit of the command, which for a servo is a velocity or a position.
     """
 
     force: Number
@@ -111,7 +121,15 @@ class DifferenceRecord(Part):
 class ExperimentRecord(Part):
     """An experiment with the runs of the regular PID and of the design.
 
-    `dwell_s` is the time from one change of the hand to the next.
+    Attributes
+    ----------
+    axis : quantity of the horizontal axis of the curves
+    samples : number of samples of the design's run
+    least_virtual, baseline : least virtual mass of the regular PID, and its run; null without one
+    design : run of the design, or of the controller that replaces it
+    difference : difference of the commands of such a controller; null without one
+    quiet_stiffness : stiffest wall at which an impedance display with an encoder comes to rest; null for other displays
+    dwell_s : time from one change of the hand to the next, s; null if the hand does not change at a fixed interval
     """
 
     name: str
@@ -127,12 +145,17 @@ class ExperimentRecord(Part):
 
     @property
     def stayed(self) -> bool:
-        """Whether the design stayed at rest, that is, whether no motion grows over one period of the hand's changes."""
+        """Whether the linear loop of the design is stable, over one period of the hand's changes if it changes, and
+        whether its run did not diverge."""
         return self.design.loop.stable and self.design.diverged_s is None
 
 
 class SimulationRecord(Document):
-    """Simulated experiments, in SI units and hertz: the object of simulation.json."""
+    """Simulated experiments, in SI units and hertz: the object of simulation.json.
+
+    `controller` names the firmware that replaced the design's own; it is null otherwise. `commanded` is the motion that
+    a servo follows; it is null for a motor, which follows a force.
+    """
 
     SCHEMA = "vctune/simulation/1"
 
