@@ -24,6 +24,7 @@ MEASURED = re.compile(rf"(?<![\w.,])(?:([\d.]+(?:e[+-]?\d+)?) to )?([\d.]+(?:e[+
 """A number or a range of numbers with a unit."""
 SYMBOL = re.compile(r"(?<![\w.\"'])([A-Za-zτ])_([A-Za-z0-9]{1,5}\b)(?![_.])")
 """A letter with a subscript."""
+# patterns of plain signs, each with its typographic form; a minus between symbols has spaces around it
 SIGNS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r">=": "≥",
     r"<=": "≤",
@@ -48,7 +49,7 @@ def quantity(value: float | None, unit: str = "", digits: int = DIGITS) -> Quant
 
     Parameters
     ----------
-    value : the number, or None
+    value : the number; None gives the text "none"
     unit : its unit without a prefix, except "kg"; "" for a number without a unit
     digits : number of significant digits
     """

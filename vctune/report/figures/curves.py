@@ -22,6 +22,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 
 POINTS = 400
+"""Number of frequencies of a curve without a resonance."""
 UNMOVED = 1e-6
 """Share of a command below which a servo counts as at rest, for example at Nyquist with interpolation. The hand then
 feels a rigid handle. With half or twice this share, the curves are the same."""
@@ -31,7 +32,10 @@ SPRING, DAMPER = 200.0, 14.0
 
 @dataclass(frozen=True, slots=True)
 class Llewellyn:
-    """Re Z_c, the required R (nan if Re G_hh <= 0) and their ratio, as functions of the frequency hz, Hz."""
+    """Re Z_c, the required R and their ratio for an admittance display, as functions of the frequency hz, Hz.
+
+    Re Z_c and R are in N s/m. R and the ratio are nan where Re G_hh <= 0.
+    """
 
     hz: Floats
     coupling: Floats
@@ -41,7 +45,10 @@ class Llewellyn:
 
 @dataclass(frozen=True, slots=True)
 class Transparency:
-    """|Z_0 G_hh|, |1 - G_he|, |Z_c|/Z_0 and the error e, as functions of the frequency hz, Hz."""
+    """|Z_0 G_hh|, |1 - G_he|, |Z_c|/Z_0 and the error e, as functions of the frequency hz, Hz.
+
+    An impedance display has the dual terms |1/G_hh|/Z_0, |1 - A H/N| and Z_0 |1/Z_c|.
+    """
 
     hz: Floats
     admittance: Floats
@@ -68,7 +75,7 @@ def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
 
     Parameters
     ----------
-    problem : the device and its bands
+    problem : the device, an admittance display, and its bands
     gains, coupling : the design
     """
     hz = frequencies(problem)
@@ -83,7 +90,7 @@ def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
 
 
 def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Transparency:
-    """Return the three terms of the error and their weighted sum.
+    """Return the three terms of the error, and the error: the root of the weighted sum of their squares.
 
     Parameters
     ----------
@@ -103,9 +110,9 @@ def handle_impedance(
 ) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
     """Return frequencies and the impedance at the handle for several environments, with the ideal impedance of each.
 
-    The cases are no environment, a damper, a spring and a rigid environment. At an ideal handle the hand feels Z_e
-    itself. The paper has no rotary device. For a rotary device the damper is Z_0, and the impedance of the spring is
-    Z_0 in the middle of the transparency band.
+    The cases are no environment, a damper, a spring and, except for a servo, a rigid environment. At an ideal handle
+    the hand feels Z_e itself. The paper has no rotary device. For a rotary device the damper is Z_0, and the impedance
+    of the spring is Z_0 in the middle of the transparency band.
 
     Parameters
     ----------
@@ -114,8 +121,9 @@ def handle_impedance(
 
     Returns
     -------
-    hz : frequencies, Hz, shape (`POINTS`,)
-    felt : for each environment, the moduli of both impedances; the ideal impedance of a rigid environment is inf
+    hz : frequencies, Hz, shape (n,); n is `POINTS` for a device without a structure, and greater with one
+    felt : for each environment, the moduli of both impedances, shape (n,). The impedance is nan where a servo is at
+        rest, and the ideal impedance of a rigid environment is inf
     """
     hz = frequencies(problem)
     s = np.asarray(2j * pi * hz, np.complex128)

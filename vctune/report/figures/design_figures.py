@@ -206,7 +206,8 @@ def _impedance(design: Design) -> Drawing:
 def _promised(panel: Panel, design: Design) -> None:
     """Shade the band on which stability is proved, or hatch the band of a failed proof, and mark the transparency band.
 
-    A proved claim in hands holds at every frequency, so for such a claim the shade covers the whole axis.
+    With a proved claim for any passive hand on a band, the shade shows the proved band of this claim. Every other claim
+    holds at every frequency, so the shade then covers the whole axis.
     """
     problem, proof = design.problem, design.record.certificate
     assert proof is not None, "a design is judged"
@@ -222,7 +223,10 @@ def _promised(panel: Panel, design: Design) -> None:
 
 
 def _optimality(found: OptimalityRecord, problem: Problem) -> Drawing:
-    """Draw the bound and the best design against the number of searched boxes, and the gains of the open boxes."""
+    """Draw the bound and the best design against the number of searched boxes, and the open boxes.
+
+    The open boxes lie over K_v and K_p; for an impedance display over K_v and b_c/k_c.
+    """
     boxes, bound, error = (
         [np.nan if (value := getattr(row, key)) is None else value for row in found.history]
         for key in ("boxes", "lower_bound", "error")

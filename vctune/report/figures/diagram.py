@@ -38,7 +38,7 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Drawing:
     """Return the block diagram of a design: force sensor, coupling, law, hold, actuator, mechanism, velocity estimate.
 
     For an impedance display, the measured motion drives the coupling, and the block after the coupling adds up the
-    forces.
+    forces. For a servo, the vendor's loop follows the command of the coupling, and there is no law and no mechanism.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def _spring(drawing: Drawing, left: float, right: float, structure: Structure) -
 
 
 def _feedback(drawing: Drawing, device: Device, gains: Gains) -> None:
-    """Draw the feedback to the control law: the measured or estimated velocity, and the position."""
+    """Draw the feedback to the control law: the measured or estimated velocity, and the position if K_p > 0."""
     low, high, estimate = BOTTOM + HEIGHT / 2, TOP - TALL / 2, device.velocity
     if estimate is None:
         _arrow(drawing, (LAW, low), (LAW, high), label="v, x" if gains.position > 0 else "v")

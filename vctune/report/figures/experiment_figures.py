@@ -59,7 +59,7 @@ def _draw(
 
 
 def _asked(experiment: ExperimentRecord, at: np.ndarray[Any, Any]) -> Any:
-    """Return the force of the environment over the figure's axis, for rest or for constant speed."""
+    """Return the force of the environment over the figure's axis: over position at rest, or over constant velocity."""
     environment = experiment.environment
     if experiment.axis == "velocity":
         return environment.damping * at
@@ -101,8 +101,11 @@ def _worst_off(run: RunRecord | None) -> str:
 
 
 def dwell_line(simulation: SimulationRecord) -> str:
-    """Return the least time between changes of the hand at which the loop stayed at rest; "" without such
-    experiments."""
+    """Return a sentence on the times between changes of the hand at which the loop stayed at rest; "" without such
+    experiments.
+
+    The stated time is the least one that is longer than every time at which a loop grew.
+    """
     changing = [(one.dwell_s, one.stayed) for one in simulation.experiments if one.dwell_s is not None]
     if not changing:
         return ""

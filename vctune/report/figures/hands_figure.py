@@ -1,4 +1,7 @@
-"""The requirement of a box of hands up to Nyquist, and each hand's share of the coupling's resistance."""
+"""The requirement of a box of hands or of any passive hand up to Nyquist, and each hand's share of the resistance.
+
+For an impedance display, Re 1/Z_c and conductances replace Re Z_c and resistances in all figures of this module.
+"""
 
 from __future__ import annotations
 
@@ -58,8 +61,8 @@ class OfferedAndRequired(NamedTuple):
     Attributes
     ----------
     hz, theta : frequencies, Hz, and omega T, rad; one entry for each angle above 0, as in `offered` and `required`
-    offered : Re Z_c as the firmware runs it, N s/m; for an impedance display, Re(1/Z_c)/s^2, s = sin(theta/2)
-    required : greatest R of the hands, in the unit of `offered`
+    offered : Re Z_c as the firmware runs it, N s/m; for an impedance display, Re(1/Z_c)/s^2, m/(N s), s = sin(theta/2)
+    required : greatest R of the hands, in the unit of `offered`; may be 0 or negative
     least : least ratios in the hands, the lowest first
     """
 

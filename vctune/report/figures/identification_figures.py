@@ -1,4 +1,4 @@
-"""Figures of an identification: force over time, response, residual, and each number with its limit."""
+"""Figures of an identification: force over time, response, residual, and each number with its interval."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ from vctune.report.svg.elements import BLUE, GREEN, GREY, ORANGE
 WINDOW = 2.0
 """Length, s, of the part of the log that the figure enlarges."""
 MOST_POINTS = 2000
+"""Greatest number of drawn points of a log, up to a factor of 2."""
 SPECTRUM_BINS = 120
+"""Number of edges of the bands of a spectrum, which have equal widths on a log scale."""
 
 
 def identification_figures(found: Identified, record: IdentificationRecord) -> dict[str, Figure]:
@@ -136,9 +138,9 @@ def _residual_spectra(studies: list[RecordStudy], units: Units) -> Figure:
 
 
 def _motion_left(study: RecordStudy, motion: MotionStudy) -> tuple[Floats, Floats, Floats]:
-    """Return frequencies, and the root mean squares of the residual and of the encoder's noise.
+    """Return frequencies, Hz, and the root mean squares of the residual and of the encoder's noise around them.
 
-    Both are in bands of a fifth of an octave.
+    Both are in bands, as shares of the force. Bands without a line of the spectrum are left out.
     """
     fit, samples = motion.directional, motion.samples
     T = samples.step

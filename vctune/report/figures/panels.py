@@ -23,13 +23,14 @@ from vctune.report.typography import quantity
 
 @dataclass(frozen=True, slots=True)
 class Demanded:
-    """The curves of Re Z_c, R and their ratio on the stability band.
+    """The curves of Re Z_c, R and their ratio of an admittance display, at the frequencies of the page's curves.
 
     Attributes
     ----------
     own : curves of the nominal device
     bare : curves without the least operator; None if the problem has none
-    others : curves of the devices at the corners of the box of uncertain devices
+    others : curves of the other devices that the search evaluates (`vctune.design.prepared.pose`): the vertices of the
+        box of uncertain devices, with responses on the edge of the disc; empty without uncertainty
     """
 
     own: Llewellyn
@@ -128,7 +129,7 @@ def _on_band(axes: Axes, problem: Problem, curves: Llewellyn) -> None:
 def _asymptotes(axes: Axes, problem: Problem, gains: Gains, coupling: Coupling) -> None:
     """Draw the finite limits of R: for omega -> 0 if K_p > 0, and for omega -> inf with hold "lag".
 
-    See model/README.md, section 6.
+    The second limit needs a device without delay and parts, with b > 0 and K_v > 0. See model/README.md, section 6.
     """
     device = problem.device
     if gains.position > 0:
@@ -141,7 +142,10 @@ def _asymptotes(axes: Axes, problem: Problem, gains: Gains, coupling: Coupling) 
 
 
 def least_view(problem: Problem) -> tuple[float, float, float]:
-    """Return the left edge, the right edge and half the height of the least area that a Nyquist plot must show."""
+    """Return the left edge, the right edge and half the height of the area that a Nyquist plot shows.
+
+    The area contains the unit circle and the circle around -1 in which |S| exceeds its limit.
+    """
     return -1.2 - 1 / problem.stability.max_sensitivity, 1.1, 1.1
 
 
@@ -182,8 +186,9 @@ def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
 
 
 def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, part: str = "error") -> Axes:
-    """Draw the transparency error or one of its terms over frequency, for a design, without a coupling and without a
-    loop.
+    """Draw the transparency error or one of its terms over frequency, for a design.
+
+    For an admittance display, the function also draws it without a coupling, and without a coupling and a loop.
 
     Parameters
     ----------
@@ -207,7 +212,9 @@ Cases = dict[str, tuple[Transparency, str, float]]
 
 
 def compared(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Cases:
-    """Return the transparency of a design and of the two cases to compare it with: no coupling, and no loop.
+    """Return the transparency of a design and, for an admittance display, of the two cases to compare it with.
+
+    These cases are no coupling, and neither coupling nor loop.
 
     Parameters
     ----------
@@ -225,14 +232,14 @@ def compared(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Cases:
 
 
 def draw_part(axes: Axes, problem: Problem, cases: Cases, part: str) -> None:
-    """Draw one part of the transparency for several cases.
+    """Draw one part of the transparency for several cases. A curve that is 0 everywhere is left out.
 
     Parameters
     ----------
     axes : axes of Matplotlib, or a panel
     problem : problem whose band the function shades
     cases : curves to draw
-    part : name of the part
+    part : "error", or the name of a term
     """
     for name, (curves, line, width) in cases.items():
         values, colour = getattr(curves, part), BLUE if name == "designed" else GREY
@@ -245,6 +252,8 @@ def draw_part(axes: Axes, problem: Problem, cases: Cases, part: str) -> None:
 
 def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling) -> Axes:
     """Draw the impedance that the hand feels with several environments, and the ideal one, over frequency.
+
+    For a device with a mechanism, that is, not a servo, the function also draws the bare device.
 
     Parameters
     ----------

@@ -34,6 +34,8 @@ from vctune.study.region_check import Recheck
 from vctune.study.region_record import Design
 
 MESH, STEPS = 48, 8
+"""Number of nodes along each axis of the mesh for contours, and number of parts between which the code checks the time
+limit."""
 
 
 def region_figure(problem: Problem, region: Region, designs: Sequence[Design], marked: Design | None = None) -> Figure:
@@ -41,8 +43,8 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design], m
 
     Parameters
     ----------
-    problem : problem; the figure shows contours of its error and, with any passive hand, the limit of K_p if the axes
-        are K_v and K_p
+    problem : problem. If the axes are K_v and K_p, the figure shows where the velocity loop is idle; for an admittance
+        display also contours of the error and, with any passive hand, the limit of K_p
     region : the cells and their verdicts; the title states if the computation was interrupted
     designs : optimal designs to mark
     marked : a given design, which the figure marks if it lies in the plane
@@ -177,7 +179,11 @@ def _feasible(region: Region) -> NDArray[np.bool_]:
 
 
 def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
-    """Draw tau K_p = b + K_v, beyond which Re G_hh < 0 at low frequencies."""
+    """Draw tau K_p = b + K_v with tau = T/2 + delay, beyond which Re G_hh < 0 at low frequencies.
+
+    The line is exact for a device without an actuator's lag, without the damping of a structure and of the least
+    operator.
+    """
     device, swapped = problem.device, plane.axes == (1, 0)
     K_v = plane.edges[1 if swapped else 0]
     K_p = (device.damping + K_v) / device.loop_lag

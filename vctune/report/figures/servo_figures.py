@@ -21,6 +21,7 @@ from vctune.report.svg.elements import BLUE, GREEN, GREY, ORANGE
 WINDOW = 200
 """Number of rows of the part of a log that the figure enlarges."""
 MOST_POINTS = 2000
+"""Greatest number of drawn points of a log, up to a factor of 2."""
 
 
 def following(studies: list[RecordStudy], units: Units) -> Figure:
@@ -106,5 +107,5 @@ def servo_response(found: Identified, studies: list[RecordStudy]) -> Figure:
 
 
 def _phase(response: Complex, near: Floats) -> Floats:
-    """Return the phase of a response, degrees. It differs from a given phase by less than half a turn."""
+    """Return the phase of a response, degrees, that differs from a given phase by at most half a turn."""
     return np.asarray(near + np.degrees(np.angle(response * np.exp(-1j * np.radians(near)))))

@@ -18,12 +18,16 @@ from vctune.study.study_table import Table
 WIDE = 10.0
 """Positive values that span more than this ratio are drawn on a logarithmic axis."""
 COLOURS = "viridis_r"
+# of an admittance display
 TERM_LABELS = {"admittance": "|Z_0 G_hh|", "tracking": "|1 - G_he|", "coupling": "|Z_c| / Z_0"}
 FEW = 40
+"""Greatest number of points with large markers."""
 
 
 def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
     """Return the figure of the error over the axes that vary; None unless one or two axes vary.
+
+    Points with an infinite value on an axis are left out.
 
     Parameters
     ----------

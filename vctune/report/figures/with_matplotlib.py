@@ -99,8 +99,8 @@ def legend_above(axes: Axes, columns: int, **options: Any) -> None:
 def svg(figure: Figure, name: str) -> str:
     """Return a figure as SVG.
 
-    The same figure always gives the same bytes. The function rounds coordinates to a hundredth of a point. It also
-    removes superfluous text and groups.
+    The same figure always gives the same bytes. The function rounds coordinates to a hundredth of a point, and those of
+    polylines to a tenth. It also removes superfluous text and groups.
 
     Parameters
     ----------

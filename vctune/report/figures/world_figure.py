@@ -24,10 +24,10 @@ FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
 LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
 WORLD_LABELS = {Kind.FEASIBLE: "may be rendered", Kind.INFEASIBLE: "refused in some hand", Kind.UNDECIDED: "undecided"}
 STRIP, GAP = 0.03, 0.008
-"""Height of the strip for the line K_p = 0, and distance of the strip from the plane."""
+"""Height of the strip for the line K_p = 0, and distance of the strip from the plane, as shares of the plane."""
 INTERRUPTED = "interrupted: some undecided cells were not examined"
 APART = (0.07, 0.035)
-"""Least distance between the ticks on x and on y."""
+"""Least distance between the ticks on x and on y, as a share of the axis."""
 
 
 def world_figure(problem: Problem, region: Region) -> Drawing:
@@ -66,7 +66,9 @@ def world_figure(problem: Problem, region: Region) -> Drawing:
 def marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
     """Return the values of the ticks on an axis and their positions.
 
-    The values are powers of ten, or round numbers if the axis has fewer than three powers of ten; and 0.
+    The values are powers of ten. If the axis has fewer than three of them, the values are 1, 2 and 5 times powers of
+    ten; on an axis shorter than half a decade, they are round numbers. 0 is added if the axis starts at 0. Ticks that
+    are too close to a higher one are left out.
 
     Parameters
     ----------
@@ -115,13 +117,13 @@ def place(plane: Plane, k: int, values: Floats) -> Floats:
 
 
 def spot(plane: Plane, k: int, value: float) -> float:
-    """Return the position of a design on an axis; K_p = 0 lies on the strip.
+    """Return the position of a design or of an environment on an axis; K_p = 0 lies on the strip.
 
     Parameters
     ----------
     plane : the plane
     k : 0 for x, 1 for y
-    value : value of the design on this axis, in the units of the axis
+    value : its value on this axis, in the units of the axis
     """
     on_line = value == 0 and plane.has_line(k)
     return -(STRIP + GAP) / 2 if on_line else float(place(plane, k, np.array([value]))[0])
@@ -140,7 +142,7 @@ def _joined(squares: Squares, along: int) -> Squares:
 
 
 def cells(plane: Plane, squares: Squares) -> Floats:
-    """Return the corners of cells, shape (cells, 5, 2); the last corner repeats the first.
+    """Return the corners of joined cells, shape (joined cells, 5, 2); the last corner repeats the first.
 
     The function joins adjacent cells, so that the figure has no seams. Cells of the line K_p = 0 lie on the strip.
 

@@ -10,7 +10,10 @@ ASK = "stability.changing = “damping” requests a longer proof."
 
 
 def changing_lines(record: DesignRecord, problem: Problem) -> list[str]:
-    """Return a sentence on whether the damping of the hand may change; nothing if a claim of the design states it.
+    """Return a sentence on whether the damping of the hand may change.
+
+    The list is empty if a claim of the design states it, if no box of hands is required, or if the design is not
+    certified.
 
     Parameters
     ----------

@@ -37,11 +37,12 @@ PANELS = 8
 """Number of intervals of the transparency band with Gauss's nodes in each. The sampled error then agrees with the
 design's to 1e-6 or better. Half as many intervals miss a resonance in the band. Twice as many make the page longer."""
 SHOWN = 100
-"""Number of frequencies of the curves in addition to the nodes. With half as many, the curves show corners. Twice as
-many make the page longer."""
+"""Least number of frequencies of the curves in addition to the nodes. With half as many, the curves show corners. Twice
+as many make the page longer."""
 ANGLES, PER_SAMPLE = 120, 16
-"""Number of angles of the sampled loop up to Nyquist, and number of additional angles for each sample of delay. Between
-adjacent angles the curve turns by less than half a turn. With half as many angles, the Nyquist plot shows corners."""
+"""Number of angles of the sampled loop up to Nyquist, and number of additional angles for each sample of delay and for
+four more samples. Between adjacent angles the curve turns by less than half a turn. With half as many angles, the
+Nyquist plot shows corners."""
 IN_HAND, LOWEST = 128, 1e-3
 """Number of angles in each hand, and the smallest angle above 0, rad. Half as many angles miss the narrow minima of
 stiff hands. Twice as many make the page longer."""
@@ -49,6 +50,9 @@ stiff hands. Twice as many make the page longer."""
 
 def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
     """Return the constants of the frequency model, and the weights of the error's quadrature.
+
+    The weight of a frequency that is no node of the quadrature is 0. The constants of a servo are its responses C and
+    1 - G_he; `_force_model` returns those of an impedance display.
 
     Parameters
     ----------
@@ -119,7 +123,9 @@ def _complex(pair: Pair) -> Complex:
 
 
 def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any] | None:
-    """Return the parts of the sampled loop's return difference; None if the firmware has no feedback.
+    """Return the parts of the sampled loop's return difference; None for a servo, which has no loop of its own.
+
+    The return difference is `open` + K_v `velocity` + K_p `position`.
 
     Parameters
     ----------
@@ -147,10 +153,13 @@ def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any] | None:
 def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict[str, Any]:
     """Return the parts of the loop in each of several hands, at angles up to Nyquist and at the worst frequencies.
 
+    For a servo, R in each hand replaces these parts, because it does not depend on the design. For an impedance
+    display, the parts of Z_c and the coefficients of R (`_required`) replace them.
+
     Parameters
     ----------
     device : device of the design
-    met : the hands; None instead of a hand means any passive hand
+    met : the hands; None, only for an impedance display, means any passive hand
     worst : frequencies of the least ratios, rad/s
     """
     theta = np.geomspace(LOWEST, pi, IN_HAND)
@@ -187,10 +196,10 @@ def _felt(loop: LoopInHand, sample_time: float, theta: Floats) -> EvenOdd:
 
 
 def _required(device: Device, hand: Hand | None, theta: Floats) -> str:
-    """Return R/s^2 in a hand, or in any passive hand, as coefficients at each angle.
+    """Return R/s^2 in a hand, or in any passive hand, as five coefficients at each angle.
 
-    The numerator is affine in K_v, and the denominator is quadratic in K_v. The function computes the coefficients from
-    numerator and denominator at three values of K_v.
+    The numerator is affine in K_v, and the denominator is quadratic in K_v. The coefficients of each begin with the
+    constant. The function computes them from numerator and denominator at three values of K_v.
     """
     delays, unit = delays_of(device), device.mass / device.sample_time
 

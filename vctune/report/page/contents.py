@@ -113,7 +113,7 @@ def reading(figure: str, display: str, worlds: Worlds | None) -> str:
 
 
 def report_paths(folder: Path) -> list[Path]:
-    """Return the paths of a folder's report and of its figures."""
+    """Return the paths of a folder's report and of every figure that it can have."""
     return [folder / REPORT, *(folder / f"{name}.svg" for name in READINGS)]
 
 
@@ -150,5 +150,5 @@ IDENTIFICATION_READINGS = {
 
 
 def identification_paths(folder: Path) -> list[Path]:
-    """Return the paths of an identification's report and of its figures."""
+    """Return the paths of an identification's report and of every figure that it can have."""
     return [folder / REPORT, *(folder / f"{name}.svg" for name in IDENTIFICATION_READINGS)]

@@ -36,6 +36,9 @@ class Limit(NamedTuple):
 def limits(record: DesignRecord) -> list[Limit]:
     """Return the active constraints, the most expensive first, then the worst hand and the best change of the device.
 
+    The list has up to `MOST` constraints. The worst hand is left out if there is no active constraint or no box of
+    hands. The change is left out if it makes no difference.
+
     Parameters
     ----------
     record : record of a design
@@ -71,7 +74,9 @@ def _binding(record: DesignRecord) -> str:
 
 
 def findings(record: DesignRecord, problem: Problem) -> dict[str, str]:
-    """Return a sentence about each figure of a design, by the figure's name.
+    """Return a sentence about each figure of a design, by the figure's name; empty without a design.
+
+    The block diagram and the simulation have none. Some names may have no figure.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ class PhaseTable:
     Attributes
     ----------
     headings : headings of the columns
-    rows : name of each part, and its phase in each column; the last row contains the sums
+    rows : name of each part, and its phase in each column; the last row contains the sums. Empty without columns
     remark : sentence about the force sensor's loss; empty without a sensor
     """
 
@@ -35,22 +35,24 @@ class PhaseTable:
 
 
 def phase_table(problem: Problem, gains: Gains) -> PhaseTable:
-    """Return the phases of the loop at its crossover, and of the force path at the crossover and at the band's upper
-    edge.
+    """Return the phases of the loop and of the force path at the loop's crossover, and of the force path at the band's
+    upper edge.
+
+    A loop without a crossover has only the last column, and a device without gains has none.
 
     Parameters
     ----------
     problem : problem with the device and the transparency band
     gains : gains of the design
     """
-    device, edge, push = problem.device, problem.transparency.band.max, problem.units.force_name
+    device, edge, force_name = problem.device, problem.transparency.band.max, problem.units.force_name
     cross = crossover(device, gains)
     columns: list[tuple[str, Phases]] = []
     if cross is not None:
         columns = [(f"loop, {_hz(cross)}", loop_phases(device, gains, cross))]
-        columns += [(f"{push} path, {_hz(cross)}", force_phases(device, gains, cross))]
+        columns += [(f"{force_name} path, {_hz(cross)}", force_phases(device, gains, cross))]
     if gains.closed:
-        columns += [(f"{push} path, {_hz(edge)}", force_phases(device, gains, edge))]
+        columns += [(f"{force_name} path, {_hz(edge)}", force_phases(device, gains, edge))]
     parts = [part for part in PARTS if any(part in phases.shares for _, phases in columns)]
     rows = [
         (problem.units.translated(part), *(_degrees(phases.shares.get(part)) for _, phases in columns))
@@ -66,10 +68,11 @@ def _remark(problem: Problem) -> str:
     miss = sensor_miss(problem.device, band.min * (band.max / band.min) ** share)
     if miss is None:
         return ""
-    mean, push = float(np.sqrt(np.mean(miss[:-1] ** 2))), problem.units.force_name
+    mean, force_name = float(np.sqrt(np.mean(miss[:-1] ** 2))), problem.units.force_name
     return (
-        f"The {push} sensor loses |1 - F_s| = {mean:.2g} of the hand's {push} on average over the transparency band, "
-        f"and {miss[-1]:.2g} at its upper edge. No gain affects this loss, and the error does not include it."
+        f"The {force_name} sensor loses |1 - F_s| = {mean:.2g} of the hand's {force_name} on average over the "
+        f"transparency band, and {miss[-1]:.2g} at its upper edge. No gain affects this loss, and the error does not "
+        "include it."
     )
 
 

@@ -18,7 +18,7 @@ from vctune.report.svg.drawing import Drawing
 from vctune.report.svg.panel import Panel
 
 REACH = 10.0
-"""Factor between the shipped value and the ends of a slider."""
+"""Factor between the shipped value and each end of a slider."""
 PANELS_OF = {
     "llewellyn": ("resistance", "ratio"),
     "hands": ("in_hand", "hand_ratio"),
@@ -41,7 +41,7 @@ def sliders(
 
     Parameters
     ----------
-    problem : problem of the nominal device
+    problem : problem; the sliders show its nominal device
     gains, coupling : the shipped design
     record : record of the design; the sampled frequencies include the frequencies of its extrema
     worst : the least ratios in the problem's hands
@@ -74,7 +74,8 @@ def sliders(
 
 
 def _hands(problem: Problem, worst: Sequence[RatioInHand | RatioInAnyHand]) -> list[Hand | None]:
-    """Return the vertices of the box of hands and its worst hands; None stands for any passive hand."""
+    """Return the vertices of the box of hands and its worst hands; [None], which stands for any passive hand, for an
+    impedance display that requires it."""
     if problem.any_hand:
         return [None]
     corners = [] if problem.hands_met is None else problem.hands_met.corners
@@ -106,7 +107,10 @@ def _panel(panel: Panel, curve: str) -> dict[str, Any]:
 
 
 def _variables(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[dict[str, Any]]:
-    """Return the name, unit, shipped value and ends of each slider. If the value is 0, the slider starts at 0."""
+    """Return the name, unit, shipped value and ends of each slider. A b_c of infinity has no slider.
+
+    A slider for a value of 0 runs from 0 to the last number of `named`, a typical size of this variable.
+    """
     bounds, device, damping, units = problem.bounds, problem.device, coupling.damping, problem.units
     named: list[tuple[str, str, str, float, Range, float]]
     coupled: list[tuple[str, str, str, float, Range, float]]

@@ -200,7 +200,7 @@ def _for_devices(problem: Problem) -> str:
 
 
 def _measure(record: DesignRecord, problem: Problem) -> str:
-    """Return a sentence about the quality of a design, whether it is proved or not."""
+    """Return a sentence about the quality of a design, whether it is proved or not; "" without a design."""
     transparency = record.transparency
     if transparency is None:
         return ""

@@ -33,7 +33,10 @@ class Line(NamedTuple):
 
 
 class ClaimLine(NamedTuple):
-    """A claim in a table: its label, its verdict, the computed value and the limit of this value."""
+    """A claim in a table: its label, its sentence, its verdict, the computed value and the limit of this value.
+
+    Both values are "" for a claim that limits no number.
+    """
 
     label: str
     claim: str
@@ -43,7 +46,10 @@ class ClaimLine(NamedTuple):
 
 
 class FeelLine(NamedTuple):
-    """A quantity that describes how the design feels, with its unit, and the same quantity of the bare device."""
+    """A quantity that describes how the design feels, with its unit, and the same quantity of the bare device.
+
+    The latter is "" for a servo, and "no loop" for a latency.
+    """
 
     label: str
     design: str
@@ -51,7 +57,7 @@ class FeelLine(NamedTuple):
 
 
 def asked(problem: Problem) -> dict[str, list[Line]]:
-    """Return device, constraints and hands as rows, by the titles of their tables."""
+    """Return device, constraints with objective, and hands with environments as rows, by the titles of their tables."""
     return {"Device": _device(problem), "Constraints": _demands(problem), "Hands": _hands(problem)}
 
 
@@ -243,7 +249,8 @@ FOUND: dict[ClaimId, Callable[[Found], tuple[str, str]]] = {
     "worlds": _least_in_hands,
     "walls": _least_at_walls,
 }
-"""Functions that return a claim's computed value and its limit, for the claims that limit a number."""
+"""Functions that return a claim's computed value and its limit as texts, by the identifier of the claim. Other claims
+limit no number."""
 
 
 def _at(value: float | None, hz: float | None) -> str:
@@ -336,6 +343,8 @@ def _parts(device: Device) -> list[str]:
 
 def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[FeelLine]:
     """Return the rows that compare how a design and the bare device feel (analysis/README.md, section 1).
+
+    For a servo, the rows describe only the design.
 
     Parameters
     ----------

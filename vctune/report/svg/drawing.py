@@ -1,7 +1,8 @@
 """Write a figure as SVG: panels, lines, areas and texts, in points (1/72 inch).
 
 The import of Matplotlib takes as long as solving a problem. The figures of a design therefore do not use
-Matplotlib. A `Panel` has the methods of Matplotlib's Axes that `panels.py` calls, so `panels.py` can draw on either.
+Matplotlib. A `Panel` has the methods of Matplotlib's Axes that `panels.py` calls (`vctune.report.svg.panel.Axes`), so
+`panels.py` can draw on either.
 """
 
 from __future__ import annotations

@@ -124,13 +124,16 @@ def _run(points: Floats) -> str:
 
 
 def _tenths(step: int) -> str:
-    """Return a tenth of a whole number as text."""
+    """Return a number of tenths as a decimal text, such as ".5" for 5."""
     whole, tenth = divmod(abs(step), 10)
     return "-" * (step < 0) + (str(whole) if whole or not tenth else "") + (f".{tenth}" if tenth else "")
 
 
 def _thinned(points: Floats) -> Floats:
-    """Return the points of a curve except those that lie on the line between their neighbours."""
+    """Return the points of a curve except those that lie on the line between their neighbours, up to `STRAIGHT`.
+
+    Each of `PASSES` passes omits at most every other point.
+    """
     for _ in range(PASSES):
         if len(points) < 3:
             break

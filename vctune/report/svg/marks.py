@@ -16,6 +16,7 @@ MARKERS = {
     "D": "m0-{r}l{r} {r}l-{r} {r}l-{r}-{r}z",
     "+": "m-{r} 0h{d}m-{r}-{r}v{d}",
 }
+"""Path of each marker from its middle; {r} stands for half its width, {d} for its width."""
 MARKER = 6.0
 """Width of a marker, points."""
 
@@ -32,7 +33,7 @@ class Mark:
     marker, across : marker ("" for no marker), and its width, points
     every : distances along the curve to the first marker and between markers, as shares of the panel's diagonal; None
         for a marker at each point
-    ground : fill of an area, or of a marker's edge
+    ground : fill of an area, or colour of a marker's edge
     opacity : opacity of the fill
     hatch : hatching of an area as in Matplotlib, "/" or "-"; "" for none
     edges : whether the mark extends to the panel's edges

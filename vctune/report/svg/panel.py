@@ -23,7 +23,8 @@ APART = (38.0, 20.0)
 
 
 class Axes(Protocol):
-    """The methods of axes that `panels.py` calls. `Panel` and Matplotlib's Axes have them."""
+    """The methods of axes that `panels.py`, `hands_figure.py` and `style.py` call. `Panel` and Matplotlib's Axes have
+    them."""
 
     def plot(self, *args: Any, **kwargs: Any) -> Any: ...
     def semilogy(self, *args: Any, **kwargs: Any) -> Any: ...
@@ -67,7 +68,7 @@ class Panel:
         Parameters
         ----------
         x, y : data coordinates
-        form : format string as in Matplotlib, such as "--" or "o"
+        form : a line style such as "--", or a marker such as "o" for points without a line
         style : `color`, `linewidth`, `linestyle`, `marker` and so on, as in Matplotlib
         """
         across, up = np.broadcast_arrays(np.atleast_1d(np.asarray(x, float)), np.atleast_1d(np.asarray(y, float)))
@@ -164,7 +165,8 @@ class Panel:
 
         Parameters
         ----------
-        given : `xscale`, `xlim`, `xlabel`, the same for y, and `title`
+        given : `xscale`, `xlim`, `xlabel`, the same for y, and `title`. Other properties of Matplotlib, such as
+            `aspect`, have no effect
         """
         for key, value in given.items():
             scale, what = (self.x if key[0] == "x" else self.y), key[1:]
@@ -186,7 +188,7 @@ class Panel:
         labels : texts at the ticks; None to show the positions
         minor : whether these are minor ticks
         """
-        _mark(self.x, ticks, labels, minor)
+        _set_ticks(self.x, ticks, labels, minor)
 
     def set_yticks(self, ticks: Sequence[float], labels: Sequence[str] | None = None, *, minor: bool = False) -> None:
         """Set the ticks on y.
@@ -195,18 +197,21 @@ class Panel:
         ----------
         ticks, labels, minor : see `set_xticks`
         """
-        _mark(self.y, ticks, labels, minor)
+        _set_ticks(self.y, ticks, labels, minor)
 
     def get_xlim(self) -> tuple[float, float]:
-        """Return the limits of x."""
+        """Return the limits of x: those that were set, or limits around the marks."""
         return self.x.limits or around(self.x, [mark.x for mark in self.marks])
 
     def get_ylim(self) -> tuple[float, float]:
-        """Return the limits of y."""
+        """Return the limits of y: those that were set, or limits around the marks."""
         return self.y.limits or around(self.y, [mark.y for mark in self.marks])
 
     def shares(self, mark: Mark) -> Floats:
-        """Return the points of a mark as shares of the panel from its lower left corner, shape (n, 2)."""
+        """Return the points of a mark as shares of the panel from its lower left corner, shape (n, 2).
+
+        A share is nan where a logarithmic scale cannot show the point.
+        """
         shares = np.stack([self.x.shares(mark.x, self.get_xlim()), self.y.shares(mark.y, self.get_ylim())], axis=1)
         if mark.edges:
             across = np.stack([mark.x, mark.y], axis=1)
@@ -214,7 +219,10 @@ class Panel:
         return np.where(np.isinf(shares), np.nan, shares)
 
     def points(self, mark: Mark) -> Floats:
-        """Return the points of a mark in the drawing, shape (n, 2)."""
+        """Return the points of a mark in the drawing, shape (n, 2).
+
+        A point that is farther than `BEYOND` from the middle of the panel moves towards the middle, to this distance.
+        """
         left, top, width, height = self.box
         out = (self.shares(mark) - 0.5) * (width, -height)
         far = np.maximum(np.hypot(*out.T) / BEYOND, 1.0)
@@ -288,7 +296,7 @@ class Panel:
             yield text(left + width / 2, top - 0.5 * SIZE, self.title, size=8, ha="center")
 
 
-def _mark(scale: Scale, ticks: Sequence[float], labels: Sequence[str] | None, minor: bool) -> None:
+def _set_ticks(scale: Scale, ticks: Sequence[float], labels: Sequence[str] | None, minor: bool) -> None:
     if minor:
         scale.minor = ticks
     else:

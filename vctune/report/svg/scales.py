@@ -106,9 +106,11 @@ def round_numbers(low: float, high: float, most: int = 7) -> list[float]:
 def decades_between(low: float, high: float, most: int = 8) -> list[float]:
     """Return powers of ten between two numbers, or 1, 2 and 5 times these powers if there are few of them.
 
+    If fewer than two of these lie between the numbers, return round numbers.
+
     Parameters
     ----------
-    low, high : the two numbers
+    low, high : the two numbers, > 0
     most : greatest number of decades for which every decade has a tick
     """
     first, last = floor(log10(low)), ceil(log10(high))
