@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from vctune.analysis.demands import transparency_error
+from vctune.analysis.demands import response, transparency_error
 from vctune.analysis.tracking import tracking_terms
 from vctune.document.reading import parse_problem
 from vctune.model.gains import Coupling, Gains
@@ -67,3 +69,34 @@ def test_the_tracking_term_of_many_loops_is_that_of_each():
     for place in np.ndindex(found.shape):
         each = transparency_error(PROBLEM, Gains(K_v[place], K_p[place]), Coupling(100.0, 0.3, 0.0)).tracking
         assert found[place] == pytest.approx(each, rel=1e-6)
+
+
+def test_beyond_the_line_of_a_region_the_required_resistance_is_unbounded():
+    """The lag in the line includes the actuator's, which is greater than T/2 here."""
+    slow = parse_problem(
+        "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n[device.actuator]\nbandwidth_hz = 100.0\n"
+        "[stability]\ncriterion = 'passive'\n",
+        "x",
+        "x",
+    )
+    across = plane(slow, "gains.velocity", "gains.position", 4)
+    squares = across.coarsest_squares()
+    found = Region(across, squares, np.full(squares.shape[1], Kind.UNDECIDED), np.full(squares.shape[1], np.nan))
+    axes = region_figure(slow, found, []).axes[0]
+    (line,) = [line for line in axes.lines if str(line.get_label()).startswith("τ")]
+    shares = np.linspace(0, 1, len(across.edges[0]))
+    inside = np.flatnonzero(np.isfinite(line.get_ydata()))[-1]
+    K_v, K_p = (
+        np.interp(data[inside], shares, edges)
+        for data, edges in zip((line.get_xdata(), line.get_ydata()), across.edges, strict=True)
+    )
+    resistance = [
+        response(slow.device, Gains(K_v, share * K_p), np.array([1e-3])).resistance[0] for share in (0.999, 1.001)
+    ]
+    assert resistance[0] > 0 > resistance[1]
+
+
+@pytest.mark.parametrize(("display", "of_tracking"), [("admittance", "|1 - G_he|"), ("impedance", "|1 - A H/N|")])
+def test_the_front_names_the_terms_of_its_display(display, of_tracking):
+    axes = terms_figure(replace(table_of("gains.velocity"), display=display)).axes[0]
+    assert axes.get_ylabel() == of_tracking

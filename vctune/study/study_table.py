@@ -19,7 +19,7 @@ from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_axes import number_keys
 from vctune.document.study_file import Study
 from vctune.markup import html_table
-from vctune.model.display import stated_display
+from vctune.model.display import DisplayName, stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.study.points import points
 from vctune.study.rows import Rows
@@ -45,6 +45,7 @@ class Table:
         `vctune.document.records.rows_json.SHOWN_COLUMNS` that the study's kind of display has; nan for a value that
         does not exist
     system : the problem's system of units
+    display : kind of display
     """
 
     axes: dict[str, Floats]
@@ -53,6 +54,7 @@ class Table:
     reason: list[str]
     numbers: dict[str, Floats]
     system: UnitSystem = "linear"
+    display: DisplayName = "admittance"
 
     @property
     def certified(self) -> NDArray[np.bool_]:
@@ -156,8 +158,9 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
         reason.append(row["reason"] or "")
         for name, column in numbers.items():
             column[i] = nan if row[name] is None else row[name]
-    axes, system = {axis.key: values[:, k] for k, axis in enumerate(study.axes)}, study.document["device"].get("units")
-    return Table(axes, status, np.array(idle, dtype=bool), reason, numbers, system or "linear")
+    axes, device = {axis.key: values[:, k] for k, axis in enumerate(study.axes)}, study.document["device"]
+    system: UnitSystem = device.get("units") or "linear"
+    return Table(axes, status, np.array(idle, dtype=bool), reason, numbers, system, stated_display(device).name)
 
 
 def _columns(study: Study) -> list[str]:

@@ -11,10 +11,10 @@ from pydantic import Discriminator, Field, Tag
 
 from vctune.document.records.part import DisplayPart, Number, Part, Row, Shown, filled, how_shown
 from vctune.model.device import Device
-from vctune.model.display import DISPLAYS
+from vctune.model.display import DISPLAYS, DisplayName
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.numbers.units import Units, UnitSystem
-from vctune.model.transparency import TERMS
+from vctune.model.transparency import TERMS, TermName
 
 NotNegative = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
@@ -101,6 +101,18 @@ def coupling_record(coupling: AnyCoupling) -> CouplingRecord | SpringRecord:
     return CouplingRecord(**asdict(coupling) | ({"damping": None} if coupling.rigid else {}))
 
 
+def term_labels(display: DisplayName) -> dict[TermName, str]:
+    """Return the label of each error term: of free motion, of the commanded motion or force, and of the coupling.
+
+    Parameters
+    ----------
+    display : kind of display; an impedance display has the dual terms
+    """
+    if display == "impedance":
+        return {"admittance": "|1/G_hh|/Z_0", "tracking": "|1 - A H/N|", "coupling": "Z_0 |1/Z_c|"}
+    return {"admittance": "|Z_0 G_hh|", "tracking": "|1 - G_he|", "coupling": "|Z_c|/Z_0"}
+
+
 class TransparencyRecord(DisplayPart):
     """The error and its unweighted terms. An impedance display has the dual terms."""
 
@@ -118,14 +130,14 @@ class TransparencyRecord(DisplayPart):
     @property
     def admittance_label(self) -> str:
         """Label of the error term of free motion."""
-        return "|1/G_hh|/Z_0" if self.display == "impedance" else "|Z_0 G_hh|"
+        return term_labels(self.display)["admittance"]
 
     @property
     def tracking_label(self) -> str:
         """Label of the error term of tracking, that is, of the commanded motion or force."""
-        return "|1 - A H/N|" if self.display == "impedance" else "|1 - G_he|"
+        return term_labels(self.display)["tracking"]
 
     @property
     def coupling_label(self) -> str:
         """Label of the error term of the coupling."""
-        return "Z_0 |1/Z_c|" if self.display == "impedance" else "|Z_c|/Z_0"
+        return term_labels(self.display)["coupling"]

@@ -20,7 +20,8 @@ def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
     if units_stated(raw) is not ROTARY:
         return
     if _hands_are_met(raw):
-        yield from _hands(raw.get("operator", {}), servo="servo" in raw["device"])
+        has_a_choice = "servo" not in raw["device"] and "environment" not in raw
+        yield from _hands(raw.get("operator", {}), has_a_choice=has_a_choice)
     tables = raw.get("experiment")
     for index, table in enumerate(tables if isinstance(tables, list) else []):
         stated = table if isinstance(table, dict) else {}
@@ -29,13 +30,16 @@ def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_are_met(raw: dict[str, Any]) -> bool:
-    """Return whether a box of hands is required. On an impedance display, any passive hand replaces the box."""
-    stability, display = raw.get("stability", {}), raw["device"].get("display")
+    """Return whether a box of hands is required. On an impedance display without a box of environments, any passive
+    hand replaces the box."""
+    stability = raw.get("stability", {})
     criterion = stability.get("criterion", "both") if isinstance(stability, dict) else "both"
-    return criterion == "hands" or (criterion == "both" and display != "impedance")
+    any_hand = raw["device"].get("display") == "impedance" and "environment" not in raw
+    return criterion == "hands" or (criterion == "both" and not any_hand)
 
 
-def _hands(operator: Any, *, servo: bool) -> Iterator[Contradiction]:
+def _hands(operator: Any, *, has_a_choice: bool) -> Iterator[Contradiction]:
+    """Yield the fault of missing ranges of the hands. `has_a_choice` states whether the criterion may be "passive"."""
     if not isinstance(operator, dict):
         return
     lacking = [key for key in HAND if not isinstance(operator.get(key.partition(".")[2]), dict)]
@@ -43,7 +47,7 @@ def _hands(operator: Any, *, servo: bool) -> Iterator[Contradiction]:
         return
     of_a_grip = HUMAN_HANDS.high.by_key
     written = ", ".join(f"{key.partition('.')[2]} = {{ min = 0, max = {of_a_grip[key]:g} r^2 }}" for key in lacking)
-    otherwise = "" if servo else ', or ask for stability.criterion = "passive"'
+    otherwise = ', or ask for stability.criterion = "passive"' if has_a_choice else ""
     yield (
         ("operator",),
         f"a rotary device has no default hands, since they depend on how far from its axis it is held: write {written} "

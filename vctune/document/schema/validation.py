@@ -337,7 +337,7 @@ def _tables(model: type[BaseModel], tagged: KeyPath, tag: KeyPath) -> Iterator[t
     for name in model.model_fields:
         table = _table_at(model, (name, *(tag if (name,) == tagged else ())))
         if table:
-            yield name, set(table.model_fields)
+            yield name, {field.alias or key for key, field in table.model_fields.items()}
 
 
 def _documentation(model: type[BaseModel], path: KeyPath) -> str:

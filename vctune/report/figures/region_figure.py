@@ -20,6 +20,8 @@ from vctune.design.search.grid import least_errors
 from vctune.design.variables import point
 from vctune.design.verdict.judge import IDLE
 from vctune.model.gains import Gains
+from vctune.model.loop.limits import lags
+from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.keys import labelled
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
@@ -179,14 +181,14 @@ def _feasible(region: Region) -> NDArray[np.bool_]:
 
 
 def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
-    """Draw tau K_p = b + K_v with tau = T/2 + delay, beyond which Re G_hh < 0 at low frequencies.
+    """Draw tau K_p = b + K_v, beyond which Re G_hh < 0 at low frequencies. tau is the lag of the drive: T/2, the delay
+    and the actuator's lag.
 
-    The line is exact for a device without an actuator's lag, without the damping of a structure and of the least
-    operator.
+    The line is exact for a device without the damping of a structure and of the least operator.
     """
     device, swapped = problem.device, plane.axes == (1, 0)
     K_v = plane.edges[1 if swapped else 0]
-    K_p = (device.damping + K_v) / device.loop_lag
+    K_p = (device.damping + K_v) / float(lags(device, FLOATS).drive)
     x, y = (K_p, K_v) if swapped else (K_v, K_p)
     at = place(plane, 0, x), place(plane, 1, y)
     if np.isfinite(sum(at)).any():

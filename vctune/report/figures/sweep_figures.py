@@ -11,6 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
+from vctune.document.records.gains_json import term_labels
 from vctune.report.figures.with_matplotlib import STYLE, canvas
 from vctune.report.svg.elements import BLUE, GREY, RED
 from vctune.study.study_table import Table
@@ -18,8 +19,6 @@ from vctune.study.study_table import Table
 WIDE = 10.0
 """Positive values that span more than this ratio are drawn on a logarithmic axis."""
 COLOURS = "viridis_r"
-# of an admittance display
-TERM_LABELS = {"admittance": "|Z_0 G_hh|", "tracking": "|1 - G_he|", "coupling": "|Z_c| / Z_0"}
 FEW = 40
 """Greatest number of points with large markers."""
 
@@ -93,18 +92,19 @@ def _map(table: Table, across: tuple[str, Floats], up: tuple[str, Floats], *, gr
 
 def terms_figure(front: Table) -> Figure:
     """Return the front between the three terms. Two terms are the axes, and the colour shows the third."""
+    labels = term_labels(front.display)
     with rc_context(STYLE):
         figure, axes = _frame()
         x, y, colour = (front.numbers[term] for term in ("coupling_term", "tracking_term", "admittance_term"))
         drawn = axes.scatter(x, y, c=colour, cmap=COLOURS, norm=LogNorm() if _wide(colour) else None, s=26)
         if colour.size:
-            figure.colorbar(drawn, label=TERM_LABELS["admittance"])
+            figure.colorbar(drawn, label=labels["admittance"])
         _ring_idle(axes, front, x, y)
         if front.idle.any():
             axes.legend(loc="best")
         _scale(axes, "x", x)
         _scale(axes, "y", y)
-        axes.set(xlabel=TERM_LABELS["coupling"], ylabel=TERM_LABELS["tracking"])
+        axes.set(xlabel=labels["coupling"], ylabel=labels["tracking"])
     return figure
 
 
