@@ -126,6 +126,16 @@ def test_files_are_as_their_schemas_say(folder):
     assert VALID["report"].is_valid(strict(done.stdout)) and (folder / strict(done.stdout)["report"]).exists()
 
 
+GAINS_FILES = sorted((ROOT / "results").rglob("gains.toml"))
+
+
+@pytest.mark.parametrize("path", GAINS_FILES, ids=lambda path: path.parent.name)
+def test_gains_files_of_every_display_are_as_their_schema_says(path):
+    gains = toml.parse(path.read_text(), path.name)
+    assert VALID["gains"].is_valid(gains)
+    assert not VALID["gains"].is_valid(gains | {"coupling": {"damping": 1.0}})
+
+
 @pytest.mark.parametrize("path", PROBLEM_FILES, ids=lambda path: path.stem)
 def test_problem_files_are_as_their_schema_says(path):
     document = toml.parse(path.read_text(), path.name)

@@ -21,7 +21,13 @@ from vctune.document.records.region_json import RegionCheckRecord, RegionDocumen
 from vctune.document.records.rows_json import FrontRecord, RowRecord, RowsHeader, SweepRecord
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.document.schema.log_schema import LogDocument
-from vctune.document.schema.problem_schema import GainsDocument, json_schema, schema_of
+from vctune.document.schema.problem_schema import (
+    GainsDocument,
+    ServoGainsDocument,
+    SpringGainsDocument,
+    json_schema,
+    schema_of,
+)
 from vctune.document.schema.study_schema import StudyDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -35,6 +41,14 @@ def _of(*parts: type[Part], each: bool = False) -> dict[str, Any]:
     return {"$schema": DIALECT, **({"type": "array", "items": one} if each else one), "$defs": definitions}
 
 
+def _of_gains() -> dict[str, Any]:
+    """Return the schema of a gains file of any kind of display."""
+    schemas = [schema_of(kind, kind.__name__) for kind in (GainsDocument, ServoGainsDocument, SpringGainsDocument)]
+    definitions = {name: found for schema in schemas for name, found in schema.pop("$defs").items()}
+    kinds = [{key: value for key, value in schema.items() if key != "$schema"} for schema in schemas]
+    return {"$schema": DIALECT, "title": "vctune gains", "anyOf": kinds, "$defs": definitions}
+
+
 def _named(part: type[Part]) -> dict[str, Any]:
     """Return the schema of a record, titled with the record's name."""
     schema = part.model_json_schema()
@@ -46,7 +60,7 @@ def _named(part: type[Part]) -> dict[str, Any]:
 
 SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "problem": json_schema,
-    "gains": lambda: schema_of(GainsDocument, "vctune gains"),
+    "gains": _of_gains,
     "study": lambda: schema_of(StudyDocument, "vctune study"),
     "log": lambda: schema_of(LogDocument, "vctune log"),
     "design": lambda: _of(DesignRecord),
@@ -64,4 +78,4 @@ SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "explanation": lambda: _of(ExplanationRecord),
     "example": lambda: _of(ExampleRecord),
 }
-"""Function that makes the schema, for each kind of document. The schema "gains" is that of an admittance display."""
+"""Function that makes the schema, for each kind of document."""
