@@ -182,8 +182,8 @@ def problems_beside(problem: Problem) -> list[Problem]:
     """Return copies of a problem with a delay just below and at a whole number of samples, if its delay is near such a
     number.
 
-    The list is empty for an uncertain delay, because vctune instead extends the range of an uncertain delay to the
-    whole number.
+    The list is empty without a claim in hands. It is also empty for an uncertain delay, because vctune instead extends
+    the range of an uncertain delay to the whole number.
     """
     delays = () if problem.uncertainty is None else dict(problem.uncertainty.half_widths)
     if problem.hands_met is None or any(problem.device.number(key) for key in DELAYS if key in delays):
@@ -220,8 +220,9 @@ def acting_terms(problem: Problem) -> tuple[TermName, ...]:
     """Return the terms of the error that have a weight and can differ between designs.
 
     On an admittance display every term can differ. A rigid impedance display follows the commanded force equally well
-    with any K_v. If K_v is fixed, as on every servo, the term of free motion is also the same for every design. With
-    the norm "rms", constant terms would hide the effect of the coupling, so the function omits them.
+    with any K_v. If K_v is fixed, as on every servo, the terms of free motion and of tracking are the same for every
+    design. With the norm "rms" and a weight of the coupling's term, constant terms would hide the effect of the
+    coupling, so the function omits them. In all other cases it omits only terms without a weight.
     """
     objective, device, fixed = problem.transparency, problem.device, set[str]()
     if not device.kind.banded and objective.norm == "rms" and objective.weights.coupling > 0:

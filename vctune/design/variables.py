@@ -22,7 +22,8 @@ CORNER = 5
 
 
 def keys_for(problem: Problem) -> tuple[str, ...]:
-    """Return the keys of the variables of a problem's designs, in order."""
+    """Return the keys of gains and coupling of a problem's designs, in the order of `Point`, without a multiplier's
+    corner."""
     return problem.device.kind.keys
 
 
@@ -47,7 +48,7 @@ def coupling_from(values: Sequence[Number]) -> AnyCoupling:
 
 
 def ranges(problem: Problem) -> tuple[Range, ...]:
-    """Return the ranges of a design's variables in the order of `Point`."""
+    """Return the ranges of gains and coupling in the order of `Point`, without a multiplier's corner."""
     return tuple(getattr(problem.bounds, name) for name in problem.device.kind.names)
 
 

@@ -212,9 +212,9 @@ def _room(L: Pair) -> Number:
 
 
 SCALE_IN_HAND = 0.05
-"""Scale of the asinh with which the constraint in a hand compares Re Z_c and R, in units of Z_0. Far above this scale
-asinh acts like a logarithm. Far below it asinh is linear, so that R may be 0 or negative. With half or
-twice this scale, IPOPT takes as many iterations."""
+"""Scale of the asinh with which the constraint in a hand compares Re Z_c and R, in units of Z_0, or Re(1/Z_c)/s^2 and R
+of an impedance display, in units of 1/Z_0. Far above this scale asinh acts like a logarithm. Far below it asinh is
+linear, so that R may be 0 or negative. With half or twice this scale, IPOPT takes as many iterations."""
 
 
 def _coupling_response(coupling: AnyCoupling, frequency: dict[str, ca.SX]) -> Pair:

@@ -100,8 +100,8 @@ def common_layout(structure: NlpStructure) -> Layout:
 
 
 def frequency_layout(structure: NlpStructure) -> Layout:
-    """Return the layout of the frequency model at a frequency: omega, the drive, the device's parts, and for several
-    devices the mass and damping."""
+    """Return the layout of the frequency model at a frequency: omega, the drive, the device's parts, for an uncertain
+    device the mass and damping, and for an impedance display the firmware's filter."""
     layout = {"omega": 1, "drive_re": 1, "drive_lag": 1}
     layout |= {f"{part}_{field.name}": 1 for part in structure.parts for field in fields(PARTS[part])}
     layout |= {"mass": 1, "damping": 1} if structure.uncertain else {}

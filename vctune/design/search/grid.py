@@ -77,7 +77,8 @@ class Scores:
     missed : most serious violated constraint
     violation : amount of the violation; 0 without one
     error : transparency error if the design violates no constraint, else inf
-    damping : least scale within the bounds, b_c or 1/k_c, which decides between designs with equal errors
+    damping : least scale (b_c, m_c of a rigid coupling, or 1/k_c) that meets the constraint and the lower bounds. It
+        decides between designs with equal errors. It exceeds the upper bound where `missed` names the coupling
     """
 
     missed: Kinds

@@ -162,7 +162,14 @@ def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
 
 def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
-    """Return the best design for the nominal device of an uncertain one, as a start, and its error."""
+    """Return the best design for the nominal device of an uncertain one, as a start, and its error; None if the
+    optimiser finds no design.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends the search.
+    """
     nominal = prepare(replace(prepared.problem, uncertainty=None))
     law = estimated(nominal.problem)
     if law is None:

@@ -92,8 +92,9 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
     Returns
     -------
     two arrays
-        The least and the greatest scale, b_c or for an impedance display 1/k_c, in the problem's units, shape (n,). If
-        the least scale exceeds the greatest, no coupling with this time constant is within the bounds.
+        The least and the greatest scale in the problem's units, shape (n,): b_c; m_c of a rigid coupling; 1/k_c of an
+        impedance display. If the least scale exceeds the greatest, no coupling with this time constant is within the
+        bounds.
     """
     bounds, tau = problem.bounds, time_constant
     if not problem.device.kind.inverse:
@@ -113,7 +114,8 @@ def time_constants(problem: Problem, low: float, high: float) -> tuple[float, fl
 
     The range extends two decades beyond the band on both sides. With a time constant outside this range, a coupling
     acts within the band like a pure mass or a pure damper, or for an impedance display like a pure spring or a pure
-    damper. If the least b_c is large, the range extends further.
+    damper. If the least b_c is large, the range extends further. The range of an impedance display begins at `SLACK`.
+    A coupling without a damper, and a rigid coupling, have the time constant 0.
 
     Parameters
     ----------

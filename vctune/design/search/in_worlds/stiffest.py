@@ -108,7 +108,7 @@ class Stiffest:
     ----------
     gains, coupling : the design
     error : its error
-    places : angle and hand of the environments that forbid a stiffer coupling; the most limiting one comes first
+    places : frequencies and hands at which an environment forbids a stiffer coupling; the most limiting one comes first
     """
 
     gains: Gains
@@ -121,7 +121,7 @@ class Stiffest:
 def stiffest(
     posed: Posed, start: Start, incumbent: float, tightening: float, witnesses: Sequence[ConstraintPoint]
 ) -> Stiffest | None:
-    """Return the best coupling near a start; None if no coupling has an error below the incumbent's.
+    """Return the best coupling near a start; None if no coupling within the bounds has an error below the incumbent's.
 
     Parameters
     ----------
