@@ -40,7 +40,8 @@ class NlpStructure:
     kind : kind of the device
     rigid : whether b_c is infinite
     worlds : whether the environments form a box
-    walls : whether the environments include walls, so that the corner of the multiplier is a variable of the design
+    walls : whether the environments include walls; the corner of the multiplier is then a variable, unless the problem
+        states it
     in_time : whether the environments run late or by Euler's rules
     shares : shares of the coupling for each of which the NLP imposes the constraint with environments
     free : (index among a design's variables, whether it may be 0) for each free variable
@@ -55,7 +56,8 @@ class NlpStructure:
     order : order of the sampled device; 1 for an ideal device
     differenced, low_passes : whether the device computes the velocity as a difference of positions, and number of
         low-passes of this velocity
-    uncertain : whether the NLP has several devices; if so, each frequency has the parameters of its device
+    uncertain : whether the device is uncertain; if so, each frequency has the mass and damping of its device. Devices
+        that differ only in their delays need no such numbers
     objective_devices : number of devices whose greatest error is the objective, for "rms"
     """
 

@@ -151,6 +151,11 @@ def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
     Parameters
     ----------
     problem : problem in SI units that leaves a variable free
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends the search.
     """
     if impossible(problem) is not None:
         return None
