@@ -160,12 +160,13 @@ def left_open(
     boxes : the first boxes, with one owner
     max_boxes : number of boxes after which the function halves no more
     share : the function ends when the claim fails in this share of the open boxes
-    growth : the function ends when there are this many times as many open boxes as at first, or as `few`
+    growth : the function ends when there are this many times as many open boxes as at first
     few : number of halves up to which the function halves them again before the next test
 
     Returns
     -------
-    left : the boxes on which the test did not prove the claim; outside them the claim holds
+    left : the boxes on which the test did not prove the claim; outside them the claim holds. If the test proved none,
+        these are the first boxes
     count : number of boxes that the test evaluated
 
     Raises
@@ -174,10 +175,12 @@ def left_open(
         If the time limit ends the proof.
     """
     halved, faces, count, settled = np.ones(len(boxes.low), bool), boxes, 0, list[Boxes]()
-    most = growth * max(len(boxes), few)
+    whole, any_proved = boxes, False
+    most = growth * len(boxes)
     while len(boxes):
         decided = _in_chunks(test, faces)
         count += len(boxes)
+        any_proved |= bool(decided.proved.any())
         faces = faces.ends(decided.side)
         single = ~np.any(faces.low < faces.high, axis=0)
         left, lost = ~decided.proved, np.isneginf(decided.room) | single
@@ -187,7 +190,7 @@ def left_open(
         if enough or len(boxes) > most or count >= max_boxes:
             break
         boxes, faces = _halved([boxes, faces], decided.cost[:, goes_on], halved, few)
-    return joined(*settled, boxes), count
+    return (joined(*settled, boxes) if any_proved else whole), count
 
 
 def _share(some: Flags, among: Flags) -> float:
