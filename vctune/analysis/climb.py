@@ -74,7 +74,8 @@ def climbed(
     groups : for each coordinate, the number of its group; if a coordinate moves, its group keeps its steps
     owners : for each start, the number of its owner. An owner's climbs end when all climbs of this owner whose value is
         at least `CONSIDERED` times the greatest value have ended; other owners have no influence
-    enough : a climb whose value is below `CONSIDERED` times this value may also end early
+    enough : greatest value with which the rule for an owner's climbs compares. A climb with a greater value therefore
+        does not end other climbs whose values are near `enough`
     smooth : whether the values are smooth enough for leaps
 
     Returns

@@ -74,7 +74,7 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
     ----------
     device : device with plain numbers; the function ignores its least operator
     gains : gains of its loop, plain numbers
-    coupling : virtual coupling; it has no effect without a loop
+    coupling : virtual coupling; it has no effect on an admittance display without a loop
     """
     nyquist = 0.5 / device.sample_time
     free = [_free(device, gains, coupling, hz) if hz <= nyquist else None for hz in FREE_HZ]

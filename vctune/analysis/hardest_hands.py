@@ -232,6 +232,8 @@ def hardest_near(
 ) -> tuple[Floats, PlacesInHands]:
     """Climb from places to the greatest 1/ratio near them, in log theta and in the square root of each share.
 
+    For a servo and every passive environment, the hands stay as they are, and the function climbs only in log theta.
+
     Parameters
     ----------
     devices : devices with plain numbers: one, or one for each place, which are `alike`

@@ -59,7 +59,15 @@ def _enclosed(mid: Floats, rad: Floats) -> Enclosure:
 
 
 class Enclosure:
-    """All real numbers within `rad` of `mid`, elementwise."""
+    """All real numbers within `rad` of `mid`, elementwise.
+
+    An operation with a float or an array treats it as exact.
+
+    Attributes
+    ----------
+    mid, rad : midpoints and radii, floats or arrays that broadcast against each other, rad >= 0; a radius of nan or inf
+        proves nothing
+    """
 
     __slots__ = ("mid", "rad")
     __array_ufunc__ = None
