@@ -46,21 +46,25 @@ class DeviceRecord(Part):
     unmodelled: PerturbationRecord | None = None
 
     def in_words(self, units: Units) -> str:
-        """Return the parameters of the device in words. Numbers that are 0 are left out."""
+        """Return the parameters of the device in words, without a mass, a damping or a delay that is 0."""
         numbers_in_words = [f"{row.value} {row.unit}" for row in self.rows(units) if float(row.value)]
-        off = [] if self.unmodelled is None else [str(self.unmodelled)]
-        return ", ".join([*numbers_in_words, *(f"{key} {text(number)}" for key, number in self.parts.items()), *off])
+        parts_in_words = [f"{key} {text(number)}" for key, number in self.parts.items()]
+        perturbation = [] if self.unmodelled is None else [str(self.unmodelled)]
+        return ", ".join([*numbers_in_words, *parts_in_words, *perturbation])
 
 
 class ResonatorRecord(Part):
-    """A resonator on the hand: a mass on a spring."""
+    """A resonator on the hand: a mass, kg, on a spring, N/m; kg m^2 and N m/rad for a rotary device."""
 
     mass: float
     stiffness: float
 
 
 class HandRecord(Part):
-    """A hand at the handle. Resonators may be attached to the hand."""
+    """A hand at the handle: mass, kg, damping, N s/m, and stiffness, N/m; rotary units for a rotary device.
+
+    Resonators may be attached to the hand.
+    """
 
     mass: float
     damping: float
@@ -84,9 +88,9 @@ class EnvironmentRecord(Part):
     ----------
     hand : hand at the handle
     kind, value, unit : "spring" or "mass", its stiffness or mass, and the unit of this value; 0 for no environment
-    damping : damping in parallel, N s/m
+    damping : damping in parallel, N s/m, or N m s/rad for a rotary device
     hz, growth_per_s : frequency and growth rate of the motion
-    stiffness : stiffness of a spring in parallel with a mass, N/m
+    stiffness : stiffness of a spring in parallel with a mass, N/m, or N m/rad for a rotary device
     rule : rule by which the firmware integrates the environment; null for the trapezoidal rule
     late : number of samples by which its force is late; null for 0
     """
@@ -127,10 +131,11 @@ WITHOUT_ID: dict[str, ClaimId] = {
     "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist": "hands",
     "stable in every hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist": "hands",
 }
-"""Sentences by which older versions named their claims, before claims had identifiers. The list does not grow."""
+"""Identifiers of the sentences by which older versions named their claims. The list does not grow."""
 
 
-def _id_may_lack(schema: dict[str, Any]) -> None:
+def _id_is_optional(schema: dict[str, Any]) -> None:
+    """Make `id` optional in the schema: older files lack it, and the record adds it when it reads them."""
     schema["required"].remove("id")
 
 
@@ -148,7 +153,7 @@ class ClaimRecord(Part):
     environment : environment with which the loop of a refuted design grows, for claims in hands; null if none was found
     """
 
-    model_config = ConfigDict(json_schema_extra=_id_may_lack)
+    model_config = ConfigDict(json_schema_extra=_id_is_optional)
 
     id: ClaimId
     claim: str
@@ -162,7 +167,7 @@ class ClaimRecord(Part):
     @model_validator(mode="before")
     @classmethod
     def _identified(cls, value: Any) -> Any:
-        """Add an identifier to a claim from an older file."""
+        """Add an identifier to a claim from an older file; raise ValueError for an unknown sentence."""
         if not isinstance(value, dict) or "id" in value or "claim" not in value:
             return value
         sentence = value["claim"]
@@ -188,7 +193,7 @@ class ClaimRecord(Part):
 
 
 class WithoutOperatorRecord(Part):
-    """The claim for a free handle, that is, without the least operator."""
+    """The verdict on all claims together, and the least ratio, for a free handle: without the least operator."""
 
     verdict: Proof
     min_ratio: Annotated[Number, Shown("without operator", "at {worst_hz} Hz, {verdict}")]
@@ -228,6 +233,12 @@ class WallsRecord(DisplayPart):
     """The claim about every wall in a box of environments.
 
     The linear environments of the box have a claim of their own.
+
+    Attributes
+    ----------
+    corner_hz : corner of the multiplier that proves the walls
+    min_ratio, worst_hz, worst_hand : the least ratio, its frequency and its hand; a number that is infinite is null
+    boxes : number of boxes in the proof
     """
 
     verdict: Annotated[Proof, Shown("every wall", "by the multiplier with its corner at {corner_hz} Hz")]
@@ -265,7 +276,7 @@ class HandsRecord(DisplayPart):
     walls: WallsRecord | None = None
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the rows, with the binding environment."""
+        """Yield the rows, then those of the binding environment and of the walls."""
         yield from super().rows(units)
         if self.worst_world is not None:
             yield self.worst_world.row(self.worst_hz, units)
@@ -287,7 +298,7 @@ class HandsRecord(DisplayPart):
         return Hands(*(Hand(**{name: ends[k] for name, ends in self.box.items()}) for k in (0, 1)))
 
     def promise(self, units: Units) -> str:
-        """Return the claim in words if it is proved."""
+        """Return the claim in words. The function does not check the verdict."""
         return f"in every hand of {self.within.in_words(units)}, {self.environments(units)}, at every frequency"
 
 
@@ -320,10 +331,10 @@ class CertificateRecord(DisplayPart):
     band_hz : required stability band; null unless any passive hand is required on an admittance display
     proved_band_hz : widest band around it on which a ratio of 1 is proved; null if that claim is not proved
     proved_ratio : the safety factor if all ratios are proved, 1 if the ratio on the band is proved without the factor,
-        null if nothing is proved
+        null if no ratio is proved
     min_ratio, worst_hz : least of all computed ratios, and its frequency; null for infinity
-    rollett_k : Rollett's K at `worst_hz` on the band; null without a band
-    without_operator : the same claims for a free handle; null if there is no least operator
+    rollett_k : Rollett's K at `worst_hz`; null without a band, and at 0 Hz or without limit
+    without_operator : verdict and least ratio of the same claims for a free handle; null if there is no least operator
     hands, any_hand, changing : claims in hands; null if the problem does not make them
     whole_sample : verdict beside a delay of a whole number of samples; null if the delay is not near such a value
     """
@@ -351,7 +362,7 @@ class CertificateRecord(DisplayPart):
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, including the rows of unproved claims and, if there is a band, the rows of the band."""
         shown = list(super().rows(units))
-        yield from shown if self.band_hz is not None else shown[:1]
+        yield from shown if self.band_hz is not None else shown[:1]  # the first row is the verdict
         yield from self.any_hand.rows(units) if self.any_hand else ()
         yield from self.without_operator.rows(units) if self.without_operator else ()
         yield from self.hands.rows(units) if self.hands else ()

@@ -41,7 +41,7 @@ class Affine:
 
 @dataclass(frozen=True, slots=True)
 class LoopConstants:
-    """The constants of the loop at a frequency, without the scale of `LoopResponse`.
+    """The constants of the loop at a frequency, without the scale omega of `LoopResponse`.
 
     Attributes
     ----------
@@ -64,52 +64,55 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
     """Return the constants of a device's loop at omega > 0. The constants do not depend on the gains.
 
     In C_0, the coefficient of K_p is the coefficient of K_v divided by j omega. The coefficients in W and D have the
-    same relation if the firmware measures the velocity.
+    same relation if the firmware uses the measured velocity without a low-pass, F = 1.
     """
     if at.follows:
         return _following(at)
     omega, spring, sensor = at.omega, at.spring, at.sensor
-    drive = Pair(at.drive.re, -(omega * at.drive.lag))
-    turned = Pair(-at.drive.lag, -(at.drive.re / omega))
-    heard, lost = drive, None
+    drive = Pair(at.drive.re, -(omega * at.drive.lag))  # A H
+    integrated = Pair(-at.drive.lag, -(at.drive.re / omega))  # A H/(j omega)
+    estimated, minus_lost = drive, None  # A H F, and -A H (1 - F)
     if at.estimate is not None:
-        gone = Pair(omega * omega * at.estimate.loss, omega * at.estimate.lag)  # 1 - F
-        lost, heard = drive * gone.scaled(-1), drive * Pair(at.estimate.re, -(omega * at.estimate.lag))
+        one_less_F = Pair(omega * omega * at.estimate.loss, omega * at.estimate.lag)
+        minus_lost, estimated = drive * one_less_F.scaled(-1), drive * Pair(at.estimate.re, -(omega * at.estimate.lag))
     Z_1 = Pair(at.damping, at.mass * omega)
-    told, motor = Affine(None, drive, turned), Affine(Z_1, heard, turned)
-    C = told
+    C_0, motor = Affine(None, drive, integrated), Affine(Z_1, estimated, integrated)
+    C = C_0
     if sensor is not None:
         F_s = Pair(sensor.re, -(omega * sensor.lag))
-        C = Affine(None, F_s * drive, F_s * turned)
+        C = Affine(None, F_s * drive, F_s * integrated)
     if spring is None:
         one = Pair(1, 0 * omega)
-        return LoopConstants(told, C, motor, Affine(Z_1, lost, None), Affine(one, None, None), motor, one)
-    # the masses alone give j omega m (1 - g) of D_0, y Z_1 = -g m/m_2 and y Z_2 = -g m/m_1: terms of D_0 cancel near
-    # the resonance, where enclosures must be sharp
+        return LoopConstants(C_0, C, motor, Affine(Z_1, minus_lost, None), Affine(one, None, None), motor, one)
+    # g = -j omega y m_1 m_2/m. The masses alone give j omega m (1 - g) of D_0, y Z_1 = -g m/m_2 and y Z_2 = -g m/m_1:
+    # terms of D_0 cancel near the resonance, where enclosures must be sharp
     g, m, m_1, m_2 = Pair(spring.bent, spring.bent_im), spring.total, at.mass, spring.own_mass
     y = Pair(-g.im, g.re).scaled(m / (m_1 * m_2) / omega)
-    bent, N_0 = g.scaled(-(m / m_1)), (g.scaled(-(m / m_2)) + y.scaled(at.damping)).plus(1)
-    D_0 = Pair(g.im, 1 - g.re).scaled(omega * m) + bent.plus(1).scaled(at.damping)
-    if spring.damping is not None:
+    y_Z_2, N_0 = g.scaled(-(m / m_1)), (g.scaled(-(m / m_2)) + y.scaled(at.damping)).plus(1)
+    D_0 = Pair(g.im, 1 - g.re).scaled(omega * m) + y_Z_2.plus(1).scaled(at.damping)
+    if spring.damping is not None:  # the load of the handle adds its mass and damping to Z_2
         load = Pair(spring.damping, omega * (spring.mass - spring.own_mass))
-        bent, D_0 = bent + y * load, D_0 + load * N_0
-    e, swung = bent.plus(1), bent * heard
+        y_Z_2, D_0 = y_Z_2 + y * load, D_0 + load * N_0
+    e, driven_miss = y_Z_2.plus(1), y_Z_2 * estimated
     return LoopConstants(
-        controller=told,
+        controller=C_0,
         C=C,
-        D=Affine(D_0, e * heard, e * turned),
-        miss=Affine(D_0, swung if lost is None else swung + lost, bent * turned),
-        numerator=Affine(N_0, y * heard, y * turned),
+        D=Affine(D_0, e * estimated, e * integrated),
+        miss=Affine(D_0, driven_miss if minus_lost is None else driven_miss + minus_lost, y_Z_2 * integrated),
+        numerator=Affine(N_0, y * estimated, y * integrated),
         motor=motor,
         factor=e,
     )
 
 
 def _following(at: DeviceResponse) -> LoopConstants:
-    """Return the constants of a servo. These constants do not contain the gains."""
+    """Return the constants of a servo. These constants do not contain the gains.
+
+    The hand does not move a servo, so that N = 0. With D = W = 1, C_0 is the response to the command.
+    """
     drive = Pair(at.drive.re, -(at.omega * at.drive.lag))
-    heard = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
-    one, none = Pair(1, 0 * at.omega), Pair(0, 0 * at.omega)
+    sensed = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
+    one, zero = Pair(1, 0 * at.omega), Pair(0, 0 * at.omega)
 
     def constant(number: Pair) -> Affine:
         return Affine(number, None, None)
@@ -117,10 +120,10 @@ def _following(at: DeviceResponse) -> LoopConstants:
     miss = Pair(1 - drive.re, -drive.im)
     return LoopConstants(
         controller=constant(drive),
-        C=constant(heard),
+        C=constant(sensed),
         D=constant(one),
         miss=constant(miss),
-        numerator=constant(none),
+        numerator=constant(zero),
         motor=constant(one),
         factor=one,
     )

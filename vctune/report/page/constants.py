@@ -1,7 +1,7 @@
 """The constants of a device at each frequency, from which the page's script computes responses for any gains.
 
-Every response is a quotient of expressions that are affine in the gains (README.md, section 1). The script does not
-know the device.
+Every response of a velocity loop is a quotient of expressions that are affine in the gains (README.md, section 1). The
+responses of a servo do not depend on gains. The script does not know the device.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.transparency import log_quadrature
 from vctune.report.figures.curves import frequencies
 
-PANELS = 8
-"""Number of intervals of the transparency band with Gauss's nodes in each. The sampled error then agrees with the
+INTERVALS = 8
+"""Number of intervals of the transparency band with Gauss's nodes in each. The error of this quadrature agrees with the
 design's to 1e-6 or better. Half as many intervals miss a resonance in the band. Twice as many make the page longer."""
-SHOWN = 100
+CURVE_POINTS = 100
 """Least number of frequencies of the curves in addition to the nodes. With half as many, the curves show corners. Twice
 as many make the page longer."""
-ANGLES, PER_SAMPLE = 120, 16
+LOOP_ANGLES, PER_SAMPLE = 120, 16
 """Number of angles of the sampled loop up to Nyquist, and number of additional angles for each sample of delay and for
 four more samples. Between adjacent angles the curve turns by less than half a turn. With half as many angles, the
 Nyquist plot shows corners."""
-IN_HAND, LOWEST = 128, 1e-3
-"""Number of angles in each hand, and the smallest angle above 0, rad. Half as many angles miss the narrow minima of
+HAND_ANGLES, LOWEST = 128, 1e-3
+"""Number of angles of the grid in each hand, and its smallest angle, rad. Half as many angles miss the narrow minima of
 stiff hands. Twice as many make the page longer."""
 
 
@@ -58,10 +58,17 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
     ----------
     problem : problem of the design
     record : record of the design, whose bands the page shows
+
+    Returns
+    -------
+    dict
+        The numbers as texts of `_numbers`. For an admittance display they are the parts of `LoopConstants`: "miss" is
+        D - C_0; "C" is null if it equals the controller C_0, and "numerator" is null if it is 1. "sensor_im" is
+        Im F_s, from which the script computes Im(C conj D) without a subtraction of nearly equal numbers.
     """
-    wanted, axis = problem.transparency.band, frequencies(problem)
-    nodes, weights = log_quadrature(wanted.min, wanted.max, PANELS)
-    places = [2 * pi * axis[:: max(1, axis.size // SHOWN)], [wanted.min, wanted.max]]
+    band, axis = problem.transparency.band, frequencies(problem)
+    nodes, weights = log_quadrature(band.min, band.max, INTERVALS)
+    places = [2 * pi * axis[:: max(1, axis.size // CURVE_POINTS)], [band.min, band.max]]
     proof, edges = record.certificate, problem.stability.band
     places.append([edge for edge in (edges.min, edges.max) if 0 < edge < inf])
     if proof is not None and proof.worst_hz and proof.worst_hz > 0:
@@ -77,12 +84,12 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
     if not problem.device.kind.own_loop:
         loop = response(problem.device, Gains(0.0, 0.0), omega)
         return nodes_of | {"C": _pair(loop.C_scaled, omega), "miss": _pair(loop.miss_scaled, omega)}
-    turned = None if at.sensor is None else -omega * at.sensor.lag
+    sensor_im = None if at.sensor is None else -omega * at.sensor.lag
     return {
         **nodes_of,
         "controller": _affine(known.controller, omega),
-        "C": _affine(known.C, omega) if turned is not None else None,
-        "sensor_im": None if turned is None else _numbers(turned),
+        "C": None if sensor_im is None else _affine(known.C, omega),
+        "sensor_im": None if sensor_im is None else _numbers(sensor_im),
         "D": _affine(known.D, omega),
         "miss": _affine(known.miss, omega),
         "numerator": None if problem.device.structure is None else _affine(known.numerator, omega),
@@ -93,7 +100,8 @@ def _force_model(device: Device, known: LoopConstants, omega: Floats) -> dict[st
     """Return the constants of an impedance display. Its factors of k_c replace the factors of K_p of an admittance
     display.
 
-    At a rigid wall b_c acts as K_v does. k_c acts as b_c times the quotient of the factors of k_c and b_c in Z_c.
+    At a rigid wall b_c acts as K_v does. k_c acts as a damping of k_c times the quotient of the factors of k_c and b_c
+    in Z_c.
     """
     theta = omega * device.sample_time
     low_pass, drive = firmware_filter(device, theta, FLOATS), known.controller.velocity
@@ -102,7 +110,7 @@ def _force_model(device: Device, known: LoopConstants, omega: Floats) -> dict[st
         for one in ((1.0, 0.0), (0.0, 1.0))
     )
 
-    def before_wall(number: Affine) -> Affine:
+    def at_rigid_wall(number: Affine) -> Affine:
         if number.velocity is None:
             return number
         stiff = _complex(number.velocity) * spring / damper
@@ -113,8 +121,8 @@ def _force_model(device: Device, known: LoopConstants, omega: Floats) -> dict[st
     return {
         "drive": _pair(drive, omega),
         "coupling": _affine(coupling, omega),
-        "D": _affine(before_wall(known.D), omega),
-        "numerator": _affine(before_wall(known.numerator), omega),
+        "D": _affine(at_rigid_wall(known.D), omega),
+        "numerator": _affine(at_rigid_wall(known.numerator), omega),
     }
 
 
@@ -134,9 +142,9 @@ def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any] | None:
     """
     if not device.kind.own_loop:
         return None
-    theta, loop = np.geomspace(1e-5 * pi, pi, ANGLES), record.inner_loop
-    even = int(PER_SAMPLE * (4 + device.delay / device.sample_time))
-    theta = np.union1d(theta, np.linspace(0.0, pi, even + 1)[1:])
+    theta, loop = np.geomspace(1e-5 * pi, pi, LOOP_ANGLES), record.inner_loop
+    spaced = int(PER_SAMPLE * (4 + device.delay / device.sample_time))
+    theta = np.union1d(theta, np.linspace(0.0, pi, spaced + 1)[1:])
     if loop is not None and loop.peak_sensitivity_hz:
         theta = np.union1d(theta, min(2 * pi * loop.peak_sensitivity_hz * device.sample_time, pi))
     if device.structure is not None:
@@ -154,7 +162,7 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
     """Return the parts of the loop in each of several hands, at angles up to Nyquist and at the worst frequencies.
 
     For a servo, R in each hand replaces these parts, because it does not depend on the design. For an impedance
-    display, the parts of Z_c and the coefficients of R (`_required`) replace them.
+    display, the coefficients of Re Z_c and s^2 |Z_c|^2 (`spring_forms`) and of R (`_required`) replace them.
 
     Parameters
     ----------
@@ -162,13 +170,12 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
     met : the hands; None, only for an impedance display, means any passive hand
     worst : frequencies of the least ratios, rad/s
     """
-    theta = np.geomspace(LOWEST, pi, IN_HAND)
+    theta = np.geomspace(LOWEST, pi, HAND_ANGLES)
     theta = np.unique(np.concatenate([[0.0], theta, [min(each * device.sample_time, pi) for each in worst]]))
     delays = delays_of(device)
     if device.kind.inverse:
-        theta = theta[
-            theta > 0
-        ]  # at 0, F in a hand without stiffness is 0; at the next angle the other factors have reached their limits
+        # at 0, the return difference in a hand without stiffness is 0; at the next angle R has reached its limit
+        theta = theta[theta > 0]
         offered = [of + 0 * theta for form in spring_forms(device, theta, FLOATS) for of in form]
         required = [_required(device, hand, theta) for hand in met]
         return {"theta": _numbers(theta), "offered": _numbers(np.stack(offered, axis=-1)), "required": required}
@@ -185,8 +192,11 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
 
 
 def _felt(loop: LoopInHand, sample_time: float, theta: Floats) -> EvenOdd:
-    """Return the factor f in P = f (2 j s K_v + T c K_p). The code divides by the factor of K_v or K_p that does not
-    vanish."""
+    """Return the factor f in P = f (2 j s K_v + T c K_p), with s and c the sine and cosine of theta/2.
+
+    P is the numerator of what the environment meets (model/README.md, section 14). The code divides by the factor of
+    K_v or K_p that does not vanish.
+    """
     square, cos = np.sin(theta / 2) ** 2, np.cos(theta / 2)
     with np.errstate(all="ignore"):
         odd = np.where(
@@ -212,18 +222,18 @@ def _required(device: Device, hand: Hand | None, theta: Floats) -> str:
             found = required_in_hand(loop, gains)
         return found.lost + 0 * theta, found.size + 0 * theta
 
-    (lost, size), (lost_more, more), (_, less) = at(0.0), at(unit), at(-unit)
-    below = size, (more - less) / (2 * unit), (more + less - 2 * size) / (2 * unit * unit)
-    return _numbers(np.stack([lost, (lost_more - lost) / unit, *below], axis=-1))
+    (lost, size), (lost_above, size_above), (_, size_below) = at(0.0), at(unit), at(-unit)
+    slope, bend = (size_above - size_below) / (2 * unit), (size_above + size_below - 2 * size) / (2 * unit * unit)
+    return _numbers(np.stack([lost, (lost_above - lost) / unit, size, slope, bend], axis=-1))
 
 
 def numbered(constants: Any, numbers: dict[str, int]) -> Any:
-    """Return constants in which each array is replaced by its number.
+    """Return constants in which each array, a text of `_numbers`, is replaced by its number.
 
     Parameters
     ----------
     constants : constants as the functions of this module return them
-    numbers : number of each different array; the function adds new arrays to it
+    numbers : number of each different text; the function adds new texts to it
     """
     if isinstance(constants, str):
         return numbers.setdefault(constants, len(numbers))
@@ -243,13 +253,17 @@ def _pair(number: Pair, like: Floats) -> str:
 
 
 def _even_odd(number: EvenOdd, shape: tuple[int, int]) -> list[str]:
-    """Return a text for each hand, in which the even and the odd parts at the angles alternate."""
+    """Return a text for each hand, in which the even and the odd parts at the angles alternate.
+
+    Five bytes a number are precise enough for curves in hands, and keep the page short.
+    """
     parts = np.stack([np.broadcast_to(part, shape) for part in (number.even, number.odd)], axis=-1)
     return [_numbers(each, 5) for each in parts]
 
 
 def _numbers(values: Floats, size: int = 6) -> str:
-    """Return the number of bytes for each double, and then the highest bytes of the rounded doubles in base 64.
+    """Return the number of bytes for each double, and then the highest bytes of the rounded doubles, the least
+    significant first, in base 64.
 
     This text is half as long as decimals. Six bytes contain 36 bits of mantissa, five contain 28.
     """

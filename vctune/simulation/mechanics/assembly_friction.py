@@ -1,5 +1,5 @@
-"""Integrate friction on the motor of a device with parts by fixed steps, which are exact for the bristles and for the
-linear parts.
+"""Integrate friction on the motor of a device with parts by fixed steps, which are exact for the linear parts and, at a
+constant velocity of the motor, for the bristles.
 
 Over a step, the code holds the friction force F at its mean. The code computes this mean for bristles that follow the
 motor's mean velocity w. All other parts are linear, and their motion is exact (`assembly`). w is the motor's mean
@@ -24,8 +24,10 @@ from vctune.simulation.mechanics.friction import bristle_step
 
 @dataclass(frozen=True, slots=True)
 class AssemblyState:
-    """States and inputs of an assembly, and the bristles' deflection z [m]. The input of the friction force is 0,
-    because `assembly_step` computes this force."""
+    """States and inputs of an assembly, the motor's position and velocity first, and the bristles' deflection z [m].
+
+    The input of the friction force is 0, because `assembly_step` computes this force.
+    """
 
     values: list[Number]
     z: Number
@@ -57,7 +59,7 @@ def friction_step(moving: Assembly, length: float) -> FrictionStep:
 
     Parameters
     ----------
-    moving : the moving masses
+    moving : device with parts, and the hand on it
     length : length h of the step, s
     """
     return FrictionStep(length, moving.changed(length), moving.size + GIVEN.index("friction"))
@@ -83,11 +85,12 @@ def assembly_step(
     """
     h, bristles = step.length, bristle_step(friction, foreseen, step.length, ops)
     compliance = -float(step.change[0, step.friction])  # reduction of the motor's travel per newton, m/N
-    way = applied(step.change[0], at.values)  # the travel without friction
-    w = (way - compliance * (bristles.stiffness * at.z)) / (h + compliance * bristles.slope)
-    inputs_and_states = [*at.values]
-    inputs_and_states[step.friction] = bristles.stiffness * at.z + bristles.slope * w
-    values = [value + applied(row, inputs_and_states) for value, row in zip(at.values, step.change, strict=True)]
+    free_travel = applied(step.change[0], at.values)
+    # h w = free_travel - compliance F with F = stiffness z + slope w
+    w = (free_travel - compliance * (bristles.stiffness * at.z)) / (h + compliance * bristles.slope)
+    with_friction = [*at.values]
+    with_friction[step.friction] = bristles.stiffness * at.z + bristles.slope * w
+    values = [value + applied(row, with_friction) for value, row in zip(at.values, step.change, strict=True)]
     return AssemblyState(values, bristles.deflection_after(at.z, w)), w
 
 
@@ -98,7 +101,8 @@ AdvanceStep = Callable[[AssemblyState, Number], tuple[AssemblyState, Number]]
 def assembly_steps(step: AdvanceStep, at: AssemblyState, count: int) -> AssemblyState:
     """Advance by several steps.
 
-    Each step predicts its velocity from the previous step. The first step uses a trial, as in `slide`.
+    Each step predicts its mean velocity from the previous step: the velocity at its beginning plus half the change over
+    the previous step. A trial step predicts the velocity of the first step, as in `friction.slide`.
 
     Parameters
     ----------
@@ -114,5 +118,5 @@ def assembly_steps(step: AdvanceStep, at: AssemblyState, count: int) -> Assembly
     _, foreseen = step(at, at.v)
     for _ in range(count):
         at, w = step(at, foreseen)
-        foreseen = 2 * at.v - w
+        foreseen = 2 * at.v - w  # v + (v - w), where w is about the velocity at the middle of the step
     return at

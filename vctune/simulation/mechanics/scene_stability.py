@@ -1,5 +1,8 @@
 """Decide whether a scene's sampled loop, with hand and environment, is stable, from the eigenvalues of its linear
-step."""
+step.
+
+For a wall, the code examines contact and free motion separately. It does not examine the change between them.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +30,12 @@ from vctune.simulation.scene import Scene, baseline_scene
 STANDING = 1e-6
 """Distance from 1 within which an eigenvalue belongs to a position without a restoring force, not to an oscillation.
 The numerical error of a double eigenvalue is the square root of the rounding error, 1e-8. The results with half or
-twice this distance differ only for a mode that lasts a million samples."""
+twice this distance differ only for a mode that lasts a million samples, or a million periods of a hand that
+changes."""
 DECADES = 4
 """Number of decades, up and down from the file's virtual mass and damping, in which the code searches for a stable
-share. With half or twice as many decades, the results within the range are the same."""
+factor. With half or twice as many decades, the result is the same, unless the loop changes its stability beyond the
+range."""
 BISECTIONS = 30
 """Number of bisections of half a decade, down to 1e-9. Half as many bisections leave an error of 4e-5, which sometimes
 shows in the fourth digit. Twice as many bisections reach rounding errors."""
@@ -65,7 +70,7 @@ def loop_matrix(scene: Scene) -> Floats:
     The answer to the zero state is subtracted, because an environment's spring may be relaxed at a position other than
     0.
     """
-    with interrupt_deferred():
+    with interrupt_deferred():  # an interrupt must not end the compilation of the step
         step = build(scene)
         size, no_input = len(step.start), np.zeros(len(INPUT_NAMES))
         answers = [np.asarray(step.advance(state, no_input)[0]).ravel() for state in (np.zeros(size), *np.eye(size))]
@@ -100,11 +105,12 @@ def _period_matrix(scene: Scene, changes: HandChanges) -> Floats:
     with interrupt_deferred():
         steps = steps_of_hands(scene, lambda now, then: build(now, then=then))
 
-    def matrix(pair: tuple[int, int], *, regrips: bool) -> Floats:
-        size = len(steps[pair].start)
+    def matrix(before_and_after: tuple[int, int], *, regrips: bool) -> Floats:
+        """Return the matrix of a sample, given the numbers of the hands before and after the sensor's sample."""
+        size = len(steps[before_and_after].start)
 
         def after(state_and_grip: Floats) -> Floats:
-            advance = from_state(steps[pair].advance, state_and_grip[:-1])
+            advance = from_state(steps[before_and_after].advance, state_and_grip[:-1])
             state, _, grip = after_sample(advance, np.zeros(len(INPUT_NAMES)), state_and_grip[-1], regrips=regrips)
             return np.append(state, grip)
 
@@ -120,21 +126,21 @@ def _period_matrix(scene: Scene, changes: HandChanges) -> Floats:
 
 
 def _fastest(matrix: Floats, sample_time: float, samples: int = 1) -> Mode:
-    """Return the fastest growing mode of a matrix that covers some samples. Eigenvalues at 1 do not count
+    """Return the fastest growing mode of a matrix that covers some samples. Eigenvalues near 1 do not count
     (`STANDING`)."""
     values = np.linalg.eigvals(matrix)
-    oscillating = values[np.abs(values - 1) > STANDING]
-    dominant = oscillating[np.argmax(np.abs(oscillating))]
+    counted = values[np.abs(values - 1) > STANDING]
+    dominant = counted[np.argmax(np.abs(counted))]
     return Mode(
         float(abs(dominant)) ** (1 / samples), float(abs(np.angle(dominant)) / (2 * pi * sample_time * samples))
     )
 
 
 def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> float | None:
-    """Return the least factor of the virtual mass and damping of a regular PID above which the PID's loop is stable.
+    """Return the lower end of the uppermost range of factors with which a regular PID's loop is stable.
 
-    The search covers 10^-`DECADES` to 10^`DECADES` times the values of the file. If the loop is stable in several
-    ranges of the factor, the result is the lower end of the uppermost range.
+    A factor multiplies the virtual mass and damping of the PID. The search covers 10^-`DECADES` to 10^`DECADES` times
+    the values of the file.
 
     Parameters
     ----------
@@ -148,19 +154,19 @@ def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> floa
         The factor; 0 if the uppermost range reaches the least tried factor, None if no tried factor is stable.
     """
 
-    def stable(share: float) -> bool:
-        lighter = replace(pid, mass=share * pid.mass, damping=share * pid.damping)
-        return fastest_mode(baseline_scene(device, experiment, lighter)).radius < 1
+    def stable(factor: float) -> bool:
+        scaled = replace(pid, mass=factor * pid.mass, damping=factor * pid.damping)
+        return fastest_mode(baseline_scene(device, experiment, scaled)).radius < 1
 
-    shares = np.geomspace(10.0**DECADES, 10.0**-DECADES, 4 * DECADES + 1)
-    is_stable = [stable(share) for share in shares]
+    factors = np.geomspace(10.0**DECADES, 10.0**-DECADES, 4 * DECADES + 1)
+    is_stable = [stable(factor) for factor in factors]
     if True not in is_stable:
         return None
-    begin = is_stable.index(True)
-    if False not in is_stable[begin:]:
+    greatest_stable = is_stable.index(True)
+    if False not in is_stable[greatest_stable:]:
         return 0.0
-    first = begin + is_stable[begin:].index(False)
-    good, bad = float(shares[first - 1]), float(shares[first])
+    next_unstable = greatest_stable + is_stable[greatest_stable:].index(False)
+    good, bad = float(factors[next_unstable - 1]), float(factors[next_unstable])
     for _ in range(BISECTIONS):
         middle = (good * bad) ** 0.5
         good, bad = (middle, bad) if stable(middle) else (good, middle)
