@@ -11,11 +11,12 @@ from vctune.model.numbers.pair import Pair
 def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
     """Return the coupling's impedance Z_c(j omega) (model/README.md, section 3; paper eq. 17).
 
-    Without damping or without mass, a coupling consists of its drag alone. A rigid coupling consists of drag and mass.
+    The coupling belongs to an admittance display or a servo. Without damping or without mass, it consists of its drag
+    alone. A rigid coupling consists of drag and mass.
 
     Parameters
     ----------
-    coupling : b_c, m_c and b_0, all numbers of one arithmetic
+    coupling : b_c, m_c and b_0, all numbers of one arithmetic; b_c and m_c are not both 0
     omega : angular frequency, rad/s, > 0, or >= 0 if b_c > 0; a number or an array
 
     Returns
@@ -61,7 +62,7 @@ def sampled_reactance(coupling: Coupling, sample_time: Number, theta: Number, op
 
     Parameters
     ----------
-    coupling : b_c, m_c and b_0, in numbers of the arithmetic; b_c and m_c > 0
+    coupling : b_c, m_c and b_0, in numbers of the arithmetic; b_c may be inf, both b_c and m_c are > 0
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
@@ -81,8 +82,12 @@ def trapezoidal(coupling: Coupling, sample_time: Number) -> tuple[Number, Number
 
     Parameters
     ----------
-    coupling : b_c, which may be inf, and m_c; floats or fractions
+    coupling : b_c, which may be inf, and m_c > 0
     sample_time : T, s
+
+    Returns
+    -------
+    s, p : s in N s/m; p is dimensionless, at least -1 and at most 1
     """
     if coupling.rigid:
         return 2 * coupling.mass / sample_time, -1

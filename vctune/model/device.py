@@ -29,28 +29,32 @@ from vctune.model.parts import (
 
 Hold = Literal["zoh", "lag"]
 Commanded = Literal["force", "velocity", "position"]
-"""Kinds of command: the force of a motor, or the motion that a servo follows."""
+"""Kinds of command: the force of a motor, or the velocity or position that a servo follows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """A display. Its mechanism has Z_d = mass s + damping; the firmware samples and holds (model/README.md, sections 1
-    and 15).
+    """A display, whose firmware samples and holds (model/README.md, sections 1, 15 and 17).
+
+    A rigid mechanism has Z_d = mass s + damping. The hand cannot push a servo, so a servo has no mechanism.
 
     Attributes
     ----------
-    mass : moving mass, kg, > 0; 1 for a servo, where the mass has no effect
-    damping : damping of the mechanism, N s/m, >= 0; 0 for a servo
+    mass : moving mass including the handle's, kg, > 0; 1 for a servo, where the mass has no effect
+    damping : damping of the mechanism, N s/m, >= 0; it acts on the motor's part; 0 for a servo
     sample_time : T, s, > 0
-    delay : delay from sampling to actuation, s, >= 0, in addition to the hold
-    hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT)
-    operator : the least operator, a load that is always at the handle; None if the handle may be free
+    delay : delay from sampling to actuation, s, >= 0, in addition to the hold; 0 for a servo, whose delay is
+        `servo.delay`
+    hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT), in the frequency model of an admittance
+        display; the sampled loop has the exact hold. "zoh" for the other displays
+    operator : the least operator, a load that is always at the handle; None if the handle may be free, with the
+        criterion "hands", and for a servo
     velocity, actuator, force_sensor, structure, servo : parts of the device (`vctune.model.parts`); None for a part
         that the device lacks or that is ideal. The servo is the vendor's loop
     unmodelled : one response from the uncertainty set; None for the nominal response
     display : name of the kind of display (`vctune.model.display`)
-    units : whether the handle moves along a line or about an axis (`vctune.model.numbers.units`); about an axis, mass
-        is inertia
+    units : whether the handle moves along a line or about an axis (`vctune.model.numbers.units`). About an axis, mass
+        is inertia, and all units are the rotary ones
     """
 
     mass: Number
@@ -100,7 +104,10 @@ class Device:
 
     @property
     def ideal(self) -> bool:
-        """Whether the device is rigid and measures, actuates and senses without delay."""
+        """Whether the device is rigid and measures, actuates and senses without delay.
+
+        Neither `delay` nor a servo makes a device non-ideal.
+        """
         return self.unmodelled is None and all(getattr(self, part) is None for part in PARTS if part != "servo")
 
     @property
@@ -110,7 +117,7 @@ class Device:
 
     @property
     def with_operator(self) -> Device:
-        """The device with its least operator: for a rigid device, W = Z_d + Z_h instead of Z_d."""
+        """The device whose handle carries its least operator: for a rigid device, Z_d + Z_h takes the place of Z_d."""
         if self.operator is None:
             return self
         if self.structure is not None:
@@ -120,7 +127,10 @@ class Device:
 
     @property
     def loops(self) -> tuple[Device, ...]:
-        """The devices whose velocity loops must be stable on their own. A servo has none."""
+        """The devices whose velocity loops must be stable on their own: with a free handle and with the least operator.
+
+        Empty for a servo.
+        """
         if not self.kind.own_loop:
             return ()
         return (self,) if self.operator is None else (self.bare, self.with_operator)
@@ -136,14 +146,21 @@ class Device:
         return self.damping if self.operator is None else self.damping + self.operator.damping
 
     def number(self, key: str) -> Number:
-        """Return a parameter of the device by its key; None if the device does not have it."""
+        """Return a parameter of the device by its key.
+
+        Returns None if the device lacks the part, or if the part lacks the number. For a servo, the keys of `INERT`
+        return stored values without effect.
+        """
         of: Any = self
         for name in key.split("."):
             of = getattr(of, name) if of is not None else None
         return of
 
     def numbers(self) -> dict[str, Number]:
-        """Return the numbers that the device has, by their keys."""
+        """Return the numbers that the device has, by their keys of `NUMBERS`.
+
+        The result contains neither numbers of the firmware (`OF_FIRMWARE`) nor the hands that the device carries.
+        """
         found = {key: self.number(key) for key in NUMBERS if self.servo is None or key not in INERT}
         return {key: number for key, number in found.items() if number is not None}
 
@@ -157,7 +174,7 @@ class Device:
         return {key: number for key in OF_FIRMWARE if (number := self.number(key)) is not None}
 
     def with_numbers(self, numbers: Mapping[str, Number]) -> Device:
-        """Return the device with some of its numbers replaced, by their keys."""
+        """Return the device with some of its numbers replaced, by their keys. The device must have their parts."""
         parts: dict[str, dict[str, Number]] = {}
         own: dict[str, Any] = {}
         for key, number in numbers.items():
@@ -167,7 +184,7 @@ class Device:
         return replace(self, **own)
 
     def converted(self, number: Callable[[Number], Number]) -> Device:
-        """Return the device with its numbers in another arithmetic."""
+        """Return the device with its numbers in another arithmetic. The radii of its discs stay floats."""
         same = self.with_numbers({key: number(value) for key, value in self._varying().items()})
         return same._with_hands(lambda hand: LeastOperator(number(hand.mass), number(hand.damping)))
 
@@ -209,7 +226,7 @@ class Device:
 
     @property
     def loop_lag(self) -> Number:
-        """The lag of hold and delay at low frequency, tau = T/2 + delay, s."""
+        """The lag of hold and delay at low frequency, T/2 + `latency`, s, without the lags of other parts."""
         return self.sample_time / 2 + self.latency
 
     @property
@@ -224,7 +241,7 @@ class Device:
 
     @property
     def senses_late(self) -> bool:
-        """Whether the device has a force sensor that is not ideal."""
+        """Whether the device has a force sensor that is not ideal: with a low-pass, a delay or a filter."""
         return self.force_sensor is not None
 
     @property
@@ -234,21 +251,23 @@ class Device:
 
     @property
     def sensed_latency(self) -> Number:
-        """The delay from a command to the sensed force that it causes, in addition to the hold, s."""
+        """The sum of the delays of device and force sensor, s. It does not contain the lags of low-passes."""
         return self.latency if self.force_sensor is None else self.latency + self.force_sensor.delay
 
     @property
     def latency(self) -> Number:
-        """The delay from sampling to actuation, in addition to the hold, s."""
+        """The delay from sampling to actuation, in addition to the hold, s: `delay`, or that of the servo."""
         return self.delay if self.servo is None else self.servo.delay
 
 
 def stacked(devices: Sequence[Device]) -> Device:
     """Return several devices as one device. Its numbers are arrays of shape (n,), or floats where all devices agree.
 
+    Everything that is not a number of the device comes from the first device: hands, orders, sources and radii.
+
     Parameters
     ----------
-    devices : n devices with the same parts
+    devices : n devices with the same parts and the same hands
     """
     first, *others = devices
     if not others:

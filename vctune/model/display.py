@@ -25,17 +25,18 @@ class Display:
     Attributes
     ----------
     name : name of the kind in a problem file
-    makes : input and output, in words; {force} stands for force or torque
+    makes : input and output of the display, in words; {force} stands for force or torque
     keys : keys of the parameters of a design, in order
-    absent : the keys whose numbers are always 0
+    absent : the keys of `keys` whose numbers are always 0
     coupling : type of the virtual coupling
     couples : "Z_c" or "1/Z_c", the coupling's response in the error and the conditions
     senses_force : whether the firmware reads the force of the hand
     differences : whether the firmware by default computes the velocity from differences of the position
     banded : True if the claim for any passive hand holds on a band of the frequency model; False if the claim holds in
-        the sampled loop up to the Nyquist frequency
-    band : default transparency band, dimensionless: frequencies in Hz, multiplied by the lag of the loop in s
-    own_loop : whether the firmware closes a loop around the device, which then has a sensitivity
+        the sampled loop up to the Nyquist frequency, and for a servo, which has no such claim
+    band : default transparency band, dimensionless: frequencies in Hz, multiplied by the lag in s of hold, delay, drive
+        and velocity estimate (`vctune.model.loop.limits.lags`)
+    own_loop : whether the firmware, not the vendor, closes a loop around the motor; this loop has a sensitivity S
     terms : names of the error's terms that are not always 0
     """
 
@@ -73,7 +74,7 @@ class Display:
         return f"Re {self.couples} / R"
 
     def reference(self, Z_0: float) -> float:
-        """Return the reference for the coupling's response: Z_0, N s/m, or 1/Z_0."""
+        """Return the reference for the coupling's response: Z_0, N s/m, or 1/Z_0, m/(N s), for an impedance display."""
         return 1 / Z_0 if self.inverse else Z_0
 
     def coupling_unit(self, units: Units) -> str:

@@ -24,8 +24,8 @@ class Environment:
     stiffness : stiffness of the environment, N/m
     zero : position at which the spring is relaxed, m
     wall : whether damping and stiffness only push, towards negative x
-    rule : integration rule in the firmware; a wall uses backward Euler
-    late : number of samples by which the environment's force is late
+    rule : integration rule in the firmware; "backward" for a wall
+    late : number of samples by which the environment's force is late; 0 for a wall
     """
 
     mass: float
@@ -101,6 +101,8 @@ class Friction:
 class Sensors:
     """Errors of the encoder and the force sensor.
 
+    A servo's firmware reads no encoder, and an impedance display has no force sensor.
+
     Attributes
     ----------
     position_resolution : resolution of the encoder, m; 0 for an ideal encoder
@@ -116,6 +118,8 @@ class Sensors:
 @dataclass(frozen=True, slots=True)
 class Baseline:
     """A regular PID that makes the device follow a virtual mass and damping, without a coupling.
+
+    A servo cannot have one, because a PID commands a force.
 
     Attributes
     ----------
@@ -161,8 +165,8 @@ class Experiment:
     ----------
     name : name that no other experiment of the problem has
     environment, operator, sensors : see `Environment`, `Operator` and `Sensors`
-    friction : friction of the device; None without friction
-    limit : greatest force of the actuator, N; None without a limit
+    friction : friction of the device; None without friction and for a servo
+    limit : greatest force of the actuator, N; None without a limit and for a servo, whose firmware commands no force
     baseline : a regular controller for comparison; None without one
     """
 

@@ -12,7 +12,13 @@ from vctune.model.numbers.arithmetic import Number
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """The velocity loop's law K = velocity + position/s, in N s/m and N/m (paper eq. 3)."""
+    """The velocity loop's law K = velocity + position/s (paper eq. 3).
+
+    Attributes
+    ----------
+    velocity : K_v, N s/m; on an impedance display the injected damping; 0 on a servo
+    position : K_p, N/m; 0 on an impedance display and on a servo
+    """
 
     velocity: Number
     position: Number
@@ -71,10 +77,11 @@ class SpringDamper:
 
 
 AnyCoupling = Coupling | SpringDamper
-"""The coupling between device and virtual world: `Coupling` for an admittance display, `SpringDamper` otherwise."""
+"""The coupling between device and virtual world: `SpringDamper` for an impedance display, `Coupling` for an admittance
+display and for a servo."""
 
 
 def series_coupling(coupling: AnyCoupling) -> Coupling:
-    """Return a coupling after checking that it belongs to an admittance display."""
+    """Return a coupling after asserting that it belongs to an admittance display or a servo."""
     assert not isinstance(coupling, SpringDamper)
     return coupling

@@ -17,7 +17,7 @@ def stacked(hands: Sequence[Hand], shape: tuple[int, ...] = (-1,)) -> Hand:
     Parameters
     ----------
     hands : hands with plain numbers
-    shape : shape of the arrays
+    shape : shape of the arrays; by default (n,) for n hands
     """
     each = {name: np.array([getattr(hand, name) for hand in hands], float).reshape(shape) for name in NAMES}
     return Hand(**each)
@@ -40,7 +40,7 @@ class PlacesInHands:
         return int(self.at.shape[-1])
 
     def mapped(self, of: Callable[..., Any], *others: PlacesInHands) -> PlacesInHands:
-        """Apply a function to the frequencies and to each number of the hands, and return the results as places.
+        """Apply a function to `at` and to each number of the hands, and return the results as places.
 
         Parameters
         ----------
@@ -59,12 +59,12 @@ class PlacesInHands:
 
     @property
     def unique(self) -> PlacesInHands:
-        """The places in order, without duplicates."""
+        """The places of shape (n,) without duplicates, sorted by `at` and then by the numbers of the hands."""
         rows = np.unique(np.vstack((self.at, *self.hands.numbers.values())), axis=1)
         at, *numbers = rows
         return PlacesInHands(at, Hand(*numbers))
 
     @classmethod
     def of(cls, places: Sequence[tuple[float, Hand]]) -> PlacesInHands:
-        """Return places made from a sequence of pairs (frequency, hand)."""
+        """Return places of shape (n,), made from n pairs (frequency or angle, hand)."""
         return cls(np.array([at for at, _ in places], float), stacked([hand for _, hand in places]))

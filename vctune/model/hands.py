@@ -119,7 +119,10 @@ class Hands:
     high: Hand
 
     def in_words(self, units: Units) -> str:
-        """Return the box in words with units. The text omits numbers that are 0 in all hands of the box."""
+        """Return the box in words with units. The text omits numbers that are 0 in all hands of the box.
+
+        Returns "nothing" if all numbers are 0.
+        """
         known = ((name, *ends) for name, ends in self.ranges.items() if ends[1] > 0)
         return ", ".join(f"{low:g} to {high:g} {units.of(QUANTITIES[name])}" for name, low, high in known) or "nothing"
 

@@ -26,7 +26,7 @@ class VelocityEstimate:
     source : "measured" by a velocity sensor, or "difference", the backward difference of the sampled position
     filter_hz : corner frequency f, Hz, of the velocity's low-pass y += a (x - y) with a = 1 - e^(-2 pi f T); None
         without a low-pass
-    filter_order : number of such low-passes in series
+    filter_order : number of such low-passes in series, 1 or 2; without effect without a low-pass
     """
 
     source: Literal["measured", "difference"] = "measured"
@@ -57,7 +57,7 @@ class ForceSensor:
     Attributes
     ----------
     bandwidth_hz : -3 dB frequency, Hz, > 0; None without a low-pass
-    order : order of the low-pass, 1 or 2
+    order : order of the low-pass, 1 or 2; without effect without a low-pass
     delay : delay of the sensed force, s, >= 0
     filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, 0 < a <= 1; None without a filter.
         Only a servo may have it
@@ -125,7 +125,7 @@ class Unmodelled:
     ----------
     radii : points (frequency in Hz, radius), increasing in frequency; r is linear between them on logarithmic axes, and
         constant outside, also below the first point, unlike `Servo.radii`
-    share : share of the radius, 0 <= share <= 1
+    share : the factor `share`, which multiplies the radius r, 0 <= share <= 1
     phase : direction of the deviation, rad
     """
 
@@ -175,8 +175,8 @@ class Part:
     ----------
     record : type of the field of `Device`
     label : name of the part, for a linear device
-    numbers : the numbers of the record that may be any real number of a range
-    ideal : the record of an ideal part, which a device does not store; None if there is no such record
+    numbers : the real numbers of the record; its orders, sources, commands, loads and radii are not among them
+    ideal : the record of an ideal part, which a device does not store; None if no record is ideal
     refused_by : reason why a kind of display cannot have the part, by the name of the kind
     named : name of the part in a list of a device's parts; "" if that name is `label`
     """
@@ -270,13 +270,13 @@ OF_FIRMWARE = tuple(key for key, each in PART_NUMBERS.items() if each.certain an
 """Keys of the parameters of parts that are known exactly, because the firmware computes with these values. The sample
 time is also known exactly, but belongs to `NUMBERS`, because all formulas depend on it."""
 NUMBERS = tuple(key for key in PART_NUMBERS if key not in OF_FIRMWARE)
-"""Keys of all other parameters of a device."""
+"""Keys of all other parameters of a device, without those of the unmodelled response."""
 UNCERTAIN = tuple(key for key, each in PART_NUMBERS.items() if not each.certain)
 """Keys of the parameters that may be uncertain. The corner of the velocity's low-pass is one of them, although the
 firmware defines this low-pass."""
 INERT = ("mass", "damping", "delay")
-"""Keys of the parameters of [device] that a servo does not have. A servo stores fixed values under these keys, and
-nothing depends on the values."""
+"""Keys of the parameters of [device] that a servo does not have. A servo stores 1, 0 and 0 under these keys. The mass
+1 kg is the unit of mass in `sampled/changing`; nothing else depends on the values."""
 LOOP_DELAYS = ("delay", "servo.delay")
 """Keys of the delay of a loop, one for each kind of display."""
 DELAYS = (

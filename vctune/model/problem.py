@@ -17,8 +17,10 @@ from vctune.model.worlds import Worlds, WorldsMet
 
 Norm = Literal["rms", "peak"]
 Criterion = Literal["passive", "hands", "both"]
-"""Hands that a problem requires: any passive hand, on a band of the frequency model; a box of hands, in the sampled
-loop; or both."""
+"""Hands that a problem requires: any passive hand; a box of hands, in the sampled loop; or both.
+
+The claim for any passive hand is about the frequency model on a band for an admittance display, and about the sampled
+loop for an impedance display. A servo, and a problem with a box of environments, have the criterion "hands"."""
 HUMAN_HANDS = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
 """Human hands on a linear device, from no hand to a firm grip (model/README.md, section 14)."""
 
@@ -59,7 +61,16 @@ ABSENT = Range(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """The ranges of the design variables: K_v, K_p, b_c, m_c, b_0; for an impedance display K_v, b_c and k_c."""
+    """The ranges of the design variables; `ABSENT` for a variable that the kind of display lacks.
+
+    Attributes
+    ----------
+    velocity : K_v, N s/m; absent on a servo
+    position : K_p, N/m; absent on an impedance display and on a servo
+    damping : b_c, N s/m
+    mass, drag : m_c, kg, and b_0, N s/m; absent on an impedance display
+    stiffness : k_c, N/m, of an impedance display; absent on all others
+    """
 
     velocity: Range
     position: Range
@@ -86,10 +97,16 @@ class Transparency:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """The requirements (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, hands.
+    """The requirements (design/README.md, section 1).
 
-    `changing` names the parameter of the hand that may change while the hand holds the handle. The claim about changing
-    hands covers those with a mass of at least `changing_mass_min`, kg.
+    Attributes
+    ----------
+    band : band of Llewellyn's conditions; no claim about an impedance display or a servo depends on it
+    safety_factor : least permitted Re Z_c / R; for an impedance display Re (1/Z_c) / R
+    max_sensitivity : greatest permitted |S| of the sampled loop; without effect for a servo
+    criterion : hands that the problem requires
+    changing : parameter of the hand that may change while the hand holds the handle; None if no hand may change
+    changing_mass_min : least mass of a hand that changes, kg; None for the least mass of the box of hands
     """
 
     band: Band
@@ -107,10 +124,10 @@ class Demands:
     Attributes
     ----------
     device : the device
-    band : band of Llewellyn's conditions, rad/s; may be (0, inf)
-    factor : safety factor g, the least permitted Re Z_c / R
-    max_sensitivity : greatest permitted |S| of the sampled loop
-    passive : whether the constraints include any passive hand on the band
+    band : band of Llewellyn's conditions, rad/s; may be (0, inf); without effect if `passive` is False
+    factor : safety factor g, the least permitted Re Z_c / R; for an impedance display Re (1/Z_c) / R
+    max_sensitivity : greatest permitted |S| of the sampled loop; without effect for a servo
+    passive : whether the constraints include any passive hand on an admittance display, on the band
     any_hand : whether the constraints include any passive hand on an impedance display, at every frequency
     hands : box of hands in which the sampled loop must be stable at every frequency; None without one
     worlds : box of environments with which the loop must be stable in these hands; None for every passive environment
@@ -134,7 +151,10 @@ class Demands:
 
     @property
     def walls_met(self) -> WorldsMet | None:
-        """The required environments including walls; None if the multiplier that proves walls has no corner."""
+        """The required environments including walls, and the safety factor.
+
+        Returns None without a box of environments, and if the multiplier that proves walls has no corner.
+        """
         return _with_walls(self.worlds, self.factor)
 
 
@@ -145,10 +165,11 @@ class Uncertainty:
     Attributes
     ----------
     half_widths : relative half-widths of parameters of the device, by their keys, 0 < width < 1
-    objective : "nominal" for the error of the nominal device, "worst" for the greatest error at a corner of
-        the box
+    objective : error that a design minimises: "nominal" for that of the nominal device, "worst" for the greatest error
+        at a corner of the box
     unmodelled : points (frequency in Hz, radius) of a disc around 1 that contains the factor of the device's response.
-        The radius is linear between the points on logarithmic axes, and constant outside them; empty without a disc
+        The radius is linear between the points on logarithmic axes, and constant outside them. Empty without a disc,
+        and for a servo, whose disc is `Servo.radii`
     """
 
     half_widths: tuple[tuple[str, float], ...]
@@ -200,15 +221,19 @@ class Problem:
 
     @property
     def hands_met(self) -> Hands | None:
-        """The box of hands in which the sampled loop must be stable; None without one.
+        """The box of hands in which the sampled loop must be stable; None if the claim for any passive hand suffices.
 
-        On an impedance display, the claim for any passive hand includes these hands.
+        That claim suffices with the criterion "passive". On an impedance display it includes these hands, so that it
+        suffices with the criterion "both" as well.
         """
         return None if self.stability.criterion == "passive" or self.any_hand else self.hands
 
     @property
     def changing_hands(self) -> Hands | None:
-        """The hands whose damping may change at every sample; None if no hand may change."""
+        """The hands whose damping may change at every sample; None if no hand may change.
+
+        Their masses start at `Stability.changing_mass_min`, if this is above the least mass of the box.
+        """
         hands, least = self.hands_met, self.stability.changing_mass_min or 0.0
         if hands is None or self.stability.changing is None:
             return None
@@ -216,13 +241,18 @@ class Problem:
 
     @property
     def worlds_met(self) -> WorldsMet | None:
-        """The linear environments with which the loop must be stable in these hands; None for every passive
-        environment."""
+        """The linear environments with which the loop must be stable in these hands, and the safety factor.
+
+        Returns None for every passive environment.
+        """
         return None if self.worlds is None else WorldsMet(self.worlds.linear, self.stability.safety_factor)
 
     @property
     def walls_met(self) -> WorldsMet | None:
-        """The required environments including walls; None if the multiplier that proves walls has no corner."""
+        """The required environments including walls, and the safety factor.
+
+        Returns None without a box of environments, and if the multiplier that proves walls has no corner.
+        """
         return _with_walls(self.worlds, self.stability.safety_factor)
 
     @property
@@ -248,7 +278,7 @@ class Problem:
 
     @property
     def fixed_design(self) -> tuple[Gains, AnyCoupling]:
-        """The gains and the coupling of a problem that fixes every variable."""
+        """The gains and the coupling of a problem that fixes every variable; otherwise the lower ends of the ranges."""
         kind = self.device.kind
         fixed = [getattr(self.bounds, name).min for name in kind.names]
         return Gains(*fixed[:2]), kind.coupling(*fixed[2:])
@@ -264,7 +294,8 @@ class Problem:
         Returns
         -------
         Problem
-            Its angular frequencies are in rad per unit of time. If the device's sample time is the unit, T is 1.
+            Its angular frequencies are in rad per unit of time, and its other frequencies in cycles per unit of time.
+            If the device's sample time is the unit, T is 1.
         """
         Z, t = 1 / impedance, 1 / time
         bounds, transparency, stability = self.bounds, self.transparency, self.stability

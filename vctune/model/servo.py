@@ -10,7 +10,9 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """The parts of L, the time by which a spring's force lags at rest, s. The drag must be at least K L.
+    """The parts of L, the time by which a spring's force lags at rest, s.
+
+    In a hand with stiffness K and damping B, the drag must be at least K L - B.
 
     Attributes
     ----------
@@ -42,7 +44,7 @@ class LatencyPart:
     Attributes
     ----------
     label : name of the part
-    key : key of the number that states the part
+    key : dotted key of the number or of the table that states the part, in a problem file
     quicker : advice on how to shorten the part
     """
 
@@ -105,6 +107,6 @@ def latency(device: Device, ops: Arithmetic) -> Latency:
 
 
 def _lag(bandwidth_hz: Number, order: int, ops: Arithmetic) -> Number:
-    """Return -d(phase)/d(omega) of a low-pass at omega = 0, s."""
+    """Return the lag of a low-pass at omega = 0, -d(phase)/d(omega), s."""
     corner = 2 * ops.pi * bandwidth_hz
     return 1 / corner if order == 1 else ops.sqrt(2 + 0 * corner) / corner

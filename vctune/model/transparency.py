@@ -24,8 +24,14 @@ the code would need about twice as many panels; with twice as many nodes, about 
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """One value for each of the three terms |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0: the terms themselves or their
-    weights."""
+    """One value for each of the error's three terms: the terms themselves, their squares or their weights.
+
+    Attributes
+    ----------
+    admittance : |Z_0 G_hh|, 0 for a servo; for an impedance display |1/G_hh|/Z_0
+    tracking : |1 - G_he|; for an impedance display |1 - A H/N|
+    coupling : |Z_c|/Z_0; for an impedance display Z_0 |1/Z_c|
+    """
 
     admittance: Number
     tracking: Number
@@ -39,8 +45,8 @@ TERMS: tuple[TermName, ...] = ("admittance", "tracking", "coupling")
 class LoopTerms(NamedTuple):
     """The squares of the two terms that do not contain the coupling, |G_hh| and |1 - G_he|, with Z_0 = 1.
 
-    An impedance display has the dual terms. The dual terms contain 1/G_hh, the impedance in free motion, and 1 - A H/N,
-    the relative error of the handle's force against the commanded force.
+    A servo has G_hh = 0. An impedance display has the dual terms. The dual terms contain 1/G_hh, the impedance in free
+    motion, and 1 - A H/N, the relative error of the handle's force against the commanded force.
     """
 
     admittance: Number
@@ -61,8 +67,8 @@ def loop_terms(loop: LoopResponse, at: DeviceResponse, kind: Display) -> LoopTer
     Returns
     -------
     LoopTerms
-        `admittance` is |G_hh|^2, (m/(N s))^2, or 1/|G_hh|^2 for an impedance display. `tracking` is the other term,
-        dimensionless.
+        `admittance` is |G_hh|^2, (m/(N s))^2, or 1/|G_hh|^2, (N s/m)^2, for an impedance display. `tracking` is the
+        other square, dimensionless.
     """
     if not kind.inverse:
         return LoopTerms(G_hh_abs2(loop), tracking_abs2(loop))

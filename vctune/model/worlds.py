@@ -26,7 +26,7 @@ class World:
     Attributes
     ----------
     mass : m, kg, >= 0; inf for no limit
-    damping : b, N s/m, >= 0
+    damping : b, N s/m, >= 0; inf for no limit
     stiffness : k, N/m, >= 0; inf for no limit
     """
 
@@ -51,8 +51,8 @@ class Worlds:
 
     Attributes
     ----------
-    low, high : the environments with the least and with the greatest numbers; `high.damping` is inf if the firmware
-        renders all environments of the box passively
+    low, high : the environments with the least and with the greatest numbers; in a problem, `high.damping` is inf if
+        `passive` is true, and finite otherwise
     walls : whether springs may be walls: one-sided, or piecewise linear with slopes within the range of stiffness
     corner : corner frequency w_c of the multiplier that proves walls, rad/s, > 0, at most 2/T (section 19); None if
         no corner has been chosen
@@ -92,7 +92,10 @@ class Worlds:
         return self.rule != "explicit" and self.late == 0
 
     def in_words(self, units: Units) -> str:
-        """Return the box in words with units. The text omits limits that exclude nothing."""
+        """Return the box in words with units. The text omits limits that exclude nothing.
+
+        The text ends with walls or, without walls, with rule and lateness.
+        """
         ranges = [
             _range(low, high, unit)
             for low, high, unit in (
@@ -106,8 +109,10 @@ class Worlds:
 
     @property
     def ahead(self) -> bool:
-        """Whether masses respond to a force only at the next sample. With such a mass and enough damping in the loop,
-        the motion grows."""
+        """Whether the box has masses that step by explicit Euler on time, so that they respond only at the next sample.
+
+        With such a mass and enough damping in the loop, the motion grows.
+        """
         return bool(self.rule == "explicit" and self.late == 0 and self.high.mass > 0)
 
     def in_units(self, impedance: float, time: float) -> Worlds:
@@ -136,7 +141,9 @@ EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))
 
 
 def in_time_in_words(rule: WorldRule, late: int) -> str:
-    """Return the words for rule and lateness that follow an environment's numbers; "" for a lossless one on time.
+    """Return the words for rule and lateness that follow an environment's numbers.
+
+    Returns "" for an environment that steps by the trapezoidal rule and is on time.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Compute the constants of the loop at a frequency.
 
-Every response is a quotient of two numbers that are affine in the gains.
+Every response is a quotient of two numbers that are affine in the gains. For a servo, both are constants.
 
 See model/README.md, section 12.
 """
@@ -20,7 +20,7 @@ class Affine:
 
     Attributes
     ----------
-    constant, velocity, position : the three coefficients; None for 0
+    constant, velocity, position : the three coefficients; None for 0. An impedance has coefficients in N s/m, 1 and s
     """
 
     constant: Pair | None
@@ -47,8 +47,8 @@ class LoopConstants:
     ----------
     controller, C : C_0 and F_s C_0
     D, miss, numerator, motor : D, D - C_0, N and W
-    factor : e = 1 + y Z_2, the factor of C_f in D. Without a loop, the velocity per unit of the motor's force is e/D
-        at the motor and 1/D at the handle
+    factor : e = 1 + y Z_2, the factor of C_f in D; 1 for a rigid device and for a servo. With both gains 0, the
+        velocity per unit of the motor's force is e/D at the motor and 1/D at the handle
     """
 
     controller: Affine
@@ -62,6 +62,8 @@ class LoopConstants:
 
 def loop_constants(at: DeviceResponse) -> LoopConstants:
     """Return the constants of a device's loop at omega > 0. The constants do not depend on the gains.
+
+    The function ignores `DeviceResponse.factor`, the perturbation of the mechanism, and the least operator.
 
     In C_0, the coefficient of K_p is the coefficient of K_v divided by j omega. The coefficients in W and D have the
     same relation if the firmware uses the measured velocity without a low-pass, F = 1.

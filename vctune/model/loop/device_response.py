@@ -2,7 +2,8 @@
 12).
 
 An ideal device has a mass, a damping, and a hold with its delay. The other parts are optional: actuator, velocity
-estimate, force sensor, and a spring between motor and handle. An absent part costs no computation.
+estimate, force sensor, and a spring between motor and handle. An absent part costs no computation. A servo has only the
+response of its motion to the command, and a force sensor.
 """
 
 from __future__ import annotations
@@ -27,10 +28,12 @@ from vctune.model.parts import Servo, Structure
 class DriveResponse(NamedTuple):
     """Hold, delay and actuator at a frequency, A H = re - j omega lag. Both parts are even and smooth at omega = 0.
 
+    For a servo, A is the servo's low-pass, times the interpolation of a position command.
+
     Attributes
     ----------
     re : Re A H, dimensionless
-    lag : -Im A H / omega, s; for omega -> 0 it tends to T/2 + delay plus the actuator's lag
+    lag : -Im A H / omega, s; for omega -> 0 it tends to T/2 + delay plus the lag of A
     """
 
     re: Number
@@ -66,8 +69,9 @@ class DeviceResponse(NamedTuple):
     Attributes
     ----------
     omega : frequency, rad/s
-    mass, damping : mass and damping of the motor's part, kg and N s/m; a rigid device has no other part
-    drive : A H, the response of hold, delay and actuator
+    mass, damping : mass and damping of the motor's part, kg and N s/m; a rigid device has no other part; without effect
+        for a servo
+    drive : A H, the response of hold, delay and actuator; for a servo, of the motion to the command
     estimate : F, from the motor's velocity to the firmware's estimate; None for 1
     sensor : F_s, from the hand's force to the sensed force; None for 1
     spring : spring between motor and handle; None for a rigid device
@@ -109,8 +113,8 @@ class Mechanism:
 def mechanism(device: Device, structure: Structure, ops: Arithmetic) -> Mechanism:
     """Return the masses and the spring of a structure from its free resonance (model/README.md, section 12).
 
-    With the reduced mass mu of motor and handle, k = mu (2 pi f)^2 and c = 2 zeta mu 2 pi f. A load adds to the
-    handle's mass and does not change the spring.
+    With the reduced mass mu of motor and handle, k = mu (2 pi f)^2 and c = 2 zeta mu 2 pi f. A load adds its mass to
+    the handle's mass and damps the handle. It does not change the spring.
 
     Parameters
     ----------
@@ -140,7 +144,7 @@ def hold_response(device: Device, omega: Number, ops: Arithmetic) -> DriveRespon
 
     Parameters
     ----------
-    device : device; the function uses only sample_time, delay and hold
+    device : device; the function uses only sample_time, hold and delay, or the delay of the servo
     omega : frequency, rad/s, may be 0; a number or an array of any shape
     ops : arithmetic of omega and of the device's parameters
 
@@ -224,7 +228,8 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
 def _servo_response(
     device: Device, servo: Servo, drive: DriveResponse, omega: Number, ops: Arithmetic
 ) -> DeviceResponse:
-    """Return the response of a servo's motion to its command: hold, delay, low-pass and interpolation."""
+    """Return the response of a servo: that of its motion to its command (hold, delay, low-pass and interpolation), and
+    that of its force sensor."""
     omega2 = omega * omega
     drive = _behind(drive, low_pass(servo.bandwidth_hz, servo.order, omega, ops), omega2)
     if servo.command == "position":

@@ -1,6 +1,7 @@
 """Model the drive, which turns the held command into the motor's force: its response, its states and their rates.
 
-To add a part to the drive, extend each function of this module. No other module knows the parts of the drive.
+The drive of a servo is inside the vendor's loop and does not appear here. To add a part to the drive, extend each
+function of this module. No other formula of `vctune.model` and no simulation knows the parts of the drive.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def drive_rows(
 
     Parameters
     ----------
-    rows : rates of each state with T = 1; the function adds the rates of the drive's states
+    rows : rates of each state with T = 1; the function fills the rows of `drive_states`, which must exist
     device : device; the function uses the parts of its drive
     ops : arithmetic of the rates
     low_pass_rows : function that writes the states of a low-pass
@@ -70,7 +71,7 @@ def drive_rows(
 
 
 def drive_at_rest(device: Device) -> dict[str, float]:
-    """Return the drive's states under a steady command of 1, by name.
+    """Return the drive's states under a steady command of 1, by name. States that are 0 are absent.
 
     Low-passes have the states of `plain_low_pass_rates`.
 
@@ -92,6 +93,7 @@ def pushed(force: dict[str, Number], share: Number) -> dict[str, Number]:
     Returns
     -------
     dict
-        The coefficients of states and command. A coefficient of 1 stays an integer, so that it adds no rounding error.
+        The coefficients of states and command. A coefficient that is the integer 1 becomes the share itself, without a
+        rounding error.
     """
     return {name: share if type(part) is int and part == 1 else times(part, share) for name, part in force.items()}

@@ -4,8 +4,8 @@ The parts are the velocity estimate, the actuator and the force sensor (model/RE
 and the interpolation of a servo (section 17). The sampled models and the simulation use the rates. The filter
 `ForceSensor.filter_coefficient` of a servo's firmware is not here; the sampled models of a servo contain it.
 
-Each part has unit gain at omega = 0. For its response H, the code computes 1 - H directly instead of subtracting H from
-1, so that no digits cancel.
+Each part has unit gain at omega = 0. For its response H, the code computes 1 - Re H and Im H directly instead of
+subtracting H from 1, so that no digits cancel.
 """
 
 from __future__ import annotations
@@ -254,7 +254,8 @@ def low_pass_rates(
     Returns
     -------
     Number
-        Coefficient of the input in the rate of the low-pass's last state, per sample.
+        Coefficient of the input in the rate of the low-pass's last state, per sample. With it, the caller gives the
+        low-pass unit gain at omega = 0.
     """
     corner, (out, rate) = 2 * ops.pi * cycles_per_sample, states  # w T
     if order == 1:

@@ -14,7 +14,8 @@ class LoopResponse(NamedTuple):
     """The loop's impedances times a common real scale, and the numbers for which a subtraction would lose digits.
 
     With an integrator, C_0 grows like 1/omega for omega -> 0. All impedances are then multiplied by the scale omega,
-    which makes them regular at omega = 0. Without an integrator the scale is 1.
+    which makes them regular at omega = 0. The scale is 1 without an integrator, for a servo, and for a device with a
+    `factor`.
 
     Attributes
     ----------
@@ -22,13 +23,13 @@ class LoopResponse(NamedTuple):
         servo D = 1, so C, D and D - C_0 are dimensionless
     D_scaled : D times the scale
     miss_scaled : D - C_0 = (1 - G_he) D times the scale; for an ideal device D - C_0 = Z_d
-    numerator : N = G_hh D, dimensionless; None if it is 1
+    numerator : N = G_hh D, dimensionless; None if it is 1; 0 for a servo
     scale2 : the scale squared
     im_C_conj_D_scaled : scale * Im(F_s C_0 conj D), which is scale * |D|^2 Im q (model/README.md, section 5)
     im_slope : `im_C_conj_D_scaled` divided by omega, regular at omega = 0; None if `im_C_conj_D_scaled` does not vanish
         there, for a servo, and for a device with a `factor`
     resistance : Re(N conj D) + b_h |N|^2, not scaled, N s/m. It is |D|^2 Re G_hh without an operator; for a rigid
-        device in the hand of its least operator it is Re(D + Z_h)
+        device in the hand of its least operator it is Re(D + Z_h); 0 for a servo
     operator_relief : 2 b_h Re(F_s C_0 conj N), the term by which an operator relaxes the conditions, (N s/m)^2, not
         scaled; None without an operator
     """
@@ -45,7 +46,7 @@ class LoopResponse(NamedTuple):
 
 
 class Impedance(NamedTuple):
-    """An impedance: its real part, and the whole impedance times the scale."""
+    """An impedance: its real part without the scale, and the whole impedance times the scale of `LoopResponse`."""
 
     re: Number
     scaled: Pair
@@ -77,7 +78,7 @@ def controller_impedance(at: DeviceResponse, gains: Gains, re: Number, lag: Numb
 
 
 def G_hh_abs2(loop: LoopResponse) -> Number:
-    """Return |G_hh|^2 = |N|^2/|D|^2 (paper eq. 10), (m/(N s))^2."""
+    """Return |G_hh|^2 = |N|^2/|D|^2 (paper eq. 10), (m/(N s))^2; 0 for a servo."""
     above = loop.scale2 if loop.numerator is None else loop.scale2 * loop.numerator.abs2()
     return above / loop.D_scaled.abs2()
 

@@ -35,8 +35,9 @@ class Lags:
 
     Attributes
     ----------
-    drive : tau, the lag of hold, delay and actuator, s
-    estimate, sensor : lags of the velocity estimate and of the force sensor, s
+    drive : tau, the lag of hold, delay and actuator; for a servo of hold, delay, low-pass and interpolation, s
+    estimate, sensor : lags of the velocity estimate and of the force sensor, s. The sensor's lag contains its delay,
+        but not the lag of a servo's firmware filter
     loss : c/k^2 of the spring, m s/N
     compliance : 1/k of the spring, m/N
     """
@@ -51,7 +52,8 @@ class Lags:
 def lags(device: Device, ops: Arithmetic) -> Lags:
     """Return the lags of a device's parts for omega -> 0 (model/README.md, section 12).
 
-    A low-pass of order 1 lags by 1/w, a low-pass of order 2 by sqrt(2)/w, and a difference by T/2.
+    A low-pass of order 1 lags by 1/w, a low-pass of order 2 by sqrt(2)/w, a low-pass of the firmware by T (1 - a)/a,
+    and a difference or an interpolation by T/2.
 
     Parameters
     ----------
@@ -75,7 +77,7 @@ def lags(device: Device, ops: Arithmetic) -> Lags:
 
 
 def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: Arithmetic = FLOATS) -> EndLimit:
-    """Return the limits of Re Z_c and R for omega -> 0, for any hold.
+    """Return the limits of Re Z_c and R for omega -> 0, for an admittance display with any hold.
 
     See model/README.md, sections 6, 9 and 12. With K_p > 0, Re Z_c -> b_0 and R -> (b + tau_s K_p)^2/(4 (b + k)) with k
     = K_v - tau K_p + K_p^2 c/k_s^2. In this limit, tau is the drive's lag, tau_s the force sensor's lag, and k_s and c
@@ -90,7 +92,7 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: A
 
     Parameters
     ----------
-    device : device in SI units
+    device : admittance display in SI units
     gains : K_v and K_p, N s/m and N/m
     coupling : b_c, m_c and b_0 of an admittance display
     ops : arithmetic of these numbers; it must be able to compare them with 0

@@ -1,6 +1,8 @@
 """State absolute stability (Llewellyn) as a constraint on the coupling (model/README.md, sections 4 and 5; paper eqs.
 12, 19).
 
+The conditions apply to an admittance display, not to a servo, whose `resistance` is 0.
+
 Let G_hh = N/D and q = C/D (`vctune.model.loop.loop`). With an operator that always contains Z_h, absolute stability
 requires
 

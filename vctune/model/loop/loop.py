@@ -5,7 +5,8 @@ Z_2 and the admittance y of the spring between them,
 
     N = 1 + y W,   D = W + Z_2 N,   G_hh = N/D,   G_he = C_0/D,   q = F_s C_0/D.
 
-A rigid device has y = Z_2 = 0 and N = 1. If it is ideal as well, F_s C_0 = C_f = C_0 = C and D = Z_d + C.
+A rigid device has y = Z_2 = 0 and N = 1. If it is ideal as well, F_s C_0 = C_f = C_0 = C and D = Z_d + C. An impedance
+display has K_p = 0 and F_s = 1. A servo has C_0 = A H with its low-pass in A, N = 0 and D = 1.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
     Parameters
     ----------
     at : the device at omega > 0, or at omega >= 0 in an arithmetic that encloses the limit
-    gains : K_v and K_p, N s/m and N/m; if K_p is certainly 0, the law has no integrator
+    gains : K_v and K_p, N s/m and N/m; if K_p is certainly 0, the law has no integrator; without effect for a servo
     ops : arithmetic of device and gains
 
     Returns

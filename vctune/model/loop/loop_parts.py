@@ -21,25 +21,28 @@ class _Scale:
 
     Attributes
     ----------
-    own : the factor: omega with an integrator, 1 without
-    lacking : omega divided by this factor
+    factor : omega with an integrator, 1 without
+    omega_over_factor : omega divided by the factor
     """
 
-    own: Number | None
-    lacking: Number | None
+    factor: Number | None
+    omega_over_factor: Number | None
 
     def up(self, x: Number) -> Number:
         """Return x times the scale."""
-        return x if self.own is None else x * self.own
+        return x if self.factor is None else x * self.factor
 
     def across(self, x: Number) -> Number:
         """Return x times omega, divided by the scale."""
-        return x if self.lacking is None else x * self.lacking
+        return x if self.omega_over_factor is None else x * self.omega_over_factor
 
 
 @dataclass(frozen=True, slots=True)
 class _Turned:
-    """Im(C conj D) times the scale, as flat + omega slope. If there is no constant term, flat is None."""
+    """Im(C conj D) times the scale, as flat + omega slope; flat is None if the number vanishes like omega.
+
+    The same form holds Im(C_0 conj W) and Im(C_0 conj D), before the handle and the force sensor are added.
+    """
 
     flat: Number | None
     slope: Number
@@ -126,7 +129,7 @@ def loop_with_parts(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopRe
         D_scaled=D,
         miss_scaled=miss,
         numerator=numerator,
-        scale2=1 if scale.own is None else omega * omega,
+        scale2=1 if scale.factor is None else omega * omega,
         im_C_conj_D_scaled=turned.at(omega),
         im_slope=turned.slope if turned.flat is None else None,
         resistance=resistance,
@@ -201,7 +204,7 @@ def _turned(at: DeviceResponse, gains: Gains, C_0: Impedance, scale: _Scale, ops
     The result is the sum of the products of C_0 with b, with m omega, and with the loss of F in C_f. The code omits the
     product of C_0 with itself, which has no imaginary part.
     """
-    integral = scale.own is not None
+    integral = scale.factor is not None
     slope = -(at.mass * C_0.re)
     if at.estimate is not None:
         lost, lagging = gains.velocity * at.estimate.lag, at.omega * at.drive.lag
@@ -223,7 +226,7 @@ def _on_spring(
     Parameters
     ----------
     spring, omega, scale : the spring, the frequency and the scale
-    C_0, W : impedances of the motor's part
+    C_0, W : the controller's impedance, and the impedance of the motor's part with the loop
     miss, turned : Z_1 + C_f - C_0 and Im(C_0 conj W), scaled
     """
     flexed = Pair(omega * spring.y_c, spring.y_k)  # y/omega

@@ -1,8 +1,8 @@
 """Define the operations beyond + - * / that the formulas need, for each kind of number.
 
-Every formula of `vctune.model` takes an `Arithmetic`. The same formula then runs on NumPy arrays (scan, margins,
-figures), on CasADi symbols (the NLP), and on Arb balls and arrays of intervals, with or without derivatives (the
-proof).
+A formula of `vctune.model` that needs more than + - * / takes an `Arithmetic`. The same formula then runs on NumPy
+arrays (scan, margins, figures), on CasADi symbols (the NLP), and on Arb balls and arrays of intervals, with or without
+derivatives (the proof).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Number = Any
-"""A float, a NumPy array, a CasADi symbol, an Arb ball or series, an `Enclosure` or a `Jet`."""
+"""A float, a fraction, a NumPy array, a CasADi symbol, an Arb ball or series, an `Enclosure` or a `Jet`."""
 Floats = NDArray[np.float64]
 """An array of floats of any shape."""
 
@@ -158,16 +158,17 @@ class ArrayArithmetic(Arithmetic, Protocol):
 
 
 SERIES_BELOW = 0.05
-"""Argument at which phi_2 changes from its series to its formula. The formula's subtraction loses a factor 2/x of the
-precision. At half this argument, the subtraction would lose another factor 2, and
+"""Magnitude of the argument at which phi_2 changes from its series to its formula. The formula's subtraction loses a
+factor 2/x of the precision. At half this argument, the subtraction would lose another factor 2, and
 `vctune.proof.enclosures.jets.PHI_ERROR` would no longer hold. At twice this argument the remainder of the series of
 eight terms, now 1e-17, would be 3e-15, which exceeds the rounding error."""
 
 
 CURVATURE_BELOW = 0.5
-"""Argument at which sinc_curvature changes from its series to its formula. The formula's two subtractions lose a factor
-20/x^2 of the precision. At half this argument they would lose another factor 4. At twice this argument the remainder of
-the series of seven terms, now 2e-19, would be 3e-15, which exceeds the rounding error."""
+"""Magnitude of the argument at which sinc_curvature changes from its series to its formula. The formula's two
+subtractions lose a factor 20/x^2 of the precision. At half this argument they would lose another factor 4. At twice
+this argument the remainder of the series of seven terms, now 2e-19, would be 3e-15, which exceeds the rounding
+error."""
 
 
 def sinc_curvature_series(x2: Number) -> Number:

@@ -8,7 +8,8 @@ from __future__ import annotations
 from vctune.model.numbers.units import Units
 
 KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
-"""Keys of K_v, K_p, b_c, m_c and b_0, the design variables of an admittance display."""
+"""Keys of K_v, K_p, b_c, m_c and b_0, the design variables of an admittance display and of a servo, whose K_v and K_p
+are 0."""
 SPRING_KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.stiffness")
 """Keys of K_v, K_p (which is 0), b_c and k_c, the design variables of an impedance display."""
 SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True)) | {SPRING_KEYS[3]: "k_c"}
@@ -41,5 +42,5 @@ def labelled(key: str, units: Units) -> str:
 
 
 def keys_of(count: int) -> tuple[str, ...]:
-    """Return the keys of a design that has this many numbers."""
+    """Return the keys of a design that has this many numbers: `KEYS` for five numbers, `SPRING_KEYS` for four."""
     return KEYS if count == len(KEYS) else SPRING_KEYS

@@ -1,8 +1,8 @@
 """Represent complex numbers in any arithmetic: `Pair`, because CasADi has none, and `EvenOdd`, a number of the unit
 circle whose parts stay regular at the angle 0 (model/README.md, section 14).
 
-The formulas clear their denominators, so they need no division of complex numbers. They need only the real or the
-imaginary part of a product with a conjugate.
+Neither class has a division. Most formulas clear their complex denominators, and need only the real or the imaginary
+part of a product with a conjugate. The others use `abs2` or `Arithmetic.reciprocal`.
 """
 
 from __future__ import annotations

@@ -23,8 +23,9 @@ class Units:
     Attributes
     ----------
     mass_name, force_name : names of mass and force
-    mass, damping, stiffness, integral_gain, mobility, compliance : units of mass, of impedances and of their
-        reciprocals
+    mass, damping, stiffness, integral_gain : units of mass, of K_v and b_c, of K_p and k_c, and of a PID's integral
+        gain
+    mobility, compliance : units of the reciprocals of damping and stiffness
     force, position, position_integral, speed : units of signals
     time, frequency : units of time and frequency
     """
@@ -105,5 +106,5 @@ WORD = re.compile(r"(?<![.\w])([Aa] )?(mass|force)(es|s)?\b(?! /)", re.IGNORECAS
 """Words to translate, with their articles. Keys of a file and names in equations stay as they are."""
 SAME = {LINEAR.of(quantity): ROTARY.of(quantity) for quantity in QUANTITIES}
 UNIT = re.compile(rf"(?:(?<=, )|^)({'|'.join(map(re.escape, sorted(SAME, key=len, reverse=True)))})(?=[.;,]|$)")
-"""Matches a unit in a description: a description that is only a unit, or the unit after the last comma of a
-description."""
+"""Matches a unit in a description: at the beginning or after a comma, up to a period, a comma, a semicolon or the
+end."""

@@ -1,14 +1,16 @@
 """Compute what any passive hand requires of an impedance display in the sampled loop (model/README.md, section 15).
 
 The module `impedance_display` defines y, s and F. At each frequency and at each alias omega_n = omega + 2 pi n/T, the
-motor of a rigid device responds with a point of the disc with centre and radius 1/(2b). The hand may choose each
-point independently, so that
+motor of a rigid device responds with a point of the disc with centre and radius 1/(2b), where b includes the damping of
+the least operator. The hand may choose each point independently, so that
 
     G_y = sum over n of 4 s^2/(omega_n T)^2 A(j omega_n) e^{-j (theta + omega_n delay)} (1 + u_n)/(2b),   |u_n| <= 1,
 
-also lies in a disc, with centre c and radius r. Without an actuator both sums have a closed form. A delay that is not a
-whole number of samples rotates the aliases relative to each other. Such a delay therefore raises R by more than the
-formula for whole samples predicts. The image of the disc under G/(1 + K_v F G) gives
+also lies in a disc, with centre c and radius r. For a rigid device without an actuator, both sums have a closed form.
+With a structure, the disc of the motor depends on the frequency (`motor_disc`), and the code ignores the least
+operator, which can only raise R. A delay that is not a whole number of samples rotates the aliases relative to each
+other. Such a delay therefore raises R by more than the formula for whole samples predicts. The image of the disc under
+G/(1 + K_v F G) gives
 
     R/s^2 = [r - Re c - (|c|^2 - r^2) K_v Re F]/s^2 / (1 + 2 K_v Re(F c) + K_v^2 |F|^2 (|c|^2 - r^2)).
 """
@@ -32,7 +34,7 @@ number, to 1e-4."""
 
 
 class InAnyHand(NamedTuple):
-    """R/s^2 in any passive hand, as (lost + K_v lost_slope)/(1 + K_v size_slope + K_v^2 size_square)."""
+    """R/s^2, m/(N s), in any passive hand, as (lost + K_v lost_slope)/(1 + K_v size_slope + K_v^2 size_square)."""
 
     lost: Number
     lost_slope: Number
@@ -78,7 +80,7 @@ def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, f
 
     Parameters
     ----------
-    device : an impedance display with damping b > 0
+    device : an impedance display with damping b > 0, its own or, for a rigid device, that of its least operator
     whole : N, the number of whole samples in its delay
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of device and theta
@@ -195,11 +197,11 @@ def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, 
     """Return the disc with radius rho and centre C that contains the motor's admittance in every passive hand.
 
     C = rho (1 + 2 g (b - j omega m_1)), with g = Re 1/Z_s of the spring between motor and handle. A rigid device has C
-    = rho = 1/(2 b).
+    = rho = 1/(2 b), where b includes the damping of its least operator.
 
     Parameters
     ----------
-    device : device with b > 0, in SI units
+    device : impedance display with b > 0, in SI units
     omega : angular frequency, rad/s
     ops : arithmetic of device and omega
 

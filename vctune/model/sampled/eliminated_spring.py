@@ -1,5 +1,7 @@
 """Write the margin of a rigid device in a hand as a quadratic in the part of the loop that the hand's spring changes.
 
+The module holds for admittance displays that `moves_as_two_states` accepts.
+
 The two states of device and hand have the determinant x + j s p (model/README.md, section 14):
 
     x = K T^2/m (c^2 - 4 s^2 beta^2) - 4 s^2 alpha Q_22,   p = 2 c (alpha h - 2 beta K T^2/m),   h = (b + B) T/m.
@@ -35,7 +37,7 @@ class InSpring(NamedTuple):
     Attributes
     ----------
     square, linear, rise, constant : A, L, E and C
-    damped : p for the least damping
+    damped : p for the least damping, `least_damping` of `margin_in_spring`
     half_sine : s^2
     """
 
@@ -60,7 +62,8 @@ class InSpring(NamedTuple):
 def moves_as_two_states(device: Device) -> bool:
     """Return whether `margin_in_spring` holds for a device.
 
-    The device must be rigid. It must measure, actuate and sense without filters, at once or after a delay.
+    The device must be a rigid admittance display that measures its velocity. It must measure, actuate and sense without
+    low-passes, at once or after a delay.
 
     Parameters
     ----------
@@ -89,7 +92,7 @@ def margin_in_spring(
     device, hand : device and hand of the plant
     least_damping : B in `InSpring.damped`, at most the damping of the hand, N s/m
     gains : K_v and K_p, N s/m and N/m
-    offered : Re Z_c of the coupling, N s/m
+    offered : Re Z_c of the coupling in the firmware, N s/m
     factor : least permitted Re Z_c / R
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments

@@ -11,6 +11,9 @@ difference and the numerator of Z_seen into F and P/(2 j s). F and P are numbers
 theta = 0 and are affine in the gains. Their constants depend on device and hand alone:
 
     R = -Re Z_seen = -o/(2 |F|^2),   P conj F = e + j s o.
+
+An impedance display and a servo have other return differences and numerators (`ForceInHand`, `CommandInHand`), and the
+same form of R.
 """
 
 from __future__ import annotations
@@ -33,12 +36,14 @@ from vctune.model.sampled.worlds.loop_in_worlds import Seen, offered_at
 
 
 class LoopInHand(NamedTuple):
-    """F = open + K_v velocity + K_p position and P = K_v seen_velocity + K_p seen_position, at theta = omega T.
+    """The loop of an admittance display in a hand, at theta = omega T.
+
+    F = open + K_v velocity + K_p position, and P = K_v seen_velocity + K_p seen_position.
 
     Attributes
     ----------
     open, velocity, position : coefficients of F; each is dimensionless together with its gain
-    seen_velocity, seen_position : coefficients of P
+    seen_velocity, seen_position : coefficients of P, dimensionless and in s; P is in N s/m
     """
 
     open: EvenOdd
@@ -61,8 +66,8 @@ class CommandInHand(NamedTuple):
 
     Attributes
     ----------
-    seen : numerator, regular at theta = 0
-    blur : greatest increase of -odd/2 over the disc of responses, `Servo.radii`; 0 without a disc
+    seen : numerator, N s/m, regular at theta = 0
+    blur : greatest increase of -odd/2 over the disc of responses, `Servo.radii`, N s/m; 0 without a disc
     """
 
     seen: EvenOdd
@@ -129,7 +134,7 @@ class NextToRest(NamedTuple):
     Attributes
     ----------
     rho : 2 s + (K + K_p) T^2/m
-    turned, spring, integrator : shares of the terms 2 s, K and K_p in rho; they add up to 1
+    turned, spring, integrator : shares of the terms 2 s, K T^2/m and K_p T^2/m in rho; they add up to 1
     """
 
     rho: Number
@@ -141,14 +146,14 @@ class NextToRest(NamedTuple):
 def required_in_limp_hand(
     plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic
 ) -> Required:
-    """Return `required_in_hand` divided by rho^2, for theta near 0, a hand without stiffness and K_p = 0.
+    """Return `required_in_hand` divided by rho^2, near the limit in which theta, the hand's stiffness and K_p are 0.
 
     Parameters
     ----------
     plant : the device in one or several hands
     velocity : K_v, N s/m
     theta : omega T, rad, in [0, pi]
-    rest : terms of rho, which need not match theta, the hand and K_p
+    rest : terms of rho; the prover covers all their values, so they need not match theta, the hand and K_p
     ops : arithmetic of the other arguments
 
     Returns
@@ -185,7 +190,7 @@ def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest:
 def _next_to_rest(
     plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic
 ) -> tuple[EvenOdd, EvenOdd]:
-    """Return F and the sensed force, both divided by rho, as numbers even + j turned odd.
+    """Return F and minus the sensed force, both divided by rho, as numbers even + j turned odd.
 
     Near theta = 0, K = 0 and K_p = 0, both vanish with rho. The function replaces the unknown x_1, the position, by rho
     x_1. The substitution divides the position's column of the equations by rho, whose terms contain the column's
@@ -220,14 +225,18 @@ def _answers(
     moved: Any,
     grip: Number,
 ) -> tuple[Any, Any, Any, Any]:
-    """Return the determinant, and the products of the determinant with velocity estimate, position and sensed force.
+    """Return the determinant, and the products of the determinant with velocity, position and minus the sensed force.
+
+    All four also contain the denominators of the firmware's low-passes. The velocity is the firmware's estimate.
 
     Parameters
     ----------
+    plant : device in a hand
+    at : the point of the unit circle
     number : function that makes complex numbers even + j s odd
     states : function that returns the states times the determinant; its argument is the right-hand side, None for b
     moved : d times the unit of position
-    grip : sensed force per unit of position
+    grip : minus the sensed force per unit of position
     """
 
     def of_states(shares: Vector, first: Any) -> Any:
@@ -281,7 +290,8 @@ def _force_in_hand(
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
     """Return -o/2 and |F|^2, whose quotient is R (model/README.md, sections 14, 15 and 17).
 
-    Here P conj F = e + j s o, and Z_seen = P/(2 j s F).
+    Here P conj F = e + j s o, and Z_seen = P/(2 j s F). For a servo F is 1, and the function adds
+    `CommandInHand.blur` to -o/2.
 
     Parameters
     ----------
@@ -302,9 +312,11 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
 def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
     """Return Z_seen, the impedance that the loop in a hand presents to the environment.
 
+    For an impedance display, the result is G/s^2, the response of the loop without its coupling.
+
     Parameters
     ----------
-    loop : loop of an admittance display or a servo, at one or several angles
+    loop : loop in a hand, at one or several angles
     gains : gains in numbers of the loop's arithmetic
     """
     required = required_in_hand(loop, gains)
@@ -321,7 +333,7 @@ class SeenByTool(NamedTuple):
 
     Attributes
     ----------
-    given, lost : resistance that the coupling gives, and resistance that the loop loses, both times `size`
+    given, lost : resistance that the coupling gives, and resistance that the loop requires, both times `size`
     swing : minus the imaginary part, times s size; > 0 for a spring
     size : denominator; > 0 unless the loop has a pole with the tool held
     """
@@ -379,7 +391,7 @@ def met_in_hand(
     Parameters
     ----------
     loop : loop in a hand
-    device : device that runs the coupling
+    device : device whose firmware runs the coupling
     gains, coupling : design in numbers of the arithmetic
     share : share of the coupling, for an impedance display; the function ignores the share for other displays
     theta : omega T, rad, in [0, pi]

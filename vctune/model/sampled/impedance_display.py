@@ -31,7 +31,7 @@ class ForceInHand(NamedTuple):
     Attributes
     ----------
     open, velocity : coefficients of F
-    met : numerator that the environment sees, in units of the reciprocal of the gains
+    met : numerator of G_y/s^2, which the environment sees, m/(N s)
     position : increase of F for each N/m of a spring between device and ground
     """
 
@@ -82,7 +82,14 @@ def firmware_filter(device: Device, theta: Number, ops: Arithmetic) -> Pair | No
 
 
 class Offered(NamedTuple):
-    """1/Z_c/s^2 = (above + j spring/s)/below, m/(N s), with s = sin(theta/2) and below > 0."""
+    """1/Z_c/s^2 = (above + j spring/s)/below, m/(N s), with s = sin(theta/2) and below > 0.
+
+    Attributes
+    ----------
+    above : Re Z_c, N s/m
+    below : s^2 |Z_c|^2, (N s/m)^2
+    spring : -s Im Z_c, N s/m
+    """
 
     above: Number
     below: Number
@@ -180,9 +187,9 @@ class Required(NamedTuple):
 
     Attributes
     ----------
-    lost : numerator; N s/m with the size 1, for an impedance display m/(N s)
-    size : |F|^2 in one hand. For any hand, `size` is positive if no hand makes the loop with K_v alone unstable at this
-        frequency
+    lost : numerator, N s/m; for an impedance display m/(N s)
+    size : denominator, dimensionless: |F|^2 in one hand, 1 for a servo. In any hand, `size` is positive if no hand
+        makes the loop with K_v alone unstable at this frequency
     """
 
     lost: Number

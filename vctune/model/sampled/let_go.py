@@ -6,11 +6,12 @@ parameters give wide enclosures. This module writes the exact sampling of x' = A
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2).
 
 The enclosures of the numbers in this equation are hardly wider than their ranges. All numbers are dimensionless, with
-the sample time as the unit of time. The states are the position of the motor, the velocity of the centre of mass, the
-bend of the spring with its rate, and the states of the actuator. The bend is the motor's position minus the handle's
-position, and has the opposite sign of `vctune.simulation.scene.Equilibrium.bend`. In these states the resonance does
-not depend on the mass. No rate depends on the position, so the position appears in its own row alone, with the factor
-2 j s. The code therefore solves for 2 j s times the position, which has the factor 1.
+the sample time as the unit of time and the mass of device and load as the unit of mass. The states are the position of
+the motor, the velocity of the centre of mass, the bend of the spring with its rate, and the states of the actuator. The
+bend is the motor's position minus the handle's position, and has the opposite sign of
+`vctune.simulation.scene.Equilibrium.bend`. In these states the resonance does not depend on the mass. No rate depends
+on the position, so the position appears in its own row alone, with the factor 2 j s. The code therefore solves for
+2 j s times the position, which has the factor 1.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ POSITION, VELOCITY, BEND, BENDING = range(4)
 
 
 def prefers_this_form(device: Device) -> bool:
-    """Return whether the code uses this form for a device, and not the polynomials of `velocity_loop`.
+    """Return whether the proof uses this form for an uncertain device, and not the polynomials of `velocity_loop`.
 
     For a rigid device without an actuator, the polynomials have a closed form, whose enclosures are tight. For a device
     with an actuator or a structure, this form gives tighter enclosures, unless the resonance of the structure is above
@@ -93,7 +94,7 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
 
     Parameters
     ----------
-    device : device in SI units; the function uses its mechanism, actuator, delay and velocity estimate
+    device : device in SI units, not a servo; the function uses its mechanism, actuator, delay and velocity estimate
     whole_samples : N, the number of whole samples in its delay
     ops : arithmetic of the device's parameters
     fractional : whether the delay is longer than N samples

@@ -6,7 +6,7 @@ mechanism is
 
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = f(A/E) E,   f(X) = (X/2) coth(X/2),
 
-where d = 1 - z^-1, b_1 is the share of a sample's older force, and f(X) = 1 + X^2/12 - .... At low frequencies Q is
+where d = 1 - z^-1, b_1 is the effect of a sample's older force, and f(X) = 1 + X^2/12 - .... At low frequencies Q is
 nearly E. The equation is then nearly the equation of the continuous mechanism with 2 j tan(theta/2) instead of the
 Laplace variable, and its response hardly depends on the mass.
 """
@@ -50,10 +50,11 @@ class Delays:
 
     Attributes
     ----------
-    loop : N, the number of whole samples in the device's delay
+    loop : N, the number of whole samples in the device's delay; an array for several devices
     loop_fractional : whether a fraction remains; an older force then acts at the start of each sample
-    felt : the number of whole samples in the sum of the device's and the force sensor's delay
-    felt_fractional : whether the sensed force contains an older command
+    felt : the number of whole samples in the sum of the device's and the force sensor's delay; an array for several
+        devices
+    felt_fractional : whether a fraction remains in this sum
     """
 
     loop: Number
@@ -79,8 +80,9 @@ class Mechanism(NamedTuple):
     sensed : additional entries of E, which belong to the handle's acceleration, by the row of the sensor's filter
     rates : rows of A
     push : b
-    felt : coefficient of each state in the sensed force, by state
-    felt_inertia : share of the handle's acceleration in the sensed force; None with a filter
+    felt : coefficient of each state in M a + B v + K x, which is minus the sensed force, by state
+    felt_inertia : share of M a in the handle's row of E x', that is, M over all mass that moves with the handle; None
+        with a filter
     handle : name of the state that is the handle's velocity
     """
 
@@ -101,13 +103,13 @@ class PlantInHand:
     Attributes
     ----------
     rates, step : A and Q
-    push, older, felt_older : b, b_1 of the loop, and b_1 of the sensed force, whose delay is longer; None for a b_1 of
-        0
-    felt : coefficient of each state in the sensed force; -G_f includes the handle's inertia
-    felt_inertia : row of the coefficients of d x in the sensed force, and the coefficient of d b_1 u; None with a
-        filter
+    push, older, felt_older : b, b_1 of the loop, and b_1 of the sensed force, whose delay may be longer; None for a b_1
+        of 0
+    felt : coefficient of each state in minus the sensed force, without the inertia of the hand
+    felt_inertia : the inertia of the hand in minus the sensed force: the row of the coefficients of d x, and the
+        coefficient of d u from b_1, an empty tuple for a b_1 of 0; None with a filter
     delays : whole samples of the delays
-    sample_time, mass : T and m, which define the units
+    sample_time, mass : T and m, the units of time and mass: s, and kg of the device without the hand
     difference : whether the firmware differences positions to get the velocity
     low_pass, order : a and r of the firmware's low-passes of the velocity; None and 0 without low-passes
     meets_position : whether the environment acts on the position, as on an impedance display
@@ -130,7 +132,7 @@ class PlantInHand:
 
     @property
     def poles(self) -> int:
-        """Return the number of poles of F, not counting the poles of the delays.
+        """Return the number of poles of F, without those of delays and, on an impedance display, of low-passes.
 
         If no pole of the loop is unstable, this number determines how often the curve of F encircles 0.
         """
@@ -139,14 +141,20 @@ class PlantInHand:
 
 @dataclass(frozen=True, slots=True)
 class ServoInHand:
-    """A servo over one sample, and the hand that holds it. The hand does not move the servo."""
+    """A servo over one sample, and the hand that holds it. The hand does not move the servo.
+
+    Attributes
+    ----------
+    plant : the servo and its force sensor
+    hand : the hand; its numbers may be arrays
+    """
 
     plant: ServoPlant
     hand: Hand
 
     @property
     def poles(self) -> int:
-        """Return 0, the number of poles of a loop: a servo's plant contains none."""
+        """Return 0, because a servo has no loop, and F = 1."""
         return 0
 
 
@@ -159,7 +167,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
     Parameters
     ----------
-    device : device in SI units; the hand takes the place of its least operator
+    device : device in SI units, without a load on its handle; the hand takes the place of its least operator
     hand : M, B and K at the handle
     delays : whole samples of the device's delay, and of the sum of the device's and the force sensor's delay
     ops : arithmetic of device and hand
@@ -229,8 +237,8 @@ class Sample(NamedTuple):
 def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
     """Return the sample of a rigid device without further states, in closed form.
 
-    The result is None for any other device, for single numbers, and if device and hand are too stiff for the sample
-    time.
+    The result is None for any other device, for single numbers, and if an eigenvalue of device and hand may be too
+    large for the series (`rigid_sample.WITHIN`).
     """
     if len(parts.names) > 2 or ops.arrays is None:
         return None
@@ -268,7 +276,7 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
 
     Parameters
     ----------
-    device : device in SI units, not a servo
+    device : device in SI units, not a servo, and without a load on its handle
     hand : M, B and K at the handle
     ops : arithmetic of device and hand
     """
@@ -377,7 +385,8 @@ def numerators(rows: list[list[Complex | None]]) -> dict[int, Complex]:
     """Return the solution of n linear equations by Cramer's rule: the determinant, and the determinant times each
     unknown.
 
-    The key n holds the determinant. The key j holds the determinant times unknown j.
+    The key n holds the determinant. The key j holds the determinant times unknown j. A key is absent if its number is 0
+    by structure.
     """
     n = len(rows)
     # the right-hand side, the last column, moves past n - 1 - j others to column j

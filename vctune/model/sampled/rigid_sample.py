@@ -40,7 +40,13 @@ class Linear(NamedTuple):
 
 
 class Powers(NamedTuple):
-    """The powers X^n = u + v X of a matrix with X^2 = -c X - k, for n = 0, 1, ..., and a bound of its eigenvalues."""
+    """The powers X^n = u + v X of a matrix with X^2 = -c X - k.
+
+    Attributes
+    ----------
+    each : u and v for n = 0, 1, ...
+    radius : upper bound of the magnitudes of the eigenvalues of X
+    """
 
     each: tuple[Linear, ...]
     radius: float
@@ -133,8 +139,7 @@ def _coefficient(exact: Fraction, ops: ArrayArithmetic) -> Number:
 
 
 def _rest(count: int, radius: float) -> float:
-    """Return bounds of the remainder of either series after the given number of powers, for the constant and for the
-    slope.
+    """Return a bound of the remainder of either series after the given number of powers, for constant and slope.
 
     With x = radius/(2 pi), u of X^n is at most (n - 1) radius^n and v at most n radius^(n-1). A coefficient is at most
     `COEFFICIENT`/(2 pi)^n in the first series, and 2 `COEFFICIENT`/(2 pi)^(n+1) in the second. The sum of n x^(n-1)

@@ -183,7 +183,7 @@ def _blur(radii: Radii, sample_time: Number, theta: Number, ops: Arithmetic) -> 
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """The resistance that a box of hands requires of a coupling.
+    """The resistance that a box of hands requires of a servo's coupling, including the disc of its responses.
 
     Attributes
     ----------

@@ -49,7 +49,8 @@ this number, up to twice the bandwidth."""
 
 @dataclass(frozen=True, slots=True)
 class ServoPlant:
-    """The response of a servo to a held velocity command, in the letters of this module.
+    """The response of a servo to a held velocity command or an interpolated position command, in the letters of this
+    module.
 
     Attributes
     ----------
@@ -58,12 +59,12 @@ class ServoPlant:
     lags, driven : first rows of -A^-1 and of A g
     older : delta, the share of a sample for which the older command acts
     order : order of the servo, the number of its states
-    turns : N + 1/2; N + 1 for a position command
+    turns : delay of Z_seen in samples: N + 1/2; N + 1 for a position command
     interpolated : whether the command is a position, which adds the factor cos(theta/2) to all responses
     share : a of the firmware's filter y += a (x - y) of the sensed samples; None without a filter
     sample_time : T, s
     pull : the firmware's own spring; None without one
-    radii : radii of a disc of responses, `Servo.radii`
+    radii : points (Hz, r) of a disc of responses, `Servo.radii`; empty without a disc
     """
 
     below: Matrix
@@ -105,7 +106,7 @@ class Pull:
 
     Attributes
     ----------
-    plant : the servo without its force sensor
+    plant : the servo without its force sensor and without this spring
     stiffness : stiffness of the spring, N/m
     """
 
@@ -129,7 +130,7 @@ class SensedDelay:
 
 
 def sensed_delay(device: Device) -> SensedDelay:
-    """Return the delays of a device with plain numbers, in samples."""
+    """Return the delays of a servo with plain numbers, in samples."""
     whole, left = split_delay(device.sensed_latency, device.sample_time)
     moved, rest = split_delay(device.latency, device.sample_time)
     return SensedDelay(whole, left > 0, SensedDelay(moved, rest > 0))
@@ -160,7 +161,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     interpolated = servo.command == "position"
     return ServoPlant(
         below=added(product(rounded, lags), scaled(identity(len(rates)), 0.5)),
-        held=_let_go(rates, 1 - older, ops) if delay.fractional else _at_once(rates, ops),
+        held=_decayed(rates, 1 - older, ops) if delay.fractional else _decayed_over_sample(rates, ops),
         lags=lags[0],
         driven=added(scaled(rates, 0.5), scaled(rounded, -1))[0],
         older=older,
@@ -174,19 +175,22 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     )
 
 
-def _at_once(rates: Matrix, ops: Arithmetic) -> Vector:
+def _decayed_over_sample(rates: Matrix, ops: Arithmetic) -> Vector:
     """Return e^A (1, 1, ...)."""
     return tuple(1 + x for x in applied(exponential_less_one(rates, ops), (1,) * len(rates)))
 
 
-def _let_go(rates: Matrix, time: Number, ops: Arithmetic) -> Vector:
-    """Return e^(A t) (1, 1, ...) by a series around the middle of t, in which matrices of intervals stay tight."""
+def _decayed(rates: Matrix, time: Number, ops: Arithmetic) -> Vector:
+    """Return e^(A t) (1, 1, ...) by a series around the middle of t, in which matrices of intervals stay tight.
+
+    The vector holds the states a time t after they leave rest at 1, with u = 0.
+    """
     middle = ops.middle(time)
     off = time - middle
     reach = norm_of(rates, ops) * ops.magnitude(off)
     if reach > FAR:
-        return _at_once(scaled(rates, time), ops)
-    term = found = _at_once(scaled(rates, middle), ops)
+        return _decayed_over_sample(scaled(rates, time), ops)
+    term = found = _decayed_over_sample(scaled(rates, middle), ops)
     size, order = max(map(ops.magnitude, found)), 0
     while size > ops.precision * LEFT_OUT:
         order += 1
@@ -211,8 +215,12 @@ def servo_rates(device: Device, ops: Arithmetic) -> tuple[Matrix, Matrix]:
 
     Parameters
     ----------
-    device : a servo and its force sensor
+    device : a servo with its force sensor
     ops : arithmetic of the device's parameters
+
+    Returns
+    -------
+    rates, lags : A and -A^-1, n x n, with the states of the sensor first
     """
     T, servo, sensor = device.sample_time, device.servo, device.sensing
     assert servo is not None

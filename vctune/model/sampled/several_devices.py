@@ -29,7 +29,9 @@ class SeveralDevices(NamedTuple):
 def alike(devices: Sequence[Device]) -> list[list[int]]:
     """Return groups of devices that `as_one` can join, by their indices.
 
-    The devices of a group differ only in their numbers. Each servo forms its own group, because no hand moves it.
+    The devices of a group differ only in their numbers. For each of them, either all delays of one kind are whole
+    numbers of samples, or none is. Each servo forms its own group: its sample does not contain the hand, so callers
+    sample a servo once for all hands.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Compute the exact step over one sample of a device with an actuator or a structure.
 
-Time is in units of T and impedance in units of m/T. All numbers are then dimensionless, and the size of a number shows
-its effect on the sampled loop (README, section 12).
+The functions `stepped` and `left_by_older` also serve the other sampled models. Time is in units of T and impedance in
+units of m/T. All numbers are then dimensionless, and the size of a number shows its effect on the sampled loop
+(README, section 12).
 """
 
 from __future__ import annotations
@@ -32,12 +33,15 @@ from vctune.model.numbers.matrices import (
 
 @dataclass(frozen=True, slots=True)
 class StepResponse:
-    """The change over one sample, x[k+1] - x[k] = psi x[k] + the effect of the forces, as polynomials of z - 1.
+    """The responses of velocity and position to a held force, as polynomials of x = z - 1, lowest power first.
+
+    Over a sample, the states change by psi times the states plus the effect of the forces.
 
     Attributes
     ----------
     open : coefficients of det(x - psi) without the last, which is 1
-    velocity, position : numerators for the newer and the older force of the sample, in units of T/m and T^2/m
+    velocity, position : numerators for the newer and the older force of the sample. They are in units of T/m and T^2/m
+        from this module, and in SI units from `velocity_loop`
     """
 
     open: Vector
@@ -46,7 +50,7 @@ class StepResponse:
 
 
 def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> StepResponse:
-    """Sample a device with an actuator or a structure exactly, held at its input (model/README.md, section 12).
+    """Sample a device with a held force, and with an actuator or a structure, exactly (model/README.md, section 12).
 
     Parameters
     ----------
@@ -160,7 +164,10 @@ def _moved_on(early: Matrix, late: Matrix) -> Vector:
 
 
 def _rates(device: Device, ops: Arithmetic) -> Matrix:
-    """Return the matrix of d/dt for position, motor velocity, bend, handle velocity, drive and command."""
+    """Return the matrix of d/dt, T = 1, for position, motor velocity, bend, handle velocity, drive and command.
+
+    A rigid device has no bend and no handle velocity.
+    """
     T, m = device.sample_time, device.mass
     one = 0 * T + 1  # a number of the arithmetic, so that the code encloses the quotient below
     bent = ("bend", "handle") if device.structure is not None else ()

@@ -1,7 +1,8 @@
 """Evaluate the exact sampled velocity loop, with any real delay (model/README.md, sections 7 and 12).
 
-Between samples the device receives u[k-N-1] for the first delta T and u[k-N] for the rest, where delay = (N + delta) T.
-With w = z^-1 and d = 1 - w, the pulse transfer functions from the held command to velocity and position are
+The loop is that of an admittance display without a hand, or of an impedance display with K_v alone. Between samples
+the device receives u[k-N-1] for the first delta T and u[k-N] for the rest, where delay = (N + delta) T. With w = z^-1
+and d = 1 - w, the pulse transfer functions from the held command to velocity and position are
 
     G_v = w^N (V_0 + w V_1)/O,   G_x = w^N (P_0 + w P_1)/(d O)
 
@@ -43,8 +44,8 @@ class SampledPlant:
     Attributes
     ----------
     open : O, of degree n, without its last coefficient, which is 1
-    velocity : V for the newer and the older force of a sample, m/(N s); each of degree n, without its last coefficient,
-        0
+    velocity : V for the newer and the older force of a sample, m/(N s), without the low-passes; each of degree n, or
+        n + 1 if the firmware differences positions, without its last coefficient, 0
     position : P for the newer and the older force, m/N; each of degree n + 1, without its last coefficient, 0
     low_pass : a of the firmware's low-passes; None without low-passes
     order : r, the number of low-passes
@@ -92,7 +93,7 @@ def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
 
     Parameters
     ----------
-    delay : s, >= 0, a number or an array
+    delay : s, >= 0, a number or an array of shape (n,)
     sample_time : T, s, > 0
 
     Returns
@@ -115,7 +116,8 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
 
     Parameters
     ----------
-    device : device in SI units; the function ignores its force sensor and its operator
+    device : device in SI units, not a servo; the function ignores its force sensor, its least operator (but not a load
+        on its handle), and its unmodelled response
     whole_samples : N, the number of whole samples in its delay
     ops : arithmetic of the device's parameters
     fractional : whether the delay is longer than N samples, delta > 0
@@ -173,7 +175,7 @@ def _rigid(device: Device, older: Number | None, ops: Arithmetic) -> StepRespons
 
 
 def _in_si(response: StepResponse, device: Device) -> StepResponse:
-    """Return a response with velocities and positions in m/s and m per newton."""
+    """Return a dimensionless response with its velocities and positions in m/s and m per newton."""
     velocity = device.sample_time / device.mass
     position = velocity * device.sample_time
 
@@ -186,7 +188,7 @@ def _in_si(response: StepResponse, device: Device) -> StepResponse:
 
 @dataclass(frozen=True, slots=True)
 class ReturnDifference:
-    """F = open + K_v velocity + K_p position at one point of the unit circle."""
+    """F = open + K_v velocity + K_p position, dimensionless, at one or several points of the unit circle."""
 
     open: Pair
     velocity: Pair

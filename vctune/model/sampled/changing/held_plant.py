@@ -1,7 +1,7 @@
 """Sample a device in a hand as rows of named states, for hands whose damping changes between samples.
 
-Numbers are dimensionless, in units of the sample time and of the device's mass. The hand's damping from this sample on
-may differ from the hand's damping at the time when the sensor sampled the force.
+Numbers are dimensionless, in units of the sample time and of the device's mass (1 kg for a servo). The hand's damping
+from this sample on may differ from the hand's damping at the time when the sensor sampled the force.
 """
 
 from __future__ import annotations
@@ -29,17 +29,18 @@ FELT = ("felt", "felt rate")
 
 
 class HeldPlant(NamedTuple):
-    """A device in a hand over one sample.
+    """A device in a hand over one sample, as rows over the states and the command.
 
     Attributes
     ----------
     change : change over a sample, for the states that hardly change
     memory : next value, for all other states
-    position, velocity : position and velocity that the firmware reads or estimates
+    position, velocity : position and velocity that the firmware reads or estimates. Both are empty for a servo, and the
+        position is empty for K_p = 0
     moved : change of the position over a sample
-    felt : sensed force; a resisting force is positive
-    rest : states at rest for q = 1 and v_e = 0; a state that is 0 is absent
-    spring : k_eq, the sensed force at rest for q = 1
+    felt : sensed force, with the force of a servo's firmware spring; a resisting force is positive
+    rest : states at rest for q = 1 and v_e = 0; a state that is 0 is absent; empty for a velocity loop with K_p = 0
+    spring : k_eq, the sensed force at rest for q = 1; 0 for a velocity loop with K_p = 0
     """
 
     change: dict[str, Row]
@@ -60,7 +61,7 @@ def held_plant(
     Parameters
     ----------
     plain : device in plain numbers
-    device : the same device in any arithmetic
+    device : the same device in any arithmetic; an admittance display that is not a servo
     stiffness : K_p > 0, N/m; None for K_p = 0, so that the states do not include the position
     hand : hand from this sample on
     before : damping of the hand when the force is sampled, N s/m

@@ -32,6 +32,8 @@ MOVED = ("moved", "moving")
 def held_servo(plain: Device, device: Device, hand: Hand, before: Number, ops: Arithmetic) -> HeldPlant:
     """Return a servo in a hand. The servo's command is v_e.
 
+    An interpolated position command acts like the mean of this v_e and the previous one, held over the sample.
+
     Parameters
     ----------
     plain : servo in plain numbers
@@ -69,7 +71,7 @@ def held_servo(plain: Device, device: Device, hand: Hand, before: Number, ops: A
 def _chain(device: Device, hand: Hand, before: Number, ops: Arithmetic) -> tuple[Chain, Row, Number]:
     """Return position, servo and sensor, and the coefficients of states and command in the sensor's output.
 
-    All numbers are dimensionless with m = 1 kg.
+    All numbers are dimensionless, in units of T and of 1 kg. The damping `before` acts when the force is sampled.
     """
     T, servo, sensor = device.sample_time, device.servo, device.sensing
     assert servo is not None

@@ -1,9 +1,9 @@
 """Write, in state-space form, the sampled loop in a hand whose damping changes (model/README.md, section 21).
 
-All numbers are dimensionless, in units of the sample time T and of the device's mass m. The states are the states of
-the device in the hand, the delayed commands and sensed forces, the memory of the firmware's filters, the position q
-that v_e has reached, and the coupling's g. With v_e = 0 the loop can rest at any q. The states zeta are the deviations
-of the other states from this rest, and do not include q.
+All numbers are dimensionless, in units of the sample time T and of the device's mass m, 1 kg for a servo. The states
+are the states of the device in the hand, the delayed commands and sensed forces, the memory of the firmware's filters,
+the position q that v_e has reached, and the coupling's g. With v_e = 0 the loop can rest at any q. The states zeta are
+the deviations of the other states from this rest, and do not include q.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ class Pull(NamedTuple):
 class LoopStates(NamedTuple):
     """The loop zeta[k+1] = change zeta[k] + push v_e[k], y = Z_c v_e - f = seen zeta + spring q + direct v_e.
 
-    For the leading states, the right-hand side also contains zeta[k].
+    The loop is that of an admittance display or a servo. For the leading states, the right-hand side also contains
+    zeta[k].
 
     Attributes
     ----------
@@ -63,8 +64,9 @@ class LoopStates(NamedTuple):
     change : coefficients of zeta[k] in zeta[k+1]; for the leading states, in zeta[k+1] - zeta[k]
     push, seen : coefficients of v_e in zeta[k+1] and of zeta in y, n numbers each
     direct : immediate response of y to v_e
-    spring : k_eq, of all springs in series
-    pull : the hand's spring, if its force is the first state; None if the loop holds the position
+    spring : k_eq: hand's spring, structure and K_p in series; for a servo the hand's and the firmware's spring in
+        parallel; 0 for a velocity loop with K_p = 0
+    pull : the hand's spring, if its force is the first state, as with K_p = 0; None with K_p > 0 and for a servo
     """
 
     names: tuple[str, ...]
@@ -82,7 +84,7 @@ class Law(NamedTuple):
 
     Attributes
     ----------
-    gains : K_v and K_p
+    gains : K_v and K_p; without effect for a servo
     coupling : b_c, m_c and b_0
     """
 

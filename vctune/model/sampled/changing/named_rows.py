@@ -83,10 +83,10 @@ class Timing(NamedTuple):
 
     Attributes
     ----------
-    whole, sensed : whole samples in the delay of the command and in the delay of the sensor
+    whole, sensed : whole samples in the delay of the command and in the delay of the sensor alone
     older : share of a sample in which the previous command acts; None if it does not act
-    within : time within a sample at which the sensor samples the force; None for the end of the sample
-    carried : whether the previous command acts at that time
+    within : share of a sample after which the sensor samples the force; None for the end of the sample
+    carried : whether the previous command acts at that time; only read if `within` is not None
     """
 
     whole: int
@@ -165,7 +165,7 @@ def sensed(
     chain : the chain of states
     at : timing of commands and sensor
     inputs : the newer and the older command of a sample
-    felt : the sum of the states, and the weight of the command that acts
+    felt : the weights of the states, and the weight of the command that acts
     ops : arithmetic of the chain
     """
     (now, before), (weights, feed) = inputs, felt

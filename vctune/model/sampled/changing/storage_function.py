@@ -14,9 +14,9 @@ from vctune.model.numbers.matrices import Matrix, Vector, add, blocked, nothing,
 from vctune.model.sampled.changing.loop_states import LoopStates
 
 OF_HAND = ("1", "mu", "nu", "sigma", "beta")
-"""Names of the functions of a hand that weight the matrices of a storage function. In a box, the value of each function
-lies between -1 and 1. Each uncertain parameter of the device also has such a function, which runs from -1 to 1 over the
-parameter's range."""
+"""Names of the functions of a hand that weight the matrices of a storage function (`weights`). Over a box, mu, sigma
+and beta run from -1 to 1, and nu lies between 0 and 2. Each uncertain parameter of the device also has such a function,
+which runs from -1 to 1 over the parameter's range."""
 BETA = OF_HAND.index("beta")
 
 
@@ -70,8 +70,8 @@ class Storage:
     """A storage function k_eq q^2 + zeta' Y zeta, where Y is a sum of matrices weighted by functions of the hand and of
     the device's uncertain parameters.
 
-    With K_p = 0, the first state of zeta is the force p of the hand's spring, and the first entry of Y stands for
-    p^2/K.
+    In a velocity loop with K_p = 0, the first state of zeta is the force p of the hand's spring, and the first entry of
+    Y stands for p^2/K.
 
     Attributes
     ----------
@@ -100,8 +100,8 @@ def weights(box: Holding, device: Device, hand: Hand, number: Callable[[float], 
     """Return the functions `terms_of` of a hand and a device.
 
     mu, sigma and beta are mass, stiffness and damping, scaled linearly from their ranges to [-1, 1]. nu is 0 at both
-    ends of the range of masses. 1/(m + M), where the mass m moves rigidly with the hand, is a linear combination of 1,
-    mu and nu.
+    ends of the range of masses and positive between them. 1/(m + M), where the mass m moves rigidly with the hand, is a
+    linear combination of 1, mu and nu.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) 
 
     Parameters
     ----------
-    loop : the sampled loop, with n states
+    loop : the sampled loop, with n states, an admittance display or a servo
     Y : matrix of the storage for the damping from now on, symmetric, n x n
     more : the matrix for the damping at the time when the force was sampled, minus Y
     ops : arithmetic of both

@@ -3,15 +3,9 @@ section 20).
 
 The search uses a set that is larger than the polygon of the environments z^-n (m f_m + b + k f_k): the set also
 contains each of these environments with any additional damping, which acts on time. If -Y is never in this set, the
-<<<<<<< HEAD
-loop is stable without further proof, because it is stable with infinite damping, v_e = 0. The sides of the set are the
-sides of the polygon whose normal has a positive real part, and two sides along the real axis. Masses that step by
-explicit Euler on time do not tolerate any damping. For these masses, the search uses the polygon itself.
-=======
 loop is stable without further proof, because the loop is stable with infinite damping, v_e = 0. The sides of the set
-are the sides of the polygon whose normal has a positive real part, and two sides along the real axis. Masses that step
-by explicit Euler on time do not tolerate any damping. For them the search uses the polygon itself.
->>>>>>> s-rc
+are the sides of the polygon whose normal has a positive real part, and two sides parallel to the real axis. Masses that
+step by explicit Euler on time do not tolerate any damping. For these masses, the search uses the polygon itself.
 """
 
 from __future__ import annotations
@@ -28,13 +22,14 @@ from vctune.model.worlds import World, Worlds
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating[Any, Any]]
 SIDES = 8
-"""Greatest number of sides. Two sides have normals perpendicular to each of the three factors, and two have normals
-along the real axis. The polygon of a box need not have all of these sides."""
+"""Number of half-planes from `open_sides`, the greatest number of sides. With masses that step by explicit Euler on
+time, two sides have normals perpendicular to each of the three factors, and two have normals along the real axis. Other
+boxes have fewer sides, and half-planes of `UNPOSED` take the place of the others."""
 LEAST = 1e-9
 """Least distance of an angle from 0 and pi, rad, because factors may be infinite at 0 and pi. With half or twice this
 distance, the sides are the same."""
 UNPOSED = -1e30
-"""Value of `room` for a side that the polygon does not have: no loop is beyond such a side."""
+"""Value of `HalfPlane.room` for a side that the set does not have or that lies at infinity: no loop is beyond it."""
 
 
 @np.errstate(all="ignore")
@@ -43,9 +38,9 @@ def open_sides(worlds: Worlds, sample_time: float, theta: Floats) -> list[HalfPl
 
     Parameters
     ----------
-    worlds : the box of environments, in plain numbers
+    worlds : the box of environments, in plain numbers; with `Worlds.resistive`, only the first half-plane counts
     sample_time : T, s
-    theta : omega T, rad
+    theta : omega T, rad, in [0, pi]; the half-planes have its shape
     """
     theta = np.clip(theta, LEAST, np.pi - LEAST)
     each, across, along = _factors(worlds, sample_time, theta), 1 + 0j * theta, 1j + 0 * theta

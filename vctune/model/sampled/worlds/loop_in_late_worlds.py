@@ -27,12 +27,13 @@ Normal = Literal["real", "imaginary", "to the mass", "to the spring"]
 
 
 class Side(NamedTuple):
-    """A side of the polygon.
+    """A side of the polygon, and the condition that -Y' is beyond it.
 
     Attributes
     ----------
     normal : direction of the side's normal
-    sign : 1 if Y' + Z_e is on the positive side for every environment, -1 if it is on the negative side
+    sign : 1 if the condition is that Y' + Z_e has a positive component along the normal for every environment, -1 if it
+        is that the component is negative
     """
 
     normal: Normal
@@ -79,7 +80,7 @@ class HalfPlane(NamedTuple):
         ----------
         offered : impedance Z_c of the coupling
         seen : Z_seen of the loop in a hand
-        share : y, the share of the coupling, from 1/g to 1
+        share : y, the share of the coupling, from 1/g to 1; 1 for an impedance display, whose loop contains the share
         """
         size = seen.size
         return (
@@ -92,7 +93,7 @@ class HalfPlane(NamedTuple):
 
 
 def sides_of(worlds: Worlds) -> tuple[str, ...]:
-    """Return the names of the sides that the polygons of a box have.
+    """Return the names of the sides that the polygons of a box have, without sides at infinity.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ LEADS = (0.0, 1.0)
 
 
 class Strip(NamedTuple):
-    """The ranges of p and r over the masses and dampings of a box. Each number is stored as the terms of a sum.
+    """The ranges of p and r over the masses and dampings of a box, for one share y. Ends are terms of sums.
 
     Attributes
     ----------
@@ -82,11 +82,11 @@ def strip_in_walls(
 
     Parameters
     ----------
-    offered : impedance Z_c of the coupling
+    offered : impedance Z_c of the coupling; for an impedance display `UNCOUPLED`, or the first part of `met_in_hand`
     worlds : the box of environments, in numbers of the arithmetic; an infinite limit is a plain float
     sample_time : T, s
     seen : impedance of the loop in a hand
-    share : y, the share of the coupling, from 1/safety_factor to 1
+    share : y, the share of the coupling, from 1/g to 1; 1 for an impedance display, whose loop contains the share
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
     """
@@ -106,7 +106,7 @@ def strip_in_walls(
 
 @dataclass(frozen=True, slots=True)
 class _Condition:
-    """The numbers in f and g at one angle, with g divided by c^2.
+    """The numbers in c^2 f and c^2 g at one angle, which are regular at theta = pi.
 
     Attributes
     ----------
@@ -277,7 +277,7 @@ def tangent_at_rest(worlds: Worlds, lead: Number, sample_time: Number, theta: Nu
 
 
 def width_of(worlds: Worlds) -> Any:
-    """Return k_2 - k_1, N/m."""
+    """Return kappa = k_2 - k_1, N/m."""
     return worlds.high.stiffness - worlds.low.stiffness
 
 

@@ -45,8 +45,8 @@ class Seen(NamedTuple):
 
     Attributes
     ----------
-    lost, size : R = lost/size
-    swing : half of Re(P conj F); it is > 0 for a spring
+    lost, size : R = lost/size, N s/m; the size is |F|^2, or 1 for a servo
+    swing : -s size Im Z_seen, which is half of Re(P conj F) without a coupling; it is > 0 for a spring
     """
 
     lost: Number
@@ -88,7 +88,7 @@ class Disjuncts(NamedTuple):
 
 
 UNCOUPLED = Offered(0, 0)
-"""No coupling. An impedance display uses this value, because its loop already contains the coupling."""
+"""No coupling. The proof uses this value for an impedance display, because its loop already contains the coupling."""
 
 
 def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Offered:
@@ -113,7 +113,7 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
     ----------
     worlds : the box of environments
     factor : safety factor g, >= 1
-    inverse : True for an impedance display, whose margins belong to one share of the coupling
+    inverse : True for an impedance display, whose margins belong to one share of the coupling; `turned` is then absent
     """
     if worlds.resistive:
         return ("resistive",)
@@ -125,11 +125,11 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
 def disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return margins; at least one of them must be positive.
+    """Return margins, each times a positive number that contains |F|^2; at least one of them must be positive.
 
     Parameters
     ----------
-    offered : impedance Z_c of the coupling; `UNCOUPLED` for an impedance display
+    offered : impedance Z_c of the coupling; for an impedance display `UNCOUPLED`, or the first part of `met_in_hand`
     worlds : the box of environments, in numbers of the arithmetic; an infinite limit is a plain float
     sample_time : T, s
     seen : impedance of the loop in a hand
@@ -157,6 +157,9 @@ def limp_disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
     """Return `disjuncts` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness.
+
+    If the least stiffness of the box is 0, `above` is also divided by s. `below` and `turned` are None, because they
+    are not positive there.
 
     Parameters
     ----------
