@@ -33,7 +33,7 @@ class OutOfTimeError(Exception):
 _END: ContextVar[float] = ContextVar("end", default=inf)
 _BEGAN: ContextVar[float | None] = ContextVar("began", default=None)
 _LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
-_ALOUD: ContextVar[bool] = ContextVar("aloud", default=False)
+_REPORTING: ContextVar[bool] = ContextVar("reporting", default=False)
 
 
 @contextmanager
@@ -124,7 +124,7 @@ def check_time() -> None:
 
 
 @contextmanager
-def told(listener: Listener) -> Iterator[None]:
+def progress_sent_to(listener: Listener) -> Iterator[None]:
     """Send the progress of the work within the block to a listener.
 
     Parameters
@@ -147,25 +147,26 @@ def told(listener: Listener) -> Iterator[None]:
 
 
 @contextmanager
-def aloud() -> Iterator[None]:
-    """Let messages of `tell` reach the listener within the block.
+def reporting_progress() -> Iterator[None]:
+    """Let messages of `report_progress` reach the listener within the block.
 
     A search runs its inner proofs outside such a block, so that they report nothing.
     """
-    token = _ALOUD.set(True)
+    token = _REPORTING.set(True)
     try:
         yield
     finally:
-        _ALOUD.reset(token)
+        _REPORTING.reset(token)
 
 
-def tell(words: Callable[[], str]) -> None:
-    """Send progress to the listener, if the current work runs within `aloud`.
+def report_progress(words: Callable[[], str]) -> None:
+    """Send progress to the listener, if the current work runs within `reporting_progress`.
 
     Parameters
     ----------
-    words : function that makes the text; called only if there is a listener and the work runs within `aloud`
+    words : function that makes the text; called only if there is a listener and the work runs within
+        `reporting_progress`
     """
     listener = _LISTENER.get()
-    if listener is not None and _ALOUD.get():
+    if listener is not None and _REPORTING.get():
         listener(words())

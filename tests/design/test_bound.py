@@ -349,7 +349,7 @@ def test_a_less_strict_search_is_not_resumed(wheel):
     assert loose.proved and not len(loose.resume.nodes)
     strict = bound(pose(problem), best, hopeless, gap=0.01, resume=loose.resume)
     assert strict.proved and strict.gap <= 0.01
-    worse = replace(best, compared=2 * best.compared)
+    worse = replace(best, acting_error=2 * best.acting_error)
     again = bound(pose(problem), worse, hopeless, gap=0.1, most_boxes=1_000, resume=loose.resume)
     assert not again.proved and len(again.resume.nodes)
 
@@ -369,7 +369,7 @@ def test_threads_change_no_bound_and_without_time_there_is_none(problems):
 
 def test_a_basin_that_was_missed_is_found(wheel):
     problem, best = wheel
-    poor = replace(best, compared=1.5 * best.compared)
+    poor = replace(best, acting_error=1.5 * best.acting_error)
     found = searched(problem, poor)
     assert found.proved and found.improved is not None
     assert found.improved.status is Status.CERTIFIED

@@ -248,7 +248,7 @@ def test_functions_take_the_limit_too():
 
 def test_work_tells_how_far_it_is(folder):
     said = []
-    with running.told(said.append), pytest.MonkeyPatch.context() as patched:
+    with running.progress_sent_to(said.append), pytest.MonkeyPatch.context() as patched:
         patched.setattr(running, "SELDOM", 0.0)
         solve(read_problem(folder / "fixed.toml").problem)
     assert any(text.startswith("claim 1 of ") for text in said)

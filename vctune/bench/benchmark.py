@@ -28,14 +28,14 @@ class Measured:
     Attributes
     ----------
     title : title of the benchmark
-    reading : instructions for reading the picture
+    how_to_read : instructions for reading the picture
     rows : the rows of the table, at least one, all of one frozen dataclass
     facts : the findings, one sentence each
     panels : panels of the picture; the picture omits panels without points
     """
 
     title: str
-    reading: str
+    how_to_read: str
     rows: list[Any]
     facts: list[str]
     panels: list[Panel]
@@ -80,7 +80,7 @@ def page(name: str, measured: Measured, command: str, machine: str) -> str:
         "",
         f"![{measured.title}]({name}.svg)",
         "",
-        measured.reading,
+        measured.how_to_read,
         "",
         *(f"- {fact}" for fact in measured.facts),
     ]

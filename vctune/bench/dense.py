@@ -35,7 +35,7 @@ SETTINGS: dict[str, Any] = {**OPTIONS, "ipopt.max_iter": 500}
 
 
 @dataclass(frozen=True, slots=True)
-class Dense:
+class DenseProblem:
     """A problem on a fixed grid of frequencies, from one start.
 
     Attributes
@@ -110,7 +110,7 @@ def functions(structure: NlpStructure) -> Functions:
         )
 
 
-def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense:
+def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> DenseProblem:
     """Impose the constraints of a problem on a fixed grid: `count` frequencies for Llewellyn's conditions, and `count`
     for |S|.
 
@@ -125,7 +125,7 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
 
     Returns
     -------
-    Dense
+    DenseProblem
         The NLP of one solve, with its start.
     """
     integrator = start.gains.position > 0
@@ -145,7 +145,9 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
     structure = nlp_structure(posed, free, working_set, PANELS, integrator=integrator)
     fixed = point(start.gains, start.coupling)
     box = (np.array([c.low for c in free]), np.array([c.high for c in free]))
-    return Dense(prepared, structure, free, fixed, numbers_of(posed, structure, free, fixed, box, working_set, reserve))
+    return DenseProblem(
+        prepared, structure, free, fixed, numbers_of(posed, structure, free, fixed, box, working_set, reserve)
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +164,7 @@ def compiled(structure: NlpStructure) -> ca.Function:
     return ca.nlpsol("peer", "ipopt", assembled(structure), SETTINGS)
 
 
-def ipopt(dense: Dense) -> Stopped:
+def ipopt(dense: DenseProblem) -> Stopped:
     """Solve a problem on its grid by IPOPT."""
     given = dense.numbers
     with interrupt_deferred():

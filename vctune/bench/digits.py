@@ -16,7 +16,7 @@ GUARD = 70
 
 
 @dataclass(frozen=True, slots=True)
-class Exact:
+class ExactValues:
     """The defined quantities at one frequency.
 
     Attributes
@@ -38,7 +38,7 @@ class Exact:
     coupling: Any
 
 
-def exact(case: Case, omega: Any) -> Exact:
+def exact(case: Case, omega: Any) -> ExactValues:
     """Evaluate the definitions for one case at one frequency, with at least `DIGITS` digits.
 
     The two-port includes the least operator's Z_h = m_h s + b_h: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W
@@ -51,7 +51,7 @@ def exact(case: Case, omega: Any) -> Exact:
 
     Returns
     -------
-    Exact
+    ExactValues
         mpmath numbers in SI units.
     """
     with mp.workdps(DIGITS + GUARD):
@@ -65,7 +65,7 @@ def exact(case: Case, omega: Any) -> Exact:
         R = (abs(q) - mp.re(q)) / (2 * mp.re(h11)) - mp.re(h22) if mp.re(h11) else mp.inf
         ratio = mp.re(Z_c) / R if R > 0 else mp.inf
         rollett = (2 * mp.re(h11) * mp.re(Z_c + h22) + mp.re(q)) / abs(q) if q else mp.inf
-        return Exact(mp.re(Z_c), R, ratio, mp.re(h11), rollett, abs(1 / D), abs(Z_d / D), abs(Z_c))
+        return ExactValues(mp.re(Z_c), R, ratio, mp.re(h11), rollett, abs(1 / D), abs(Z_d / D), abs(Z_c))
 
 
 def sensitivity(case: Case, omega: Any) -> Any:

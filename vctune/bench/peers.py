@@ -7,7 +7,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from vctune.bench.dense import Dense, Stopped
+from vctune.bench.dense import DenseProblem, Stopped
 from vctune.document.text.errors import InputError
 
 PACKAGES = {"scipy": "SciPy", "mpmath": "mpmath"}
@@ -27,17 +27,17 @@ def need(package: str) -> None:
         raise InputError.of("vctune bench", "missing-package", lacking)
 
 
-def slsqp(dense: Dense) -> Stopped:
+def slsqp(dense: DenseProblem) -> Stopped:
     """Solve a problem on its grid by SciPy's SLSQP with exact derivatives."""
     return _slsqp(dense, exact=True)
 
 
-def slsqp_differences(dense: Dense) -> Stopped:
+def slsqp_differences(dense: DenseProblem) -> Stopped:
     """Solve a problem on its grid by SciPy's SLSQP with its own finite differences, as most users do."""
     return _slsqp(dense, exact=False)
 
 
-def _slsqp(dense: Dense, *, exact: bool) -> Stopped:
+def _slsqp(dense: DenseProblem, *, exact: bool) -> Stopped:
     from scipy.optimize import Bounds, minimize
 
     slopes = {"jac": lambda z: dense.slopes(z)[1]} if exact else {}

@@ -10,7 +10,7 @@ from time import process_time
 
 from vctune.bench import peers
 from vctune.bench.benchmark import Measured, Tick
-from vctune.bench.dense import Dense, Stopped, compiled, dense, ipopt
+from vctune.bench.dense import DenseProblem, Stopped, compiled, dense, ipopt
 from vctune.bench.evaluator import case_of, spectral_radius
 from vctune.bench.judged import judge_answer
 from vctune.bench.problems import reference_problems
@@ -50,7 +50,7 @@ AS_GOOD_GAP = 1e-3
 """Greatest gap with which an answer counts as equal to the best."""
 UNSTABLE_PENALTY = 1e3
 """Penalty that ranks unstable answers behind all stable answers."""
-Solver = Callable[[Dense], Stopped]
+Solver = Callable[[DenseProblem], Stopped]
 """Type of a function that solves a problem on its grid from one start."""
 
 
@@ -236,7 +236,7 @@ class _Answer:
         return (not good, self.log_error if good else self.violation + UNSTABLE_PENALTY * (not self.stable))
 
 
-def _multistart(dense_problems: list[Dense], scan_result: ScanResult, peer: Peer) -> tuple[list[_Answer], float]:
+def _multistart(dense_problems: list[DenseProblem], scan_result: ScanResult, peer: Peer) -> tuple[list[_Answer], float]:
     """Run another solver from every start that can still win. Return its answers and the processor time, s."""
     answers: list[_Answer] = []
     began = process_time()

@@ -204,7 +204,7 @@ def _posed(problem: Problem) -> Posed:
     return Posed(problem, cases, held, cases if worst else (problem,), box, problem.demands, sampled_span(problem))
 
 
-def compared(posed: Posed) -> Posed:
+def with_acting_terms(posed: Posed) -> Posed:
     """Return a copy of a problem with weight 0 for each term of the error that no design can change."""
     weights = _acting_weights(posed.problem)
     if weights == posed.problem.transparency.weights:

@@ -55,11 +55,11 @@ class Round:
 
     Attributes
     ----------
-    frequencies : number of its constraints, which are points of the working set and tangents of the stability boundary
+    constraints : number of its constraints, which are points of the working set and tangents of the stability boundary
     solution : point at which IPOPT stopped
     """
 
-    frequencies: int
+    constraints: int
     solution: Solution
 
 

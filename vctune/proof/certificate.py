@@ -30,7 +30,7 @@ from vctune.proof.engine.band_edges import edge_in_hertz
 from vctune.proof.engine.boxes import Cells
 from vctune.proof.engine.interval import Outcome, Verdict, worst_verdict
 from vctune.proof.provers import PROVERS, Question, prove_passive
-from vctune.running import OutOfTimeError, aloud, check_time, tell
+from vctune.running import OutOfTimeError, check_time, report_progress, reporting_progress
 
 STABILITY = claims_about("poles", "unmodelled")
 """Identifiers of the claims that the loop is stable. If one of them is not proved, Re Z_c / R has no meaning."""
@@ -154,10 +154,10 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
 def _certificate(question: Question) -> Certificate:
     design, demands, box = question.design, question.demands, question.box
     outcomes: dict[ClaimId, Outcome] = {}
-    with ctx.workprec(PRECISION), aloud():
+    with ctx.workprec(PRECISION), reporting_progress():
         asked = claims_asked(demands, box)
         for number, claim in enumerate(asked, 1):
-            tell(partial("claim {} of {}".format, number, len(asked)))
+            report_progress(partial("claim {} of {}".format, number, len(asked)))
             outcomes[claim] = _in_time(partial(PROVERS[claim], question, outcomes))
         missed = demands.factor > 1 and demands.passive and outcomes["passive"].verdict is not Verdict.PROVED
         less = replace(question, demands=replace(demands, factor=1.0))

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from vctune.running import told
+from vctune.running import progress_sent_to
 
 Progress = Callable[[str], None]
 """Type of a function that receives the current stage."""
@@ -45,7 +45,7 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
     def show_share(share: str) -> None:
         status.update(escape(f"{title}: {at}; {share}"))
 
-    with Console(stderr=True).status(title) as status, told(show_share):
+    with Console(stderr=True).status(title) as status, progress_sent_to(show_share):
         yield show
 
 

@@ -27,7 +27,7 @@ from vctune.design.bound.relaxation import Places, Relaxation, at_places, relaxa
 from vctune.design.bound.resume import ResumeState
 from vctune.design.bound.stability_bound import proved_stability
 from vctune.design.bound.strong_branching import Halved, halved
-from vctune.design.prepared import Posed, acting_terms, compared
+from vctune.design.prepared import Posed, acting_terms, with_acting_terms
 from vctune.design.search.shapes import coupling_of
 from vctune.design.verdict.judge import Judgement
 from vctune.model.device import Device
@@ -185,9 +185,9 @@ def bound(
     OutOfTimeError
         If the time limit ends the search before it has a relaxation.
     """
-    given, posed = posed, compared(posed)
+    given, posed = posed, with_acting_terms(posed)
     axes = axes_of(posed.problem)
-    incumbent = best.compared if best else inf
+    incumbent = best.acting_error if best else inf
     nodes, pruned_bound, boxes = root(axes), inf, 0
     if resume is not None and resume.pruned_bound >= incumbent / (1 + gap):
         nodes, pruned_bound, boxes = resume.nodes, resume.pruned_bound, resume.boxes
@@ -326,7 +326,7 @@ def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Imp
     _add_places(posed, search, Gains(K_v, K_p), coupling_of(posed.problem, float(least.first[0]), tau_c, b_0))
     better = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
     if better is not None:
-        search.improved, search.incumbent = better, better.compared
+        search.improved, search.incumbent = better, better.acting_error
 
 
 def _add_places(posed: Posed, search: _Search, gains: Gains, coupling: AnyCoupling) -> None:

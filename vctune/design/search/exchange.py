@@ -23,7 +23,7 @@ from vctune.design.prepared import Posed, by_resistance, in_worlds, with_device
 from vctune.design.result import Polished, Round
 from vctune.design.search.in_worlds.stiffest import Stiffest, stiffest
 from vctune.design.search.scan import ScanResult
-from vctune.design.search.shapes import softened
+from vctune.design.search.shapes import scaled_coupling
 from vctune.design.search.stabilise import add_stability_cut, stabilised, stable
 from vctune.design.search.start import Start
 from vctune.design.search.violations import Violations, near_peak, of_own_loops, tightest_at_walls, violations
@@ -329,7 +329,7 @@ def _examine_start(posed: Posed, search: _Search, error: float) -> None:
     at_start = (*point(gains, coupling), *corner)
     demands = violations(posed, search.cases, at_start, search.tightening, search.witnesses)
     more = exp(demands.greatest + search.tightening) if demands.greatest > 0 else 1.0
-    raised = softened(coupling, more)
+    raised = scaled_coupling(coupling, more)
     at_raised = (*point(gains, raised), *corner)
     bounded = all(each.min <= x <= each.max for each, x in zip(ranges(posed.problem), at_raised, strict=False))
     sound = all(stable(case, gains) for case in of_own_loops(search.cases))

@@ -77,18 +77,18 @@ class Scores:
     missed : most serious violated constraint
     violation : amount of the violation; 0 without one
     error : transparency error if the design violates no constraint, else inf
-    damping : least scale (b_c, m_c of a rigid coupling, or 1/k_c) that meets the constraint and the lower bounds. It
+    scale : least scale (b_c, m_c of a rigid coupling, or 1/k_c) that meets the constraint and the lower bounds. It
         decides between designs with equal errors. It exceeds the upper bound where `missed` names the coupling
     """
 
     missed: Kinds
     violation: Floats
     error: Floats
-    damping: Floats
+    scale: Floats
 
     def __getitem__(self, index: Any) -> Scores:
         """Return the scores of the designs with the given index."""
-        return Scores(self.missed[index], self.violation[index], self.error[index], self.damping[index])
+        return Scores(self.missed[index], self.violation[index], self.error[index], self.scale[index])
 
     def rank(self, at: tuple[int, ...]) -> tuple[int, float, float]:
         """Return the sort key of one design, except for its coupling."""
@@ -97,7 +97,7 @@ class Scores:
     def lowest(self) -> tuple[NDArray[np.intp], ...]:
         """Return the index of the best design for each entry of the first axis, as one array for each axis."""
         shape = len(self.error), prod(self.error.shape[1:])
-        missed, *others = (v.reshape(shape) for v in (self.missed, self.violation, self.error, self.damping))
+        missed, *others = (v.reshape(shape) for v in (self.missed, self.violation, self.error, self.scale))
         among = missed == missed.min(axis=1, keepdims=True)
         for values in others:
             left = np.where(among, values, inf)

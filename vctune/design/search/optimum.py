@@ -214,7 +214,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     ----------
     prepared : prepared problem that leaves a variable free
     gains : gains to start from, SI units; the function tries any coupling with them
-    incumbent : `Judgement.compared` of the incumbent
+    incumbent : `Judgement.acting_error` of the incumbent
     """
     scaled, units = prepared.scaled, prepared.units
     start = start_at(scaled, units.gains(gains))
@@ -224,7 +224,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     scanned = scan(scaled)
     optimum = polish(scaled, start, scanned, incumbent=target)
     judgement = _best_proved(prepared, scanned, [optimum])[1] if optimum is not None else None
-    if judgement is None or judgement.status is not Status.CERTIFIED or judgement.compared >= incumbent:
+    if judgement is None or judgement.status is not Status.CERTIFIED or judgement.acting_error >= incumbent:
         return None
     return judgement
 

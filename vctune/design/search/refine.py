@@ -130,7 +130,7 @@ def _start(problem: Problem, at: tuple[float, ...], best: Scores, k: int) -> Sta
     missed, violation, error = best.rank((k,))
     return Start(
         Gains(K_v, float(position_gain(problem, np.array(K_v), np.array(corner)))),
-        coupling_of(problem, float(best.damping[k]), tau_c, drag),
+        coupling_of(problem, float(best.scale[k]), tau_c, drag),
         error,
         Missed(missed),
         violation,

@@ -163,7 +163,7 @@ def shape_of(coupling: AnyCoupling) -> tuple[float, float]:
     return coupling.mass / coupling.damping, coupling.drag
 
 
-def softened(coupling: AnyCoupling, by: float) -> AnyCoupling:
+def scaled_coupling(coupling: AnyCoupling, by: float) -> AnyCoupling:
     """Return a coupling of the same shape with Z_c times a factor or, for an impedance display, with 1/Z_c times a
     factor.
 

@@ -25,7 +25,7 @@ from vctune.analysis.in_hands import (
 )
 from vctune.analysis.in_walls import corner_of
 from vctune.analysis.responses.device_loop import Loop
-from vctune.design.prepared import Posed, compared, pose, with_corner
+from vctune.design.prepared import Posed, pose, with_acting_terms, with_corner
 from vctune.design.search.worst import worst_inside
 from vctune.markup import html_facts, span
 from vctune.model.device import Device
@@ -60,7 +60,7 @@ STATUS_OF = {
 }
 
 
-IDLE = 0.5
+IDLE_TRACKING = 0.5
 """Mean or greatest |1 - G_he| above which vctune warns that a design hardly uses its velocity loop. Without a loop, |1
 - G_he| is 1; at 0.5, the handle does not follow half of the environment's motion. The value does not affect the design.
 With half this value, vctune warns about more designs; with twice this value, it warns about none."""
@@ -84,7 +84,7 @@ class Judgement:
     gains, coupling : the design
     transparency : error and its three terms on the nominal device
     error : the objective: the error on the nominal device, or the greatest error at the vertices of a box of devices
-    compared : the objective with only the terms that can differ between designs; bounds on the error refer to it
+    acting_error : the objective with only the terms that can differ between designs; bounds on the error refer to it
     min_ratio, worst : least Re Z_c / R of all claims, and its frequency, rad/s (0 or inf at an end of the axis)
     tightest : the device with the least ratio, among the nominal device and those of a box
     in_hand : the least Re Z_c / R in the hands of the claim, with its hand; None without this claim
@@ -101,7 +101,7 @@ class Judgement:
     coupling: AnyCoupling
     transparency: TransparencyError
     error: float
-    compared: float
+    acting_error: float
     min_ratio: float
     worst: float
     tightest: Device
@@ -176,7 +176,11 @@ class Judgement:
     @property
     def idle(self) -> bool:
         """Whether the design is certified but hardly uses its velocity loop."""
-        return self.tightest.kind.own_loop and self.status is Status.CERTIFIED and self.transparency.tracking > IDLE
+        return (
+            self.tightest.kind.own_loop
+            and self.status is Status.CERTIFIED
+            and self.transparency.tracking > IDLE_TRACKING
+        )
 
     @property
     def open_claims(self) -> list[str]:
@@ -363,7 +367,7 @@ def _estimated(
         if in_walls.ratio < min_ratio:
             min_ratio, worst, tightest = in_walls.ratio, in_walls.omega, device
     sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
-    transparency, differing = transparency_error(posed.problem, gains, coupling), compared(posed)
+    transparency, differing = transparency_error(posed.problem, gains, coupling), with_acting_terms(posed)
     error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
     return Judgement(
         device=posed.problem.device,
@@ -371,7 +375,7 @@ def _estimated(
         coupling=coupling,
         transparency=transparency,
         error=error,
-        compared=error if differing is posed else differing.error(gains, coupling),
+        acting_error=error if differing is posed else differing.error(gains, coupling),
         min_ratio=min_ratio,
         worst=worst,
         tightest=tightest,

@@ -12,7 +12,7 @@ from math import exp, isclose
 import numpy as np
 
 from vctune.design.nlp.ipopt import lagrangian, numbers_of
-from vctune.design.prepared import Prepared, compared, prepare
+from vctune.design.prepared import Prepared, prepare, with_acting_terms
 from vctune.design.result import Polished, Price, Solved
 from vctune.design.variables import coordinates, design_of
 from vctune.design.verdict.judge import Status
@@ -136,7 +136,7 @@ def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDe
     """Return the price of a parameter, for an increase or a decrease, whichever lowers the error."""
     old = number.of(prepared.problem)
     less, more = (_changed(prepared, polished, number, factor) for factor in (1 - STEP, 1 + STEP))
-    optimised = compared(prepared.given).error(*design_of(prepared.units.to_si(polished.values))) ** 2
+    optimised = with_acting_terms(prepared.given).error(*design_of(prepared.units.to_si(polished.values))) ** 2
 
     def error2(at: _Changed) -> float:
         return optimised * exp(2 * (at.lagrangian - here.lagrangian)) + at.others2
@@ -187,5 +187,5 @@ def _changed(prepared: Prepared, polished: Polished, number: _OfDevice | _OfHand
     given = numbers_of(posed, structure, free, values, box, working_set, polished.tightening)
     return _Changed(
         lagrangian(structure, given, polished.solution),
-        other.given.error(*law) ** 2 - compared(other.given).error(*law) ** 2,
+        other.given.error(*law) ** 2 - with_acting_terms(other.given).error(*law) ** 2,
     )

@@ -20,7 +20,7 @@ from vctune.analysis.in_hands import least_ratios, ratio_in_some_hands
 from vctune.design.prepared import pose as pose_devices
 from vctune.design.result import Repair, Solved
 from vctune.design.verdict.gain_repair import best_values, edits, repair_of, solved_numbers, undone
-from vctune.design.verdict.judge import IDLE, Judgement, Status, judge, least_ratio
+from vctune.design.verdict.judge import IDLE_TRACKING, Judgement, Status, judge, least_ratio
 from vctune.design.verdict.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
 from vctune.design.verdict.trial import RepairTest
 from vctune.document.gains_file import design_tables
@@ -111,7 +111,7 @@ def _seems_solvable_in_use(problem: Problem) -> bool:
     from vctune.design.search.optimum import within_reach
 
     design = within_reach(problem)
-    return design is not None and transparency_error(problem, *design).tracking <= IDLE
+    return design is not None and transparency_error(problem, *design).tracking <= IDLE_TRACKING
 
 
 def _in_use(judgement: Judgement | None) -> Judgement | None:
@@ -120,7 +120,7 @@ def _in_use(judgement: Judgement | None) -> Judgement | None:
 
 
 def _seems_in_use(problem: Problem) -> bool:
-    return transparency_error(problem, *problem.fixed_design).tracking <= IDLE and _seems_admissible(problem)
+    return transparency_error(problem, *problem.fixed_design).tracking <= IDLE_TRACKING and _seems_admissible(problem)
 
 
 OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3, furthest_first=True)

@@ -21,7 +21,7 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
 """Keys that do not apply to an impedance display, each with the reason."""
-OF_OWN_LOOP: dict[tuple[str, ...], str] = {
+MEANINGLESS_WITH_SERVO: dict[tuple[str, ...], str] = {
     ("device", "mass"): "the hand does not move it: its motion follows the command alone",
     ("device", "damping"): "the hand does not move it: its motion follows the command alone",
     ("device", "delay"): "the delay is device.servo.delay",
@@ -45,7 +45,7 @@ def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
     if not isinstance(device, dict):
         return
     if "servo" in device:
-        yield from _meaningless(raw, OF_OWN_LOOP, "[device.servo]")
+        yield from _meaningless(raw, MEANINGLESS_WITH_SERVO, "[device.servo]")
         yield from _criterion_of_servo(raw)
         yield from _hands_of_servo(raw)
     elif device.get("display", "admittance") != "impedance":

@@ -16,7 +16,7 @@ LEAST_STROKE = 4
 """Least duration of a stroke at the greatest speed of the hand, sample times."""
 MOST_SAMPLES = 5_000_000
 """Greatest number of samples of an experiment. A cycle of a sine takes pi times a stroke at its greatest speed."""
-OF_OWN_LOOP: dict[tuple[str, ...], str] = {
+MEANINGLESS_EXPERIMENT_WITH_SERVO: dict[tuple[str, ...], str] = {
     ("friction",): "the hand does not move it, and its motion follows the command whatever rubs",
     ("sensors", "position_resolution"): "the firmware reads no position of it",
     ("actuator", "limit"): "the firmware commands no force",
@@ -151,7 +151,7 @@ def _of_servo(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradict
     device = raw.get("device")
     if not isinstance(device, dict) or "servo" not in device:
         return
-    for path, reason in OF_OWN_LOOP.items():
+    for path, reason in MEANINGLESS_EXPERIMENT_WITH_SERVO.items():
         stated: Any = table
         for key in path:
             stated = stated.get(key) if isinstance(stated, dict) else None

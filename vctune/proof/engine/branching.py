@@ -15,7 +15,7 @@ import numpy as np
 
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 from vctune.proof.engine.boxes import CHUNK, Boxes, Integers, joined
-from vctune.running import check_time, tell
+from vctune.running import check_time, report_progress
 
 BLUR = 2.0
 """Greatest ratio of the uncertainty from the rows that the prover must not halve to the uncertainty from the other
@@ -123,7 +123,7 @@ def prove(
     for again in range(max_halvings + 1):
         if not len(boxes):
             break
-        tell(partial(_stage, count.sum(), len(boxes) / first))
+        report_progress(partial(_stage, count.sum(), len(boxes) / first))
         count += boxes.count(owners)
         decided = _in_chunks(test, boxes)
         failing[:, boxes.owner[decided.fails]] = decided.point[:, decided.fails]

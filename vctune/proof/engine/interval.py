@@ -16,7 +16,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.frequency import hertz
 from vctune.model.sampled.changing.storage_function import Storage
 from vctune.proof.enclosures.arb_balls import box
-from vctune.running import check_time, tell
+from vctune.running import check_time, report_progress
 
 MAX_BOXES = 200_000
 """Number of boxes after which a claim stays undecided. A proof for an optimal design takes a few hundred boxes. The
@@ -115,7 +115,7 @@ def prove_boxes(
     left, right = low, high
     for boxes in range(1, max_boxes + 1):
         check_time()
-        tell(partial(_stage, boxes - 1, (left - low) / (high - low or 1.0)))
+        report_progress(partial(_stage, boxes - 1, (left - low) / (high - low or 1.0)))
         verdict, middle = decide(left, right), _middle(left, right)
         if verdict is Verdict.PROVED and right == high:
             return Outcome(Verdict.PROVED, boxes)

@@ -18,7 +18,7 @@ from vctune.analysis.tracking import tracking_terms
 from vctune.design.prepared import prepare
 from vctune.design.search.grid import least_errors
 from vctune.design.variables import point
-from vctune.design.verdict.judge import IDLE
+from vctune.design.verdict.judge import IDLE_TRACKING
 from vctune.model.gains import Gains
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
@@ -157,7 +157,7 @@ def _mesh(plane: Plane) -> tuple[NDArray[np.intp], Gains]:
 
 
 def _idle(problem: Problem, design: Design) -> bool:
-    return problem.device.kind.own_loop and transparency_error(problem, *design).tracking > IDLE
+    return problem.device.kind.own_loop and transparency_error(problem, *design).tracking > IDLE_TRACKING
 
 
 def _idle_side(axes: Axes, problem: Problem, plane: Plane) -> None:
@@ -166,9 +166,9 @@ def _idle_side(axes: Axes, problem: Problem, plane: Plane) -> None:
     with np.errstate(all="ignore"):
         tracking = tracking_terms(problem, gains)
     place = marks / marks[-1]
-    drawn = axes.contour(place, place, tracking.T, levels=[IDLE], colors=RED, linewidths=1.2, linestyles=":")
+    drawn = axes.contour(place, place, tracking.T, levels=[IDLE_TRACKING], colors=RED, linewidths=1.2, linestyles=":")
     if any(drawn.allsegs):
-        axes.plot([], [], ":", color=RED, linewidth=1.2, label=f"idle where |1 - G_he| > {IDLE:g}")
+        axes.plot([], [], ":", color=RED, linewidth=1.2, label=f"idle where |1 - G_he| > {IDLE_TRACKING:g}")
 
 
 def _feasible(region: Region) -> NDArray[np.bool_]:

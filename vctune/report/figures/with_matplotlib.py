@@ -42,7 +42,7 @@ STYLE: Any = {
 }
 
 
-IDLE = {
+SUPERFLUOUS = {
     r"<metadata>.*?</metadata>\n": "",
     r"; font-family: [^;\"]*": "",
     r"<svg ": '<svg font-family="sans-serif" ',
@@ -112,7 +112,7 @@ def svg(figure: Figure, name: str) -> str:
     with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(stream, format="svg", dpi=150, metadata={"Date": None, "Creator": None})
     text = re.sub(r"\n +", "\n", stream.getvalue().decode())
-    for long, short in IDLE.items():
+    for long, short in SUPERFLUOUS.items():
         text = re.sub(long, short, text, flags=re.DOTALL)
     text = re.sub(r'(?<=[ \n])(d|x|y|transform)="[^"]*"', _shortened, text)
     return svg_texts(_ungrouped(_classed(text, name)))

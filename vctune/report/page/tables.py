@@ -130,7 +130,7 @@ def _band(band: Band) -> Quantity:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class ClaimData:
     """The data for the rows of the claims.
 
     Attributes
@@ -163,19 +163,19 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
     proof, loop, design = record.certificate, record.inner_loop, record.design
     if proof is None or design is None:
         return []
-    known = Found(proof, loop, problem, *design)
+    known = ClaimData(proof, loop, problem, *design)
     shown = []
     for claim in proof.claims:
-        found, wanted = FOUND.get(claim.id, _nothing)(known)
+        found, wanted = VALUE_AND_LIMIT.get(claim.id, _nothing)(known)
         shown.append(ClaimLine(CLAIMS[claim.id].label, claim.claim, claim.verdict, found, wanted))
     return shown
 
 
-def _nothing(_known: Found) -> tuple[str, str]:
+def _nothing(_known: ClaimData) -> tuple[str, str]:
     return "", ""
 
 
-def _least_in_hands(known: Found) -> tuple[str, str]:
+def _least_in_hands(known: ClaimData) -> tuple[str, str]:
     hands, units = known.proof.hands, known.problem.units
     if hands is None:
         return "", ""
@@ -184,7 +184,7 @@ def _least_in_hands(known: Found) -> tuple[str, str]:
     return f"least ratio {_at(hands.min_ratio, hands.worst_hz)}, in the hand of {hand}{world}", known.factor
 
 
-def _least_at_walls(known: Found) -> tuple[str, str]:
+def _least_at_walls(known: ClaimData) -> tuple[str, str]:
     hands, units = known.proof.hands, known.problem.units
     if hands is None or hands.walls is None:
         return "", ""
@@ -200,14 +200,14 @@ def _world(world: WorldRecord, units: Units) -> str:
     return f"{row.value} {row.unit}"
 
 
-def _peak_sensitivity(known: Found) -> tuple[str, str]:
+def _peak_sensitivity(known: ClaimData) -> tuple[str, str]:
     loop = known.loop
     assert loop is not None, "a claim about it is made"
     peak = _at(loop.peak_sensitivity, loop.peak_sensitivity_hz)
     return f"peak {peak}", f"≤ {known.problem.stability.max_sensitivity:g}"
 
 
-def _radius_and_margins(known: Found) -> tuple[str, str]:
+def _radius_and_margins(known: ClaimData) -> tuple[str, str]:
     loop = known.loop
     assert loop is not None, "a claim about it is made"
     margins = (
@@ -219,11 +219,11 @@ def _radius_and_margins(known: Found) -> tuple[str, str]:
     return f"{quantity(loop.spectral_radius)}" + (f"; margins: {', '.join(left)}" if left else ""), "< 1"
 
 
-def _peak_unmodelled(known: Found) -> tuple[str, str]:
+def _peak_unmodelled(known: ClaimData) -> tuple[str, str]:
     return f"peak {quantity(float(-unmodelled_maxima(known.problem, known.gains).value[0]))}", "< 1"
 
 
-def _least_in_any_hand(known: Found) -> tuple[str, str]:
+def _least_in_any_hand(known: ClaimData) -> tuple[str, str]:
     """Return the least ratio in any passive hand; for an admittance display, the least ratio on the band.
 
     If the record contains only the ratio in the hands of a box, the function computes this ratio for the nominal
@@ -239,7 +239,7 @@ def _least_in_any_hand(known: Found) -> tuple[str, str]:
     return f"least ratio {_at(float(least.value[0]), hertz(float(least.omega[0])))}{which}", known.factor
 
 
-FOUND: dict[ClaimId, Callable[[Found], tuple[str, str]]] = {
+VALUE_AND_LIMIT: dict[ClaimId, Callable[[ClaimData], tuple[str, str]]] = {
     "passive": _least_in_any_hand,
     "sensitivity": _peak_sensitivity,
     "stable": _radius_and_margins,
