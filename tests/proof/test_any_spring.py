@@ -84,7 +84,7 @@ def test_no_hand_fails_where_every_spring_is_proved(number):
     proved = 0
     for part in parts_of(device, asked.ends(), apart=True):
         left, _ = asked.left_by_any_spring(part, fixed_of(asked.design), boxes_over(part), 8_000)
-        for _ in range(120):
+        for _ in range(400):
             theta = 10 ** rng.choice((rng.uniform(-3, 0.4), np.log10(hardest.omega * T + 1e-3) + rng.normal(0, 0.05)))
             share = np.where(rng.random(len(part.names)) < 0.5, rng.integers(0, 2, len(part.names)), rng.random())
             at = dict(zip(part.names, part.low[:, 0] + share * (part.high - part.low)[:, 0], strict=True))
