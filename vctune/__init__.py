@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from vctune.simulation.two_runs import Simulated as Simulated
 
 
+# Public names and modules that contain them, imported when first used: `import vctune` stays cheap
 _HOME = {
     "Actuator": "model.device",
     "AxesFile": "document.problem_axes",
@@ -116,7 +117,6 @@ _HOME = {
     "write_identification": "api.identifying",
     "write_report": "api.design_files",
 }
-"""Public names and modules that contain them, imported when first used: `import vctune` stays cheap."""
 
 __all__ = ["__version__", *_HOME]  # noqa: PLE0604
 

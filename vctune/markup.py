@@ -9,27 +9,14 @@ Cell = str | float | None
 
 
 def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str] = ()) -> str:
-    """Return a table as HTML. Numbers have six significant digits; a cell that is None is blank.
-
-    Parameters
-    ----------
-    caption : text above the table
-    rows : rows of texts, numbers and None
-    head : headings of the columns; empty for a table without headings
-    """
+    """Return a table as HTML. Numbers have six significant digits; a cell that is None is blank."""
     top = f"<thead>{_row(head, 'th')}</thead>" if head else ""
     body = "".join(_row(row, "td") for row in rows)
     return f"<table><caption>{escape(caption)}</caption>{top}<tbody>{body}</tbody></table>"
 
 
 def html_facts(caption: str, facts: Mapping[str, Cell]) -> str:
-    """Return named values as an HTML table with one row for each value that is not None.
-
-    Parameters
-    ----------
-    caption : text above the table
-    facts : the values by name
-    """
+    """Return named values as an HTML table with one row for each value that is not None."""
     return html_table(caption, [(name, value) for name, value in facts.items() if value is not None])
 
 

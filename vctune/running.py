@@ -1,8 +1,4 @@
-"""The time limit of long work, and the listener that receives its progress.
-
-Both are context variables, not arguments. About ten calls lie between the command that sets a limit and the loop that
-obeys it, and most of them have nothing to do with time. Without a limit no result depends on the clock.
-"""
+"""The time limit of long work, and the listener that receives its progress."""
 
 from __future__ import annotations
 
@@ -15,18 +11,14 @@ from typing import TypeVar
 
 from vctune.interrupt import raise_lost_interrupt
 
-SELDOM = 0.1
-"""Least number of seconds between two messages about the same work. Nobody reads faster."""
+SELDOM = 0.1  # Least number of seconds between two messages about the same work
 
 Listener = Callable[[str], None]
 Item = TypeVar("Item")
 
 
 class OutOfTimeError(Exception):
-    """The time limit has ended the work.
-
-    Each stage that has a partial result catches this error and returns the result.
-    """
+    """The time limit has ended the work."""
 
 
 # _END and _BEGAN are times of `perf_counter`
@@ -38,12 +30,7 @@ _REPORTING: ContextVar[bool] = ContextVar("reporting", default=False)
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Limit the time of the work within the block. If an outer limit ends earlier, the outer limit applies.
-
-    Parameters
-    ----------
-    seconds : seconds from now on; inf for no limit
-    """
+    """Limit the time of the work within the block. If an outer limit ends earlier, the outer limit applies."""
     token = _END.set(min(_END.get(), perf_counter() + seconds))
     try:
         yield
@@ -52,22 +39,13 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 
 def process_began() -> None:
-    """Record when this process began, so that `time_limit_of_command` can count from there.
-
-    The beginning is the present time minus the processor time so far. Waiting before this call therefore does not
-    count.
-    """
+    """Record when this process began, so that `time_limit_of_command` can count from there."""
     _BEGAN.set(perf_counter() - process_time())
 
 
 @contextmanager
 def time_limit_of_command(seconds: float) -> Iterator[None]:
-    """Limit the time of a command since its process began, including the interpreter's start and the imports.
-
-    Parameters
-    ----------
-    seconds : seconds since the process began, or from now on if its beginning is unknown; inf for no limit
-    """
+    """Limit the time of a command since its process began, including the interpreter's start and the imports."""
     began = _BEGAN.get()
     with time_limit(seconds if began is None else seconds - (perf_counter() - began)):
         yield
@@ -96,12 +74,7 @@ def out_of_time() -> bool:
 
 
 def in_time(items: Iterable[Item]) -> Iterator[Item]:
-    """Yield the first item, and further items until the time limit.
-
-    Parameters
-    ----------
-    items : work items; the first is always processed
-    """
+    """Yield the first item, and further items until the time limit."""
     for number, item in enumerate(items):
         if number and out_of_time():
             return
@@ -109,15 +82,7 @@ def in_time(items: Iterable[Item]) -> Iterator[Item]:
 
 
 def check_time() -> None:
-    """End the work if the time limit has passed.
-
-    Raises
-    ------
-    OutOfTimeError
-        If the time limit has passed.
-    KeyboardInterrupt
-        If an interrupt was lost.
-    """
+    """End the work if the time limit has passed."""
     raise_lost_interrupt()
     if out_of_time():
         raise OutOfTimeError
@@ -125,12 +90,7 @@ def check_time() -> None:
 
 @contextmanager
 def progress_sent_to(listener: Listener) -> Iterator[None]:
-    """Send the progress of the work within the block to a listener.
-
-    Parameters
-    ----------
-    listener : function that receives a text, at most once every `SELDOM` seconds
-    """
+    """Send the progress of the work within the block to a listener."""
     last = -inf
 
     def seldom(text: str) -> None:
@@ -148,10 +108,7 @@ def progress_sent_to(listener: Listener) -> Iterator[None]:
 
 @contextmanager
 def reporting_progress() -> Iterator[None]:
-    """Let messages of `report_progress` reach the listener within the block.
-
-    A search runs its inner proofs outside such a block, so that they report nothing.
-    """
+    """Let messages of `report_progress` reach the listener within the block."""
     token = _REPORTING.set(True)
     try:
         yield
@@ -160,13 +117,7 @@ def reporting_progress() -> Iterator[None]:
 
 
 def report_progress(words: Callable[[], str]) -> None:
-    """Send progress to the listener, if the current work runs within `reporting_progress`.
-
-    Parameters
-    ----------
-    words : function that makes the text; called only if there is a listener and the work runs within
-        `reporting_progress`
-    """
+    """Send progress to the listener, if the current work runs within `reporting_progress`."""
     listener = _LISTENER.get()
     if listener is not None and _REPORTING.get():
         listener(words())

@@ -1,4 +1,1 @@
-"""Evaluate a design in double precision: extrema over frequency, margins, feel.
-
-The results are estimates, not proofs.
-"""
+"""Evaluate a design in double precision: extrema over frequency, margins, feel."""

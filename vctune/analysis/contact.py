@@ -1,9 +1,5 @@
 """Compute the drag that a servo's latency requires, and the stiffest contact, in double precision (README.md, section
-2).
-
-For a servo, the drag that a hand requires is linear in the hand's mass, damping and stiffness. If the servo's response
-lies in a disc, this drag is a convex function of the three numbers.
-"""
+2)."""
 
 from __future__ import annotations
 
@@ -21,54 +17,29 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import offered
 from vctune.model.sampled.servo_in_hand import Demand, demand_of
 
-LOWEST = 1e-3
-"""Least angle omega T above 0, rad. Below it, the constraint equals the constraint at rest to 1e-6. Starting at half or
-twice this angle changes no printed digit."""
-PER_DECADE = 120
-"""Number of angles per decade. Neighbours are 2 % apart; near Nyquist, a latency of ten samples has eight angles in
-each turn. With half as many angles, the code may skip the hardest frequency of a contact. With twice as many angles,
-the code takes twice as long."""
+LOWEST = 1e-3  # Least angle omega T above 0, rad
+PER_DECADE = 120  # Number of angles per decade
 
 
-HALVINGS = 40
-"""Number of halvings of a range of stiffnesses, which give twelve digits. Half as many halvings would give six digits,
-and twice as many would reach rounding errors."""
+HALVINGS = 40  # Number of halvings of a range of stiffnesses, which give twelve digits
 
 
 @dataclass(frozen=True, slots=True)
 class Greatest:
-    """The greatest drag that the hands of a box require.
+    """The greatest drag that the hands of a box require."""
 
-    Attributes
-    ----------
-    drag : greatest R, N s/m; a coupling without damping and mass needs this drag
-    omega : frequency of the greatest R, rad/s
-    hand : hand that requires the greatest R
-    """
-
-    drag: float
-    omega: float
-    hand: Hand
+    drag: float  # greatest R, N s/m; a coupling without damping and mass needs this drag
+    omega: float  # frequency of the greatest R, rad/s
+    hand: Hand  # hand that requires the greatest R
 
 
 def drag_at_rest(devices: Sequence[Device], hands: Hands) -> float:
-    """Return the greatest R at rest, K L minus the least damping, N s/m. No coupling with less drag is stable.
-
-    Parameters
-    ----------
-    devices : servos with plain numbers
-    hands : the box of hands
-    """
+    """Return the greatest R at rest, K L minus the least damping, N s/m. No coupling with less drag is stable."""
     return max(0.0, *(float(demand_of(device, hands).at(np.zeros(1))[0]) for device in devices))
 
 
 def greatest_drag(devices: Sequence[Device], hands: Hands) -> Greatest:
-    """Return the greatest drag that the hands of a box require at any frequency.
-
-    Parameters
-    ----------
-    devices, hands : see `drag_at_rest`
-    """
+    """Return the greatest drag that the hands of a box require at any frequency."""
     return max((_greatest(device, demand_of(device, hands), hands) for device in devices), key=_drag)
 
 
@@ -86,29 +57,12 @@ def _greatest(device: Device, demand: Demand, hands: Hands) -> Greatest:
 
 def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float) -> float:
     """Return the greatest contact stiffness, N/m, up to which a coupling is stable with every mass and damping of the
-    box.
-
-    Parameters
-    ----------
-    devices, hands : see `drag_at_rest`
-    coupling : coupling with plain numbers
-    factor : factor by which Re Z_c must exceed R
-
-    Returns
-    -------
-    float
-        The result is less than the least stiffness of the box if no stiffness of the box is stable, and inf if every
-        stiffness is stable.
-    """
+    box."""
     return min(_stiffest(device, hands, coupling, factor) for device in devices)
 
 
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
-    """Return the least stiffness, over all angles, for which the required resistance equals Re Z_c of the coupling.
-
-    The required resistance is linear in the stiffness. With a disc of responses, the required resistance is convex in
-    the stiffness, and the function bisects the stiffness.
-    """
+    """Return the least stiffness, over all angles, for which the required resistance equals Re Z_c of the coupling."""
     if device.servo is not None and device.servo.radii:
         return _stiffest_in_disc(device, hands, coupling, factor)
     least, unit = hands.low.stiffness, max(hands.high.stiffness, 1.0)
@@ -148,10 +102,7 @@ def _stiffest_in_disc(device: Device, hands: Hands, coupling: AnyCoupling, facto
 
 
 def _angles(device: Device) -> Floats:
-    """Return angles up to Nyquist.
-
-    Between adjacent angles, the latency changes the phase only a little.
-    """
+    """Return angles up to Nyquist."""
     servo = device.servo
     assert servo is not None
     turns = 4 + device.sensed_latency / device.sample_time

@@ -1,7 +1,5 @@
-"""Evaluate the constraints and the objective of a problem at given gains, in double precision.
-
-See model/README.md, section 8; design/README.md, section 1.
-"""
+"""Evaluate the constraints and the objective of a problem at given gains, in double precision. See model/README.md,
+section 8; design/README.md, section 1."""
 
 from __future__ import annotations
 
@@ -26,59 +24,25 @@ from vctune.model.problem import Problem
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared_terms
 
-END_DECADES = 5
-"""Number of decades by which the grid of an unbounded band extends beyond every corner of the device. At the end of the
-grid, a value that approaches its limit like omega^2 or faster equals the limit to 1e-8. With half as many decades, the
-difference would be 1e-4, which would affect a search. With twice as many decades, the grid would only be longer."""
-RIPPLE_POINTS = 6
-"""Number of grid points for each turn of e^{-2j omega tau}. With half as many grid points, the code may miss one of two
-neighbouring extrema. With twice as many, the grid for bands far above 1/tau is twice as long."""
+END_DECADES = 5  # Number of decades by which the grid of an unbounded band extends beyond every corner of the device
+RIPPLE_POINTS = 6  # Number of grid points for each turn of e^{-2j omega tau}
+# Relative change of the mean squared terms at which the code stops doubling the number of panels
 QUADRATURE_TOLERANCE = 1e-9
-"""Relative change of the mean squared terms at which the code stops doubling the number of panels. The error of the
-Gauss-Legendre rule falls so fast that the last change far exceeds the error. With half or twice this threshold, the
-number of panels is the same."""
 
 
 def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
-    """Return the velocity loop at frequencies omega > 0, rad/s.
-
-    Parameters
-    ----------
-    device, gains : device and gains; their numbers may be arrays that broadcast against omega
-    omega : frequency, rad/s, > 0
-
-    Returns
-    -------
-    LoopResponse
-        Its numbers have the common shape of the arguments. Numbers that do not depend on an argument may be plain.
-    """
+    """Return the velocity loop at frequencies omega > 0, rad/s."""
     return loop_response(device_response(device, omega, FLOATS), gains, FLOATS)
 
 
 def stability_ratio(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R; -inf if the loop's resistance is not positive, inf if R <= 0.
-
-    See model/README.md, section 4.
-
-    Parameters
-    ----------
-    device, gains, coupling : a design; their numbers may be arrays that broadcast against omega
-    omega : frequency, rad/s, > 0
-    """
+    """Return Re Z_c / R; -inf if the loop's resistance is not positive, inf if R <= 0."""
     loop = response(device, gains, omega)
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), -inf)
 
 
 def ratio_or_resistance(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R, or the resistance of the loop relative to |N D| where this resistance is not positive.
-
-    The result is a continuous function, so that a descent can use it.
-
-    Parameters
-    ----------
-    device, gains, coupling : a design; their numbers may be arrays that broadcast against omega
-    omega : frequency, rad/s, > 0
-    """
+    """Return Re Z_c / R, or the resistance of the loop relative to |N D| where this resistance is not positive."""
     loop = response(device, gains, omega)
     size = np.sqrt(loop.D_scaled.abs2() / loop.scale2 * (1 if loop.numerator is None else loop.numerator.abs2()))
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), loop.resistance / size)
@@ -92,13 +56,7 @@ def _ratio(loop: LoopResponse, coupling: AnyCoupling, omega: Floats) -> Floats:
 
 
 def rollett_factor_at(device: Device, gains: Gains, coupling: AnyCoupling, omega: float) -> float:
-    """Return Rollett's K at a frequency omega > 0; inf without a loop.
-
-    Parameters
-    ----------
-    device, gains, coupling : a design with plain numbers
-    omega : frequency, rad/s, > 0
-    """
+    """Return Rollett's K at a frequency omega > 0; inf without a loop."""
     at = np.array([omega])
     with np.errstate(divide="ignore"):
         return float(
@@ -107,12 +65,7 @@ def rollett_factor_at(device: Device, gains: Gains, coupling: AnyCoupling, omega
 
 
 def sampled_span(problem: Problem) -> tuple[float, float]:
-    """Return the part of the stability band that a grid covers.
-
-    If a band begins at 0 or ends at inf, the code cuts the band at `END_DECADES` decades beyond every corner of the
-    device and of the transparency band. Beyond these ends, the values equal their limits at the ends of the axis to
-    better than 1e-8.
-    """
+    """Return the part of the stability band that a grid covers."""
     device, band = problem.device, problem.stability.band
     corners = [problem.transparency.band.min, problem.transparency.band.max, problem.nyquist]
     if device.damping > 0:
@@ -124,11 +77,8 @@ def sampled_span(problem: Problem) -> tuple[float, float]:
 
 
 def towards_zero(problem: Problem) -> Floats:
-    """Return a frequency at which R and Re Z_c have reached their limits for omega -> 0; empty if the band excludes 0.
-
-    With K_p > 0 the limit of R is positive, while Re Z_c falls to the drag. If m_c is large, Re Z_c reaches the drag
-    only far below `sampled_span`.
-    """
+    """Return a frequency at which R and Re Z_c have reached their limits for omega -> 0; empty if the band excludes
+    0."""
     bounds = problem.bounds
     if problem.stability.band.min > 0 or bounds.position.max == 0:
         return np.zeros(0)
@@ -136,15 +86,7 @@ def towards_zero(problem: Problem) -> Floats:
 
 
 def demand_grid(device: Device, low: float, high: float) -> Floats:
-    """Return a grid for the constraints of a device, fine enough for the ripple of its delays and for its resonance.
-
-    With hold "lag" and no delay, there is no ripple, and a band may be infinite.
-
-    Parameters
-    ----------
-    device : device; its sample time, hold, delays and structure determine the spacing
-    low, high : ends of the grid, rad/s, 0 < low < high
-    """
+    """Return a grid for the constraints of a device, fine enough for the ripple of its delays and for its resonance."""
     delay = _ripple_delay(device)
     grid = frequency_grid(low, high, widest=pi / (RIPPLE_POINTS * delay) if delay > 0 else inf)
     return with_resonance(device, grid)
@@ -159,13 +101,7 @@ def _ripple_delay(device: Device) -> float:
 
 
 def ratio_minima(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minima:
-    """Return the local minima of Re Z_c / R over the stability band, the lowest first.
-
-    Parameters
-    ----------
-    problem : problem of the nominal device
-    gains, coupling : a design with plain numbers
-    """
+    """Return the local minima of Re Z_c / R over the stability band, the lowest first."""
     return local_minima(
         lambda omega: stability_ratio(problem.device, gains, coupling, omega),
         demand_grid(problem.device, *sampled_span(problem)),
@@ -173,18 +109,7 @@ def ratio_minima(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minim
 
 
 def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
-    """Return the local maxima of |S| of the sampled loop as minima of -|S|, the highest |S| first.
-
-    Parameters
-    ----------
-    problem : problem with a device without an operator, and a transparency band
-    gains : gains with plain numbers
-
-    Returns
-    -------
-    Minima
-        At least one minimum, with frequencies in rad/s. Without a loop, S = 1 everywhere.
-    """
+    """Return the local maxima of |S| of the sampled loop as minima of -|S|, the highest |S| first."""
     device = problem.device
     if not device.kind.own_loop:
         return Minima(np.array([problem.nyquist]), np.array([-1.0]))
@@ -197,18 +122,7 @@ def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
 
 def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
     """Return the local maxima of |1 - S| r of the sampled loop as minima of -|1 - S| r, where r is the unmodelled
-    radius.
-
-    Parameters
-    ----------
-    problem : problem whose device or uncertainty has an unmodelled radius
-    gains : gains with plain numbers
-
-    Returns
-    -------
-    Minima
-        At least one minimum, the lowest first, with frequencies in rad/s up to Nyquist.
-    """
+    radius."""
     device, uncertainty = problem.device, problem.uncertainty
     radii = device.unmodelled.radii if device.unmodelled is not None else uncertainty.unmodelled if uncertainty else ()
     grid = frequency_grid(min(problem.transparency.band.min, problem.nyquist * 1e-3), problem.nyquist)
@@ -221,21 +135,7 @@ def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
 
 
 def slowest_resonance(problem: Problem, velocity: float) -> float:
-    """Return a frequency, rad/s, below which |S| has no peak above 1 for any loop with at least this K_v.
-
-    Without lag, a loop rings at sqrt(K_p/m) if this frequency exceeds (b + K_v)/(2 m). The function returns half this
-    frequency to allow for the lag.
-
-    Parameters
-    ----------
-    problem : problem; its device gives mass, damping and sample time
-    velocity : K_v, N s/m
-
-    Returns
-    -------
-    float
-        Between 1e-6 and 1e-3 of the Nyquist frequency.
-    """
+    """Return a frequency, rad/s, below which |S| has no peak above 1 for any loop with at least this K_v."""
     slowest = (problem.device.damping + velocity) / problem.device.mass / 4
     return min(max(slowest, problem.nyquist * 1e-6), problem.nyquist * 1e-3)
 
@@ -251,14 +151,7 @@ class TransparencyError:
 
 
 def error_terms(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Terms:
-    """Return the squares of the three unweighted terms at some frequencies.
-
-    Parameters
-    ----------
-    problem : problem of the nominal device
-    gains, coupling : a design
-    omega : frequency, rad/s, > 0
-    """
+    """Return the squares of the three unweighted terms at some frequencies."""
     device, Z_0 = problem.device, problem.transparency.reference_impedance
     at, kind = device_response(device, omega, FLOATS), device.kind
     of_loop = loop_terms(loop_response(at, gains, FLOATS), at, kind)
@@ -266,14 +159,7 @@ def error_terms(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: Fl
 
 
 def coupling_response(coupling: AnyCoupling, device: Device, omega: Floats) -> Pair:
-    """Return Z_c, N s/m; for an impedance display 1/Z_c, m/(N s).
-
-    Parameters
-    ----------
-    coupling : coupling with plain numbers
-    device : device that runs the coupling
-    omega : frequency, rad/s, > 0
-    """
+    """Return Z_c, N s/m; for an impedance display 1/Z_c, m/(N s)."""
     if not isinstance(coupling, SpringDamper):
         return coupling_impedance(coupling, omega)
     theta = omega * device.sample_time
@@ -282,18 +168,7 @@ def coupling_response(coupling: AnyCoupling, device: Device, omega: Floats) -> P
 
 
 def weighted_square(weights: Terms, squares: Terms) -> Floats:
-    """Return e(f)^2 (model/README.md, section 8) from the squares of the terms.
-
-    Parameters
-    ----------
-    weights : dimensionless weights of the three terms
-    squares : squared terms, from `error_terms`
-
-    Returns
-    -------
-    array of float
-        It has the shape of the terms' frequencies.
-    """
+    """Return e(f)^2 (model/README.md, section 8) from the squares of the terms."""
     total: Floats = (
         weights.admittance**2 * squares.admittance
         + weights.tracking**2 * squares.tracking
@@ -304,13 +179,7 @@ def weighted_square(weights: Terms, squares: Terms) -> Floats:
 
 def transparency_error(problem: Problem, gains: Gains, coupling: AnyCoupling) -> TransparencyError:
     """Return the error of a design and its three terms, with a relative accuracy of about 1e-9 (model/README.md,
-    section 8).
-
-    Parameters
-    ----------
-    problem : problem of the nominal device
-    gains, coupling : the design, plain numbers
-    """
+    section 8)."""
     norm = _rms if problem.transparency.norm == "rms" else _peak
     return norm(problem, gains, coupling)
 

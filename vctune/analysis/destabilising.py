@@ -1,14 +1,5 @@
-"""Find the passive environment with which the motion of a refuted loop grows in a hand (model/README.md, section 14).
-
-Where Re(Z_c + Z_seen) < 0, a spring or mass cancels the imaginary part. A damper in parallel supplies the missing
-resistance and thus holds a pole on the unit circle. The code reduces the damper step by step and follows the pole. If
-the design just violates the constraint, the pole moves out of the unit circle until the damper is gone. If the
-violation is large, the pole can return to the circle earlier, and part of the damper remains. The functions of the loop
-in a hand are analytic in theta, z = e^(j theta), so the same formulas describe the moving pole.
-
-For an impedance display, the code takes the same steps with admittances. A spring or mass cancels the imaginary part of
-1/Z_c + G_y/(1 + K_v F G_y). A damper in series holds the pole, and the code then removes this damper (section 15).
-"""
+"""Find the passive environment with which the motion of a refuted loop grows in a hand (model/README.md, section
+14)."""
 
 from __future__ import annotations
 
@@ -30,52 +21,26 @@ from vctune.model.sampled.impedance_display import firmware_filter, spring_dampe
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_in_hand
 from vctune.model.worlds import WorldRule, Worlds
 
-LEAST = 1e-7
-"""Least angle omega T for a spring, because at 0 no spring is soft enough. With half or twice this angle, the growth is
-the same."""
-NYQUIST = 1e-6
-"""Distance from pi within which environments have no reactance, and need none. With half or twice this distance, the
-growth is the same."""
-FIRST, LAST = 0.125, 1e-4
-"""Shares of the damper that the code removes in one step: the first share, and the least one. With half or twice these
-shares, the code follows the same poles."""
-FARTHEST = 0.2
-"""Greatest move of a pole in one step, relative to the pole's angle. With half this size, the code takes more steps;
-with twice this size, it may switch to another pole."""
-MOST = 64
-"""Greatest number of steps for which the code follows a pole. Most poles take eight steps. With half or twice this
-number, the code follows the same poles."""
-GROWTH = 1e-10
-"""Growth per radian above which the code reports that a motion grows. This threshold exceeds the rounding error of
-Newton's method. With half or twice this threshold, the growth is the same."""
+LEAST = 1e-7  # Least angle omega T for a spring, because at 0 no spring is soft enough
+NYQUIST = 1e-6  # Distance from pi within which environments have no reactance, and need none
+FIRST, LAST = 0.125, 1e-4  # Shares of the damper that the code removes in one step: the first share, and the least one
+FARTHEST = 0.2  # Greatest move of a pole in one step, relative to the pole's angle
+MOST = 64  # Greatest number of steps for which the code follows a pole
+GROWTH = 1e-10  # Growth per radian above which the code reports that a motion grows
+# Number of Newton steps, the relative step at which they end, and the relative difference for the derivative
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
-"""Number of Newton steps, the relative step at which they end, and the relative difference for the derivative. The
-difference gives the derivative with an error of 1e-10. With half or twice as many steps, the code follows the same
-poles."""
 
 
 @dataclass(frozen=True, slots=True)
 class GrowingEnvironment:
-    """A spring or a mass in its discrete form, and the motion of the loop with this environment.
+    """A spring or a mass in its discrete form, and the motion of the loop with this environment."""
 
-    Attributes
-    ----------
-    kind : "spring" or "mass"
-    value : N/m or kg, >= 0; 0 for no environment
-    damping : damping in parallel, N s/m, >= 0
-    growth : growth rate of the motion, 1/s, > 0
-    omega : frequency of the growing oscillation, rad/s
-    stiffness : stiffness of a spring in parallel with a mass, N/m, >= 0
-    rule, late : rule by which the firmware integrates the environment, and number of samples by which the environment's
-        force is late
-    """
-
-    kind: Literal["spring", "mass"]
-    value: float
-    damping: float
-    growth: float
-    omega: float
-    stiffness: float = 0.0
+    kind: Literal["spring", "mass"]  # "spring" or "mass"
+    value: float  # N/m or kg, >= 0; 0 for no environment
+    damping: float  # damping in parallel, N s/m, >= 0
+    growth: float  # growth rate of the motion, 1/s, > 0
+    omega: float  # frequency of the growing oscillation, rad/s
+    stiffness: float = 0.0  # stiffness of a spring in parallel with a mass, N/m, >= 0
     rule: WorldRule = "trapezoid"
     late: int = 0
 
@@ -88,20 +53,7 @@ class GrowingEnvironment:
 def destabilising(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float
 ) -> GrowingEnvironment | None:
-    """Return the environment with which the motion in a hand grows, given a frequency at which Re(Z_c + Z_seen) < 0.
-
-    Parameters
-    ----------
-    device, gains, coupling : a design with plain numbers
-    hand : hand in which the constraint is violated
-    omega : frequency at which the constraint is violated, rad/s, from 0 to pi/T
-
-    Returns
-    -------
-    GrowingEnvironment or None
-        The environment has no damper if the motion grows without one. The result is None if the code finds no growing
-        motion, for example where the constraint holds.
-    """
+    """Return the environment with which the motion in a hand grows, given a frequency at which Re(Z_c + Z_seen) < 0."""
     T, plant = device.sample_time, plant_in_hand(device, hand, delays_of(device), FLOATS)
 
     def alone(theta: complex) -> complex:
@@ -116,22 +68,7 @@ def growing_in_worlds(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float, worlds: Worlds
 ) -> GrowingEnvironment | None:
     """Return the environment of a box with which the motion in a hand grows, for a frequency at which a member puts a
-    pole.
-
-    Parameters
-    ----------
-    device, gains, coupling : a design with plain numbers
-    hand : hand in which the constraint is violated
-    omega : frequency at which the constraint is violated, rad/s, from 0 to pi/T
-    worlds : the box of environments
-
-    Returns
-    -------
-    GrowingEnvironment or None
-        The environment has the least damping of the box if the motion grows with this damping. It has more damping if
-        the motion of an impedance display grows with the tool held. The result is None if the motion grows with no
-        member.
-    """
+    pole."""
     T, low = device.sample_time, worlds.low
     theta = min(max(omega * T, LEAST), pi - NYQUIST)
     alone, at = impedance_met(device, gains, coupling, hand), _warped(theta, T).real
@@ -158,27 +95,14 @@ def growing_in_worlds(
 def reaction(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, theta: complex, factor: float = 1.0
 ) -> complex:
-    """Return Z_c/factor + Z_seen; for an impedance display 1/Z_c/factor + G_y/(1 + K_v F G_y).
-
-    Parameters
-    ----------
-    device, gains, coupling : a design with plain numbers
-    hand : hand at the handle
-    theta : omega T, rad, in (0, pi)
-    factor : number by which the function divides Z_c or 1/Z_c
-    """
+    """Return Z_c/factor + Z_seen; for an impedance display 1/Z_c/factor + G_y/(1 + K_v F G_y)."""
     return reaction_in(device, gains, coupling, hand, factor)(theta)
 
 
 def reaction_in(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, factor: float = 1.0
 ) -> Callable[[complex], complex]:
-    """Return `reaction` as a function of the angle, to evaluate it at many angles.
-
-    Parameters
-    ----------
-    device, gains, coupling, hand, factor : see `reaction`
-    """
+    """Return `reaction` as a function of the angle, to evaluate it at many angles."""
     plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
 
     def at(theta: complex) -> complex:
@@ -192,12 +116,7 @@ def reaction_in(
 def impedance_met(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, factor: float = 1.0
 ) -> Callable[[complex], complex]:
-    """Return the impedance that an environment meets as a function of the angle: Z_c/factor + Z_seen, or its dual.
-
-    Parameters
-    ----------
-    device, gains, coupling, hand, factor : see `reaction`
-    """
+    """Return the impedance that an environment meets as a function of the angle: Z_c/factor + Z_seen, or its dual."""
     alone = reaction_in(device, gains, coupling, hand, factor)
     return (lambda theta: 1 / alone(theta)) if device.kind.inverse else alone
 
@@ -205,21 +124,7 @@ def impedance_met(
 def growing_with(
     alone: Callable[[complex], complex], theta: float, sample_time: float, *, admittance: bool
 ) -> GrowingEnvironment | None:
-    """Return the environment with which a loop grows.
-
-    Parameters
-    ----------
-    alone : Z_c + Z_seen, analytic in the angle; for an impedance display 1/Z_c + G_y/(1 + K_v F G_y)
-    theta : angle, rad, in [0, pi], at which the real part of `alone` is negative
-    sample_time : T, s
-    admittance : whether `alone` belongs to an impedance display
-
-    Returns
-    -------
-    GrowingEnvironment or None
-        The environment has no damper if the motion grows without one. The result is None if the code finds no growing
-        motion.
-    """
+    """Return the environment with which a loop grows."""
     theta = min(max(theta, LEAST), pi)
     reactance, at = alone(theta).imag if theta < pi - NYQUIST else 0.0, _warped(theta, sample_time).real
     # the numbers of a mass m and a spring k; for an impedance display, 1/k and 1/m
@@ -240,14 +145,7 @@ def growing_with(
 
 
 def growing_without(alone: Callable[[complex], complex], theta: float, sample_time: float) -> GrowingEnvironment | None:
-    """Return the growing motion of a loop without an environment; None if the code finds none.
-
-    Parameters
-    ----------
-    alone : -1 - 1/L of the loop, analytic in the angle
-    theta : angle, rad, in (0, pi), at which L is real and less than -1; a share of the gain puts a pole there
-    sample_time : T, s
-    """
+    """Return the growing motion of a loop without an environment; None if the code finds none."""
     found = _outwards(lambda theta, *, damping: alone(theta) + damping, theta)
     if found is None or found[0] > 0:
         return None
@@ -286,10 +184,7 @@ def _dual(compliance: float, mobility: float, damping: float, growth: float, ome
 
 
 def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -> list[tuple[float, complex]]:
-    """Follow a pole from the unit circle while reducing, step by step, the damper that holds it there.
-
-    If no damper holds a pole there, the path is empty. The path ends where the function can no longer follow the pole.
-    """
+    """Follow a pole from the unit circle while reducing, step by step, the damper that holds it there."""
     pole, left, share, path = complex(theta), 1.0, FIRST, []
     for _ in range(MOST):
         if damping <= 0 or left <= 0 or share <= LAST:
@@ -327,12 +222,7 @@ def _met(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
 
 
 def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
-    """Return Z_seen = P/(2 j s F).
-
-    The code evaluates o/(2 N) + e/(2 j s N) with e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2. On
-    the unit circle, the two terms are the real and the imaginary part. With a single quotient, the rounding error of
-    one part would exceed the other part near theta = 0.
-    """
+    """Return Z_seen = P/(2 j s F)."""
     loop, s = loop_in_hand(plant, theta, FLOATS), complex(np.sin(theta / 2))
     F, P = loop.closed(gains), loop.numerator(gains)
     even, odd = P.even * F.even + s * s * (P.odd * F.odd), P.odd * F.even - P.even * F.odd
@@ -341,13 +231,7 @@ def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
 
 
 def zero_near(f: Callable[[complex], complex], start: complex) -> complex | None:
-    """Return the zero of an analytic function to which Newton's method converges; None if it does not converge.
-
-    Parameters
-    ----------
-    f : the analytic function
-    start : start of the iteration, not 0
-    """
+    """Return the zero of an analytic function to which Newton's method converges; None if it does not converge."""
     at = start
     for _ in range(STEPS):
         h = DIFFERENCE * abs(at)

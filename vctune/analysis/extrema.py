@@ -14,16 +14,9 @@ from vctune.running import check_time
 
 Floats = NDArray[np.float64]
 
-POINTS_PER_DECADE = 60
-"""Points per decade of the grid; neighbours are 4 % apart. With half as many points, two minima within 8 % of each
-other would merge. With twice as many, each judgement of a design takes twice as many evaluations."""
-ZOOMS = 3
-"""Number of rounds with a finer grid. Each round narrows the interval around a minimum by a factor of 8. With half as
-many rounds, the interval is 23 times as wide, and the frequency is correct only to 1e-5. With twice as many rounds, the
-interval is narrower than rounding permits for a minimum."""
-ZOOM_POINTS = 17
-"""Number of points of a finer grid, including both ends. With half as many points, each round narrows the interval by a
-factor of 4; with twice as many, by a factor of 16."""
+POINTS_PER_DECADE = 60  # Points per decade of the grid; neighbours are 4 % apart
+ZOOMS = 3  # Number of rounds with a finer grid
+ZOOM_POINTS = 17  # Number of points of a finer grid, including both ends
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,22 +31,7 @@ class Minima:
 def frequency_grid(
     omega_min: float, omega_max: float, points_per_decade: int = POINTS_PER_DECADE, widest: float = inf
 ) -> Floats:
-    """Return a logarithmic grid that contains both ends exactly.
-
-    Where the steps of the grid would exceed `widest`, they equal `widest`.
-
-    Parameters
-    ----------
-    omega_min, omega_max : rad/s, 0 < omega_min < omega_max
-    points_per_decade : points per decade of the logarithmic part
-    widest : greatest step, rad/s
-
-    Returns
-    -------
-    array of float
-        Frequencies in ascending order, rad/s. The array is read-only, because all callers with the same arguments share
-        the array.
-    """
+    """Return a logarithmic grid that contains both ends exactly."""
     decades = np.log10(omega_max / omega_min)
     grid = np.geomspace(omega_min, omega_max, max(9, int(np.ceil(decades * points_per_decade)) + 1))
     wide = np.flatnonzero(np.diff(grid) > widest)
@@ -66,22 +44,7 @@ def frequency_grid(
 
 
 def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
-    """Find the local minima of f over the grid's span, ends included.
-
-    The function refines all local minima of the grid together. The refinement makes `ZOOMS` rounds with a finer grid
-    between the neighbours of a minimum, and then takes the vertex of the parabola through the last points. For a smooth
-    f the frequency is correct to about 1e-7, and the value to 1e-14 of its variation.
-
-    Parameters
-    ----------
-    f : function that works elementwise on arrays of any shape; the search treats nan as +inf
-    grid : frequencies in ascending order, rad/s
-
-    Returns
-    -------
-    Minima
-        At least one minimum, the lowest first.
-    """
+    """Find the local minima of f over the grid's span, ends included."""
 
     def value(omega: Floats) -> Floats:
         values = f(omega)
@@ -116,10 +79,7 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
 
 
 def _vertex(points: Floats, values: Floats, rows: NDArray[np.intp], k: NDArray[np.intp]) -> Floats:
-    """Return the minima of the parabolas through the k-th points and their neighbours.
-
-    At an end, return the point itself.
-    """
+    """Return the minima of the parabolas through the k-th points and their neighbours."""
     middle = np.clip(k, 1, ZOOM_POINTS - 2)
     left, centre, right = (values[rows, middle + side] for side in (-1, 0, 1))
     with np.errstate(all="ignore"):

@@ -20,62 +20,36 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
+# Frequencies, Hz, at which the code evaluates mass and damping of free motion: the frequency of a slow reach, and the
+# frequency of the fastest voluntary motion of an arm
 FREE_HZ = (1.0, 10.0)
-"""Frequencies, Hz, at which the code evaluates mass and damping of free motion: the frequency of a slow reach, and the
-frequency of the fastest voluntary motion of an arm."""
+# Frequency, Hz, at which the code evaluates the wall and the force path: the upper end of voluntary motion and force
 WALL_HZ = 10.0
-"""Frequency, Hz, at which the code evaluates the wall and the force path: the upper end of voluntary motion and
-force."""
-SPEED = 0.1
-"""Speed of the steady motion of the handle, m/s or rad/s."""
-HALF_POWER = sqrt(0.5)
-"""Value of |G_he| at which tracking ends: half the power."""
-LOWEST = 1e-6
-"""Lowest frequency of the search for the end of tracking, relative to Nyquist: half a millihertz at 1 kHz."""
+SPEED = 0.1  # Speed of the steady motion of the handle, m/s or rad/s
+HALF_POWER = sqrt(0.5)  # Value of |G_he| at which tracking ends: half the power
+LOWEST = 1e-6  # Lowest frequency of the search for the end of tracking, relative to Nyquist: half a millihertz at 1 kHz
+# Number of finer grids between the two neighbouring frequencies that enclose the end of tracking, and number of points
+# of each grid
 ZOOMS, ZOOM_POINTS = 3, 33
-"""Number of finer grids between the two neighbouring frequencies that enclose the end of tracking, and number of points
-of each grid. The finer grids reduce a spacing of 4 % to 1e-6."""
-NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)
-"""Gains and coupling that stand for the bare device: all 0."""
+NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)  # Gains and coupling that stand for the bare device: all 0
 
 
 @dataclass(frozen=True, slots=True)
 class Feel:
-    """Values that describe how a device feels, with a design or without a loop.
+    """Values that describe how a device feels, with a design or without a loop."""
 
-    A value is None if it does not exist or if its frequency is above Nyquist.
-
-    Attributes
-    ----------
-    mass, damping : apparent mass and damping in free motion at each of `FREE_HZ`, kg and N s/m
-    static_stiffness, stiffness : stiffness of the stiffest wall at 0 and at `WALL_HZ`, N/m; inf for a servo, which the
-        hand cannot push
-    force : force that moves the handle steadily at `SPEED`, N
-    loop_latency : lag around the loop at low frequency, s; for a servo, the lag from its command to its motion
-    force_latency : lag from the hand's force to the resulting velocity at `WALL_HZ`, s
-    tracking_bandwidth : frequency up to which |G_he| is at least `HALF_POWER`, Hz, at most the Nyquist frequency; 0 if
-        there is no such frequency. For an impedance display, |A H/N| takes the place of |G_he|
-    """
-
-    mass: tuple[float | None, ...]
+    mass: tuple[float | None, ...]  # apparent mass and damping in free motion at each of `FREE_HZ`, kg and N s/m
     damping: tuple[float | None, ...]
-    static_stiffness: float
+    static_stiffness: float  # stiffness of the stiffest wall at 0 and at `WALL_HZ`, N/m
     stiffness: float | None
-    force: float
-    loop_latency: float | None
-    force_latency: float | None
+    force: float  # force that moves the handle steadily at `SPEED`, N
+    loop_latency: float | None  # lag around the loop at low frequency, s
+    force_latency: float | None  # lag from the hand's force to the resulting velocity at `WALL_HZ`, s
     tracking_bandwidth: float
 
 
 def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
-    """Return how a device feels in the hand.
-
-    Parameters
-    ----------
-    device : device with plain numbers; the function ignores its least operator
-    gains : gains of its loop, plain numbers
-    coupling : virtual coupling; it has no effect on an admittance display without a loop
-    """
+    """Return how a device feels in the hand."""
     nyquist = 0.5 / device.sample_time
     free = [_free(device, gains, coupling, hz) if hz <= nyquist else None for hz in FREE_HZ]
     wall = None
@@ -99,15 +73,7 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
 def felt_impedance(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats, environment: Complex | None
 ) -> Complex:
-    """Return the impedance that the hand feels with a design, N s/m.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    gains, coupling : the design
-    omega : frequency, rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
-    environment : Z_e, an array of shape (n,); None for a rigid environment
-    """
+    """Return the impedance that the hand feels with a design, N s/m."""
     if isinstance(coupling, SpringDamper):
         return _felt_force(device, gains, coupling, omega, environment)
     beyond = None
@@ -119,10 +85,7 @@ def felt_impedance(
 def _felt_force(
     device: Device, gains: Gains, coupling: SpringDamper, omega: Floats, environment: Complex | None
 ) -> Complex:
-    """Return D/N of an impedance display.
-
-    The motor's W includes coupling and environment, which act on its position.
-    """
+    """Return D/N of an impedance display."""
     at, theta, s = device_response(device, omega, FLOATS), omega * device.sample_time, 1j * omega
     late = np.asarray(at.drive.re - 1j * omega * at.drive.lag)
     tool = 0j * omega
@@ -140,16 +103,7 @@ def _felt_force(
 
 
 def impedance_at_handle(device: Device, gains: Gains, omega: Floats, beyond: Complex | None) -> Complex:
-    """Return the felt impedance D Z/(N Z + F_s C_0) with Z = Z_c + Z_e, N s/m.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    gains : gains of its loop
-    omega : frequency, rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
-    beyond : Z_c + Z_e of the coupling and an environment, an array of shape (n,); None for a rigid environment, or
-        without a loop
-    """
+    """Return the felt impedance D Z/(N Z + F_s C_0) with Z = Z_c + Z_e, N s/m."""
     if beyond is None and device.servo is not None:
         return np.full(np.shape(omega), complex(inf))
     loop = response(device, gains, omega)
@@ -167,10 +121,7 @@ def _free(device: Device, gains: Gains, coupling: AnyCoupling, hz: float) -> com
 
 
 def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the limit of |j omega D/N| for omega -> 0. Without an integrator this limit is 0.
-
-    For an impedance display, the limit is the stiffness of the coupling's spring in series with the structure's spring.
-    """
+    """Return the limit of |j omega D/N| for omega -> 0. Without an integrator this limit is 0."""
     if isinstance(coupling, SpringDamper):
         give = 0.0 if device.structure is None else 1 / mechanism(device, device.structure, FLOATS).stiffness
         return float(1 / (1 / coupling.stiffness + give))

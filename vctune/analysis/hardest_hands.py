@@ -33,16 +33,13 @@ from vctune.model.sampled.worlds.loop_in_walls import LEADS, disjuncts_in_walls,
 from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen, disjuncts, posed, room_of
 from vctune.model.worlds import WorldsMet
 
-FIRST_STEP = 0.2
-"""First step of the search for the worst hand, in the square roots of the shares of a hand's ranges. With half or twice
-this step, vctune finds the same designs."""
+FIRST_STEP = 0.2  # First step of the search for the worst hand, in the square roots of the shares of a hand's ranges
+# Value of 1/ratio above which the search treats a coupling as active, that is, as one that supplies energy where it
+# must absorb energy
 DRIVEN = 1e6
-"""Value of 1/ratio above which the search treats a coupling as active, that is, as one that supplies energy where it
-must absorb energy.
-With half or twice this value, vctune finds the same designs."""
 
+# What an environment meets, for some shares of the coupling (`met_in_shares`)
 MetInShares = dict[float, tuple[Offered, Seen, float]]
-"""What an environment meets, for some shares of the coupling (`met_in_shares`)."""
 
 
 @np.errstate(all="ignore")
@@ -55,24 +52,7 @@ def needs_in_worlds(
     met: WorldsMet,
     share: float = 1.0,
 ) -> dict[str, Floats]:
-    """Return 1/ratio for each margin.
-
-    At least one of the margins must be positive (`model.sampled.worlds.loop_in_worlds`).
-
-    For the margin of the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling,
-    the ratio is g times the resistance that this share and the environment supply, divided by the resistance that the
-    loop lacks. For the margin of a reactance, the ratio is g times the exponential of the margin's relative reserve. In
-    every case a ratio of g suffices, and a greater ratio leaves a reserve.
-
-    Parameters
-    ----------
-    loop : loop in hands
-    device : device with plain numbers
-    gains, coupling : a design with plain numbers or arrays that broadcast against the loop
-    theta : omega T, rad
-    met : the environments and the safety factor g
-    share : share of the coupling of an impedance display
-    """
+    """Return 1/ratio for each margin."""
     factor, worlds, T, inverse = met.factor, met.worlds, device.sample_time, device.kind.inverse
     at, seen = met_in_hand(loop, device, gains, coupling, share, theta, FLOATS)
     reserve = 1.0 if inverse else factor
@@ -87,16 +67,7 @@ def needs_in_worlds(
 def needs_in_hands(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet | None
 ) -> Floats:
-    """Return 1/ratio in hands.
-
-    Parameters
-    ----------
-    loop : loop in hands
-    device : device with plain numbers
-    gains, coupling : a design with plain numbers or arrays that broadcast against the loop
-    theta : omega T, rad
-    met : the environments, linear or with walls; None for every passive environment
-    """
+    """Return 1/ratio in hands."""
     if met is not None and met.worlds.corner is not None:
         rooms = rooms_at_walls(met_in_shares(loop, device, gains, coupling, theta, met), device.sample_time, theta, met)
         return np.exp(-np.minimum.reduce(list(rooms.values()))) / met.factor
@@ -134,23 +105,7 @@ class AtWall(NamedTuple):
 def met_in_shares(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet
 ) -> MetInShares:
-    """Return the impedance that an environment meets with some shares of the coupling.
-
-    Parameters
-    ----------
-    loop : loop in hands
-    device : device with plain numbers
-    gains, coupling : a design with plain numbers or arrays that broadcast against the loop
-    theta : omega T, rad
-    met : the environments and the safety factor g
-
-    Returns
-    -------
-    MetInShares
-        For each share of the coupling: the impedance of the coupling, the impedance of the loop, and the factor to
-        apply to the impedance of the coupling. The factor is 1 for an impedance display, whose loop already contains
-        the share of its coupling.
-    """
+    """Return the impedance that an environment meets with some shares of the coupling."""
     found: MetInShares = {}
     for share in shares_of_coupling(met.factor):
         at, seen = met_in_hand(loop, device, gains, coupling, share, theta, FLOATS)
@@ -161,17 +116,7 @@ def met_in_shares(
 @np.errstate(all="ignore")
 def rooms_at_walls(shares: MetInShares, sample_time: float, theta: Floats, met: WorldsMet) -> dict[AtWall, Floats]:
     """Return the relative reserve of the condition for walls, for some shares of the coupling and both integration
-    rules.
-
-    The reserve is the greatest reserve of all margins, because a single positive margin suffices.
-
-    Parameters
-    ----------
-    shares : impedance that an environment meets, from `met_in_shares`
-    sample_time : T, s
-    theta : omega T, rad
-    met : the environments with walls
-    """
+    rules."""
     worlds, rooms = met.worlds, dict[AtWall, Floats]()
     for share, (at, seen, left) in shares.items():
         strip = strip_in_walls(at, worlds, sample_time, seen, left, theta, FLOATS)
@@ -185,16 +130,7 @@ def rooms_at_walls(shares: MetInShares, sample_time: float, theta: Floats, met: 
 def tightest_at_wall(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet
 ) -> AtWall:
-    """Return the share of a coupling and the integration rule with which walls have the least reserve at one place.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    gains, coupling : a design with plain numbers
-    omega : frequency, rad/s
-    hand : hand that holds the device
-    met : the environments with walls
-    """
+    """Return the share of a coupling and the integration rule with which walls have the least reserve at one place."""
     theta = np.array([min(omega * device.sample_time, pi)])
     loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
     rooms = rooms_at_walls(met_in_shares(loop, device, gains, coupling, theta, met), device.sample_time, theta, met)
@@ -202,21 +138,13 @@ def tightest_at_wall(
 
 
 def shares_of_coupling(factor: float) -> tuple[float, ...]:
-    """Return the shares of a coupling that the double-precision search examines: 1, 1/g and one between them.
-
-    Parameters
-    ----------
-    factor : safety factor g, >= 1
-    """
+    """Return the shares of a coupling that the double-precision search examines: 1, 1/g and one between them."""
     return (1.0,) if factor == 1 else (1 / factor, factor**-0.5, 1.0)
 
 
 @np.errstate(all="ignore")
 def _need(required: Floats, there: Floats) -> Floats:
-    """Return 1/ratio as a function that is continuous where R changes its sign.
-
-    For a coupling with negative resistance, the result is 0 or greater than any other result.
-    """
+    """Return 1/ratio as a function that is continuous where R changes its sign."""
     drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
     return np.where(there < 0, drives, required / np.maximum(there, 1e-300))
 
@@ -230,23 +158,7 @@ def hardest_near(
     starts: PlacesInHands,
     met: WorldsMet | None = None,
 ) -> tuple[Floats, PlacesInHands]:
-    """Climb from places to the greatest 1/ratio near them, in log theta and in the square root of each share.
-
-    For a servo and every passive environment, the hands stay as they are, and the function climbs only in log theta.
-
-    Parameters
-    ----------
-    devices : devices with plain numbers: one, or one for each place, which are `alike`
-    hands : the box of hands
-    gains, coupling : a design, or one design for each place as arrays of shape (n, 1, 1)
-    starts : n angles omega T, rad, each with a hand of the box
-    met : the environments; None for every passive environment
-
-    Returns
-    -------
-    need : 1/ratio, shape (n,)
-    places : n angles, each with a hand
-    """
+    """Climb from places to the greatest 1/ratio near them, in log theta and in the square root of each share."""
     each = [devices] * len(starts) if isinstance(devices, Device) else devices
     device, delays = as_one(each, (-1, 1, 1))
     numbers = {device: number for number, device in enumerate(each)}

@@ -26,72 +26,41 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.sampled.several_devices import alike
 from vctune.model.worlds import WorldsMet
 
-SEARCHED = 6
-"""Number of local minima over the angle that the code refines. With half as many minima, the code still finds the worst
-hand of every reference problem."""
+SEARCHED = 6  # Number of local minima over the angle that the code refines
+# Damping ratio below which the code also evaluates the angles where a hand resonates with the device, because a grid
+# would miss them
 SHARP = 0.03
-"""Damping ratio below which the code also evaluates the angles where a hand resonates with the device, because a grid
-would miss them. With half or twice this ratio, vctune finds the same design for a display with hardly any damping."""
 
-TOGETHER = 32
-"""Number of devices that the code evaluates together. The arrays of this many devices fit into the processor's cache.
-With half or twice as many devices, the evaluation takes the same time."""
+TOGETHER = 32  # Number of devices that the code evaluates together
 
 
 @dataclass(frozen=True, slots=True)
 class RatioInHand:
-    """A local minimum of Re Z_c / R in hands.
+    """A local minimum of Re Z_c / R in hands."""
 
-    Attributes
-    ----------
-    ratio : Re Z_c / R; inf if the hand requires nothing
-    omega : frequency of the minimum, rad/s
-    hand : hand of the minimum
-    """
-
-    ratio: float
-    omega: float
-    hand: Hand
+    ratio: float  # Re Z_c / R; inf if the hand requires nothing
+    omega: float  # frequency of the minimum, rad/s
+    hand: Hand  # hand of the minimum
 
 
 @dataclass(frozen=True, slots=True)
 class RatioInAnyHand:
-    """A local minimum of Re(1/Z_c)/R of an impedance display in any passive hand.
+    """A local minimum of Re(1/Z_c)/R of an impedance display in any passive hand."""
 
-    Attributes
-    ----------
-    ratio : Re(1/Z_c)/R; inf if the hands require nothing
-    omega : frequency of the minimum, rad/s
-    """
-
-    ratio: float
-    omega: float
+    ratio: float  # Re(1/Z_c)/R; inf if the hands require nothing
+    omega: float  # frequency of the minimum, rad/s
     hand: ClassVar[None] = None
 
 
 def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[RatioInHand | RatioInAnyHand]:
-    """Return the local minima of the ratio in the hands of a problem.
-
-    For each kind of hand, the lowest minimum comes first.
-
-    Parameters
-    ----------
-    problem : problem of one device, with a claim in hands, or in any hand on an impedance display
-    gains, coupling : a design with plain floats, in the problem's units
-    """
+    """Return the local minima of the ratio in the hands of a problem."""
     return least_ratios_of_each([problem], gains, coupling)[0]
 
 
 def least_ratios_of_each(
     problems: Sequence[Problem], gains: Gains, coupling: AnyCoupling
 ) -> list[list[RatioInHand | RatioInAnyHand]]:
-    """Return the local minima of the ratio in the hands of several problems, as `least_ratios` does for one problem.
-
-    Parameters
-    ----------
-    problems : at least one problem; they differ only in their devices
-    gains, coupling : plain floats, in the problems' units
-    """
+    """Return the local minima of the ratio in the hands of several problems, as `least_ratios` does for one problem."""
     found: list[list[RatioInHand | RatioInAnyHand]] = [[] for _ in problems]
     hands, met = problems[0].hands_met, problems[0].worlds_met
     if hands is not None:
@@ -104,16 +73,7 @@ def least_ratios_of_each(
 
 
 def ratio_in_some_hands(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the least ratio on the grid of hands and angles from which `least_ratios` starts.
-
-    The result is not below the least ratio of `least_ratios`, and takes a tenth of the time. Without a claim in hands,
-    the result is inf.
-
-    Parameters
-    ----------
-    problem : problem of one device
-    gains, coupling : a design with plain floats, in the problem's units
-    """
+    """Return the least ratio on the grid of hands and angles from which `least_ratios` starts."""
     if problem.hands_met is None:
         return inf
     where = loops_in_hands(problem.device, problem.hands_met)
@@ -124,35 +84,14 @@ def ratio_in_some_hands(problem: Problem, gains: Gains, coupling: AnyCoupling) -
 def least_ratios_in_hands(
     device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None = None
 ) -> list[RatioInHand]:
-    """Return the local minima of Re Z_c / R over the angle, each in its worst hand, the lowest first.
-
-    The function refines a minimum fully only if its ratio is near the lowest one (`climb.CONSIDERED`).
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    hands : the box of hands
-    gains, coupling : a design with plain numbers
-    met : the environments, whose ratio `needs_in_worlds` defines; None for every passive environment
-
-    Returns
-    -------
-    list of RatioInHand
-        At least one minimum.
-    """
+    """Return the local minima of Re Z_c / R over the angle, each in its worst hand, the lowest first."""
     return least_ratios_of_devices([device], hands, gains, coupling, met)[0]
 
 
 def least_ratios_of_devices(
     devices: Sequence[Device], hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None = None
 ) -> list[list[RatioInHand]]:
-    """Return `least_ratios_in_hands` for several devices. The function evaluates devices of the same form together.
-
-    Parameters
-    ----------
-    devices : devices with plain numbers
-    hands, gains, coupling, met : see `least_ratios_in_hands`
-    """
+    """Return `least_ratios_in_hands` for several devices. The function evaluates devices of the same form together."""
     starts = [_steepest(device, hands, gains, coupling, met) for device in devices]
     found: list[list[RatioInHand]] = [[] for _ in devices]
     groups = (group[i : i + TOGETHER] for group in alike(devices) for i in range(0, len(group), TOGETHER))
@@ -182,9 +121,8 @@ def _steepest(
     return steepest.joined(others)
 
 
+# Angles at which the code evaluates the environments of a box, relative to the worst angle
 WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
-"""Angles at which the code evaluates the environments of a box, relative to the worst angle. With half or twice the
-range or the number of these angles, vctune finds the same designs."""
 
 
 def windows(
@@ -194,18 +132,7 @@ def windows(
     worst: Sequence[RatioInHand | RatioInAnyHand],
     met: WorldsMet,
 ) -> list[RatioInHand]:
-    """Return the ends of the windows of angles in which a design violates the constraint for a box of environments.
-
-    If the search imposes the constraint at both ends of a window, the whole window disappears. A constraint in the
-    middle of the window would only shift the window.
-
-    Parameters
-    ----------
-    problem : problem of one device, with a claim in hands
-    gains, coupling : a design with plain floats, in the problem's units
-    worst : places from `least_ratios`
-    met : the environments, linear or with walls
-    """
+    """Return the ends of the windows of angles in which a design violates the constraint for a box of environments."""
     device, found = problem.device, list[RatioInHand]()
     for at in worst:
         if not isinstance(at, RatioInHand) or at.omega == 0 or at.ratio >= met.factor:
@@ -223,16 +150,7 @@ def windows(
 def ratio_at(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet | None = None
 ) -> float:
-    """Return Re Z_c / R in one hand at one frequency; inf if the hand requires nothing.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    gains, coupling : a design with plain numbers
-    omega : frequency, rad/s
-    hand : hand that holds the device
-    met : the environments; None for every passive environment
-    """
+    """Return Re Z_c / R in one hand at one frequency; inf if the hand requires nothing."""
     theta = np.array([omega * device.sample_time])
     loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
     return _inverse(float(needs_in_hands(loop, device, gains, coupling, theta, met)[0]))
@@ -247,34 +165,13 @@ def least_ratios_near(
     hand: Hand,
     met: WorldsMet | None = None,
 ) -> list[RatioInHand]:
-    """Return the local minimum of Re Z_c / R of each device that a descent finds from one frequency and hand.
-
-    Parameters
-    ----------
-    devices : devices with plain numbers, which are `alike`
-    hands : the box of hands
-    gains, coupling : a design with plain numbers
-    omega : frequency, rad/s
-    hand : hand of the box
-    met : the environments; None for every passive environment
-    """
+    """Return the local minimum of Re Z_c / R of each device that a descent finds from one frequency and hand."""
     starts = PlacesInHands.of([(omega * devices[0].sample_time, hand)] * len(devices))
     return _closest(devices, hands, gains, coupling, starts, met)
 
 
 def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling) -> list[RatioInAnyHand]:
-    """Return the local minima of Re(1/Z_c)/R of an impedance display in any passive hand, lowest first.
-
-    Parameters
-    ----------
-    device : an impedance display with plain numbers
-    gains, coupling : a design with plain numbers
-
-    Returns
-    -------
-    list of RatioInAnyHand
-        One to `SEARCHED` minima. The ratio is 0 where some hand makes the loop with only K_v unstable.
-    """
+    """Return the local minima of Re(1/Z_c)/R of an impedance display in any passive hand, lowest first."""
     first, ratio = np.zeros(1), partial(ratio_in_any_hand, device, gains, coupling)
     minima = local_minima(ratio, angles(device, PER_DECADE)[1:])
     theta, value = np.append(first, minima.omega), np.append(ratio(first), minima.value)
@@ -282,27 +179,14 @@ def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling
 
 
 def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats) -> Floats:
-    """Return Re(1/Z_c)/R of an impedance display in any passive hand.
-
-    The result is 0 where some hand makes the loop with only K_v unstable.
-
-    Parameters
-    ----------
-    device : an impedance display with plain numbers
-    gains, coupling : a design with plain numbers
-    theta : omega T, rad
-    """
+    """Return Re(1/Z_c)/R of an impedance display in any passive hand."""
     found = answers(device, theta).required(gains)
     ratio = offered(coupling, device, theta, FLOATS) * found.size / np.maximum(found.lost, 1e-300)
     return np.where(found.size > 0, ratio, 0.0)
 
 
 def _resonant(device: Device, hands: Hands, gains: Gains) -> list[tuple[float, Hand]]:
-    """Return angles at which hands resonate sharply with the device, and those hands.
-
-    The function returns the stiffest hands and hands with a hundredth of the greatest stiffness. The stiffest hands
-    have the greatest angle and the least damping ratio.
-    """
+    """Return angles at which hands resonate sharply with the device, and those hands."""
     found = []
     damping = device.damping + hands.low.damping + gains.velocity
     for mass, share in product((hands.low.mass, hands.high.mass), (1.0, 0.01)):

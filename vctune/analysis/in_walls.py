@@ -13,34 +13,18 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.model.worlds import WorldsMet
 
-HIGHEST = 1 - 1e-5
-"""Greatest corner, in units of 2/T. At 1 the multiplier would become a difference. This value is so far below 1 that
-rounding to six digits cannot reach 1. With half the distance from 1, rounding can reach 1. Twice the distance would
-also suffice."""
-LOWEST = 1e-4
-"""Least corner that the search evaluates, in units of 2/T. This corner is below the frequencies of all hands. With ten
-times this corner, or a tenth of it, the result is the same."""
+HIGHEST = 1 - 1e-5  # Greatest corner, in units of 2/T
+LOWEST = 1e-4  # Least corner that the search evaluates, in units of 2/T
+# Number of corners that the search evaluates first, evenly spaced on a log scale, because the reserve may have two
+# maxima
 CORNERS = 17
-"""Number of corners that the search evaluates first, evenly spaced on a log scale, because the reserve may have two
-maxima. With half or twice as many corners, the result is the same."""
-FINER = 3
-"""Number of times that the search then quarters the spacing around the best corner, down to 1 %. With half as many
-steps, the search finds corners with 1 % less reserve. With twice as many, the search finds the same corner."""
+FINER = 3  # Number of times that the search then quarters the spacing around the best corner, down to 1 %
+# Shares of each range of hands, and number of angles per decade, that the search evaluates
 SHARES, PER_DECADE = (0.0, 0.1, 1.0), 16
-"""Shares of each range of hands, and number of angles per decade, that the search evaluates. With half as many hands
-and angles, the search misses the binding hand or angle. With twice as many, the search finds the same corner."""
 
 
 def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the corner, rad/s, with which the condition for walls has the greatest reserve.
-
-    In hertz, the corner has six digits.
-
-    Parameters
-    ----------
-    problem : problem with walls, SI units
-    gains, coupling : a design with plain floats
-    """
+    """Return the corner, rad/s, with which the condition for walls has the greatest reserve."""
     device, worlds, hands = problem.device, problem.worlds, problem.hands_met
     assert worlds is not None
     assert hands is not None

@@ -1,7 +1,4 @@
-"""Evaluate loops in some hands of a box at some angles, in double precision.
-
-The search for the worst hand starts from these loops.
-"""
+"""Evaluate loops in some hands of a box at some angles, in double precision."""
 
 from __future__ import annotations
 
@@ -22,40 +19,21 @@ from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, required
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.sampled.worlds.loop_in_worlds import Seen
 
-SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
-"""Shares of each range of hands that the search evaluates first. The worst hand is usually at an end, and near 0 the
-required resistance changes quickly. With half as many shares, the search needs more rounds for the same designs. With
-twice as many shares, it takes more time."""
-LOWEST, PER_DECADE = 1e-4, 24
-"""Least angle omega T above 0, and number of angles per decade. Values below the least angle equal their limit to 1e-8.
-With half as many angles, the search may miss one of two neighbouring extrema. With twice as many, it takes twice the
-time."""
-SOFT = np.geomspace(1e-12, 1.0, 97)
-"""Shares of the range of stiffness that the search evaluates at angle 0. At this angle, a loop with a delay requires
-drag in a hand with a soft spring. The required drag is greatest for a stiffness of about K_p, which is small in slow
-loops. With half or twice as many shares, the search finds the same hand after refinement."""
+SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)  # Shares of each range of hands that the search evaluates first
+LOWEST, PER_DECADE = 1e-4, 24  # Least angle omega T above 0, and number of angles per decade
+SOFT = np.geomspace(1e-12, 1.0, 97)  # Shares of the range of stiffness that the search evaluates at angle 0
 
 
 @dataclass(frozen=True, slots=True)
 class LoopsInHands:
-    """A loop in hands on the unit circle.
+    """A loop in hands on the unit circle."""
 
-    Attributes
-    ----------
-    theta : omega T, rad, from 0 to pi, shape (n,)
-    hands : hands with numbers of shape (h,)
-    loop : loop, with numbers of shape (h, n)
-    """
-
-    theta: Floats
-    hands: Hand
-    loop: AnyLoopInHand
+    theta: Floats  # omega T, rad, from 0 to pi, shape (n,)
+    hands: Hand  # hands with numbers of shape (h,)
+    loop: AnyLoopInHand  # loop, with numbers of shape (h, n)
 
     def required(self, gains: Gains) -> Floats:
-        """Return R with the shape of the loop.
-
-        If the gains are arrays of shape (..., 1, 1), the shape of the gains precedes the shape of the loop.
-        """
+        """Return R with the shape of the loop."""
         found = required_in_hand(self.loop, gains)
         with np.errstate(divide="ignore", invalid="ignore"):
             R = np.asarray(found.lost / found.size)
@@ -70,22 +48,13 @@ class LoopsInHands:
 
 @dataclass(frozen=True, slots=True)
 class LoopsInAnyHand:
-    """The loop of an impedance display in any passive hand on the unit circle.
+    """The loop of an impedance display in any passive hand on the unit circle."""
 
-    Attributes
-    ----------
-    theta : omega T, rad, from 0 to pi, shape (n,)
-    answers : response of the device, with numbers of shape (1, n)
-    """
-
-    theta: Floats
-    answers: AnyHand
+    theta: Floats  # omega T, rad, from 0 to pi, shape (n,)
+    answers: AnyHand  # response of the device, with numbers of shape (1, n)
 
     def required(self, gains: Gains) -> Floats:
-        """Return R/s^2 with shape (1, n); inf where some hand makes the loop with only K_v unstable.
-
-        If the gains are arrays of shape (..., 1, 1), the shape of the gains precedes this shape.
-        """
+        """Return R/s^2 with shape (1, n); inf where some hand makes the loop with only K_v unstable."""
         found = self.answers.required(gains)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.where(found.size > 0, found.lost / found.size, inf))
@@ -93,25 +62,13 @@ class LoopsInAnyHand:
 
 @lru_cache(maxsize=64)
 def loops_in_any_hand(device: Device, per_decade: int = PER_DECADE) -> LoopsInAnyHand:
-    """Return the loop of an impedance display in any passive hand at some angles.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    per_decade : number of angles in each decade
-    """
+    """Return the loop of an impedance display in any passive hand at some angles."""
     theta = angles(device, per_decade)
     return LoopsInAnyHand(theta, answers(device, theta[None]))
 
 
 def answers(device: Device, theta: Floats) -> AnyHand:
-    """Return the response of an impedance display in any passive hand.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    theta : omega T, rad
-    """
+    """Return the response of an impedance display in any passive hand."""
     delays = delays_of(device)
     return any_hand(device, delays.loop, theta, FLOATS, fractional=delays.loop_fractional)
 
@@ -120,15 +77,7 @@ def answers(device: Device, theta: Floats) -> AnyHand:
 def loops_in_hands(
     device: Device, hands: Hands, shares: tuple[float, ...] = SHARES, per_decade: int = PER_DECADE
 ) -> LoopsInHands:
-    """Return the loop of a device in some hands of a box at some angles.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    hands : the box of hands
-    shares : shares of each range at which the function evaluates hands
-    per_decade : number of angles in each decade
-    """
+    """Return the loop of a device in some hands of a box at some angles."""
     theta = angles(device, per_decade)
     return _loops(device, _every(hands.low.mapped(lambda low, high: _places(low, high, shares), hands.high)), theta)
 
@@ -145,13 +94,7 @@ def _every(numbers: Hand) -> Hand:
 
 
 def angles(device: Device, per_decade: int) -> Floats:
-    """Return angles from 0 to pi, with more of them near a resonance of the device.
-
-    Parameters
-    ----------
-    device : device; the function uses its sample time and structure
-    per_decade : number of angles in each decade
-    """
+    """Return angles from 0 to pi, with more of them near a resonance of the device."""
     theta = np.geomspace(LOWEST, np.pi, int(per_decade * np.log10(np.pi / LOWEST)))
     if device.structure is not None:
         theta = np.minimum(with_resonance(device, theta / device.sample_time) * device.sample_time, np.pi)
@@ -161,14 +104,7 @@ def angles(device: Device, per_decade: int) -> Floats:
 @lru_cache(maxsize=64)
 def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHands:
     """Return the loop of a device at angle 0 in hands with soft springs. The spring that requires the most depends on
-    the gains.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    hands : the box of hands
-    spacing : spacing of the evaluated stiffnesses, in entries of `SOFT`
-    """
+    the gains."""
     low, high = hands.low, hands.high
     stiffness = np.unique(low.stiffness + (high.stiffness - low.stiffness) * np.append(0.0, SOFT[::spacing]))
     masses = np.unique((low.mass, high.mass))

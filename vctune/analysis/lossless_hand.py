@@ -1,10 +1,4 @@
-"""Find the lossless hand in which the motion of a refuted impedance display grows (model/README.md, section 15).
-
-The disc of any hand is a sum of discs, one for each alias of the frequency. At the worst point of the sum, each of
-these discs is at its edge. To reach all these edges, the hand must have a certain reactance at each alias. By Foster's
-theorem, a mass or a spring with resonators can have these reactances at any number of aliases. In this hand, the search
-for the environment with which the motion of the exact sampled loop grows is the same as in a hand of a box.
-"""
+"""Find the lossless hand in which the motion of a refuted impedance display grows (model/README.md, section 15)."""
 
 from __future__ import annotations
 
@@ -27,36 +21,21 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.any_hand import drive_at, motor_disc
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
-TURNED = (1, 3, 5, 9, 17, 33)
-"""Numbers of aliases, counted from the nearest, at which the hand has the worst reactance. The search uses the least
-number that suffices. Among designs that violate the constraint by 1 % or more, one in 160 needs 33 aliases. With every
-second of these numbers, or with twice as many, the search finds hands for the same designs."""
-DETUNED = (0.1, 1e-2, 1e-3, 1e-4)
-"""Relative distances of a resonator from its alias. With a smaller distance, the resonator acts less at other aliases,
-and a motion grows more slowly. With half as many distances, the motion in the hand that the search finds grows up to
-eight times more slowly. With twice as many, the search finds a hand for one more design in 60."""
-SUMMED = 250
-"""Number of aliases on either side that the code sums for the hand's response; the rest is below 1e-5. With half or
-twice as many aliases, the growth is the same to four digits."""
+TURNED = (1, 3, 5, 9, 17, 33)  # Numbers of aliases, counted from the nearest, at which the hand has the worst reactance
+DETUNED = (0.1, 1e-2, 1e-3, 1e-4)  # Relative distances of a resonator from its alias
+SUMMED = 250  # Number of aliases on either side that the code sums for the hand's response; the rest is below 1e-5
+# Distances, rad, from 0 Hz and from Nyquist at which the code searches for a hand near these ends, because nothing
+# grows at the ends themselves
 FROM_ENDS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
-"""Distances, rad, from 0 Hz and from Nyquist at which the code searches for a hand near these ends, because nothing
-grows at the ends themselves. The search ends at the first success. With half or twice as many distances, the search
-finds hands for the same designs, and the growth changes by a factor of up to six."""
 
 
 @dataclass(frozen=True, slots=True)
 class LosslessHand:
-    """A mass or a spring at the handle, with resonators: masses on their own springs.
+    """A mass or a spring at the handle, with resonators: masses on their own springs."""
 
-    Attributes
-    ----------
-    mass, stiffness : mass and stiffness at the handle, kg and N/m; one of them is 0
-    resonators : mass, kg, and stiffness, N/m, of each resonator
-    """
-
-    mass: float
+    mass: float  # mass and stiffness at the handle, kg and N/m; one of them is 0
     stiffness: float
-    resonators: tuple[tuple[float, float], ...] = ()
+    resonators: tuple[tuple[float, float], ...] = ()  # mass, kg, and stiffness, N/m, of each resonator
 
     def impedance(self, omega: Number) -> Number:
         """Return the hand's impedance at complex frequencies in rad/s, N s/m."""
@@ -69,19 +48,7 @@ class LosslessHand:
 def growing_in_any_hand(
     device: Device, gains: Gains, coupling: SpringDamper
 ) -> tuple[LosslessHand, GrowingEnvironment] | None:
-    """Return the simplest lossless hand, and the environment, with which the motion of an impedance display grows.
-
-    Parameters
-    ----------
-    device : device with b > 0, plain numbers
-    gains, coupling : a design with plain numbers
-
-    Returns
-    -------
-    tuple or None
-        The hand does not include the least operator. The result is None if no motion grows, for example where the
-        constraint holds.
-    """
+    """Return the simplest lossless hand, and the environment, with which the motion of an impedance display grows."""
     with np.errstate(all="ignore"):
         places = list(_places(device, gains, coupling))
         for count, theta in product(TURNED, places):
@@ -96,10 +63,7 @@ def growing_in_any_hand(
 def _growing_in(
     device: Device, gains: Gains, coupling: SpringDamper, hand: LosslessHand, theta: float
 ) -> GrowingEnvironment | None:
-    """Return the environment with which the motion grows in a hand.
-
-    The value of the environment is 0 if the motion of the loop with only K_v grows.
-    """
+    """Return the environment with which the motion grows in a hand."""
 
     def loop(theta: complex) -> complex:
         """Return K_v F G_y."""
@@ -144,14 +108,7 @@ def _hands(device: Device, gains: Gains, theta: float, count: int) -> Iterator[L
 
 
 def _reactance(device: Device, gains: Gains, theta: float, at: Floats) -> Floats:
-    """Return the worst reactance of a hand at each alias. With it, the motor's response is at the edge of its disc.
-
-    Parameters
-    ----------
-    device, gains : device and gains with plain numbers
-    theta : omega T, rad
-    at : angles of the aliases, rad; the function omits the response at all other aliases
-    """
+    """Return the worst reactance of a hand at each alias. With it, the motor's response is at the edge of its disc."""
     omega, drive = at / device.sample_time, _numbers(drive_at(device, theta, at, FLOATS))
     radius, reactance, leak = motor_disc(device, omega, FLOATS)
     centre = radius * (1.0 if leak is None else 1 + 2 * leak * (device.damping - 1j * reactance))
@@ -167,10 +124,7 @@ def _reactance(device: Device, gains: Gains, theta: float, at: Floats) -> Floats
 
 
 def _worst_direction(c: complex, r: float, k: complex) -> complex:
-    """Return (G - c)/r at the point of a disc's edge where Re G/(1 + k G) is least.
-
-    If k G can be less than -1, the function returns the point where k G is least.
-    """
+    """Return (G - c)/r at the point of a disc's edge where Re G/(1 + k G) is least."""
     size = abs(1 + k * c) ** 2 - abs(k * r) ** 2
     if size <= 0:
         along = -np.conj(k) / abs(k)
@@ -181,16 +135,7 @@ def _worst_direction(c: complex, r: float, k: complex) -> complex:
 
 
 def _with_reactance(omega: Floats, reactance: Floats, detuned: float) -> LosslessHand | None:
-    """Return a hand with given reactances at given frequencies; None if there is no such hand.
-
-    The hand has a resonator near each frequency except the first.
-
-    Parameters
-    ----------
-    omega : frequency, rad/s, > 0
-    reactance : reactance of the hand at each frequency, N s/m
-    detuned : relative distance of the resonators from their frequencies
-    """
+    """Return a hand with given reactances at given frequencies; None if there is no such hand."""
     heavy = reactance[0] > 0
     own = omega if heavy else -1 / omega
     left = (reactance - own * (reactance[0] / own[0]))[1:]

@@ -16,64 +16,28 @@ from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.numbers.pair import Pair
 
-BISECTIONS = 40
-"""Number of bisections of an interval of the grid. The bisections narrow an interval to 1e-12, which is too small to
-affect the output. Half as many bisections would narrow it to 1e-6, which affects the output. Twice as many would reach
-rounding errors."""
-MARGIN_POINTS_PER_DECADE = 100
-"""Number of points per decade of the grid for crossings. With half as many points, the code may miss two crossings
-within 5 % of each other. With twice as many, it takes twice the time."""
-DECADES_BELOW_NYQUIST = 7
-"""Number of decades below Nyquist that the code searches. Only a loop with a bandwidth of a millionth of its sampling
-rate has a crossover so far below Nyquist. With half as many decades, the code misses crossovers of slow loops. With
-twice as many, it finds no further crossovers."""
+BISECTIONS = 40  # Number of bisections of an interval of the grid
+MARGIN_POINTS_PER_DECADE = 100  # Number of points per decade of the grid for crossings
+DECADES_BELOW_NYQUIST = 7  # Number of decades below Nyquist that the code searches
+# Number of steps in which the code increases the delay to its estimated margin, and the multiple of this margin at
+# which it stops
 STEPS, FARTHEST = 16, 32
-"""Number of steps in which the code increases the delay to its estimated margin, and the multiple of this margin at
-which it stops. With half as many steps, the code may skip an unstable interval of delays that is twice as long. With
-twice as many, it takes twice the time."""
-NEWTON_STEPS = 8
-"""Number of Newton steps. After ten bisections, quadratic convergence takes three steps. The other steps serve a double
-crossing, where convergence is linear. Half as many steps would suffice for a simple crossing. Twice as many would reach
-rounding errors."""
-DIFFERENCE = 1e-6
-"""Step of the central differences in Newton's method, in log omega and in delay over sample time. The differences have
-an error of 1e-12 and a rounding error of 1e-10. Errors of this size slow the method down but do not change its limit.
-With half or twice this step, the limit is the same."""
-FARTHEST_CORRECTION = 0.05
-"""Greatest share of the delay by which Newton's method may correct a bisection. The bisection is correct to 1e-4 of the
-estimate. A larger correction means that the method has found another crossing. With half or twice this share, the
-decisions are the same."""
+NEWTON_STEPS = 8  # Number of Newton steps
+DIFFERENCE = 1e-6  # Step of the central differences in Newton's method, in log omega and in delay over sample time
+FARTHEST_CORRECTION = 0.05  # Greatest share of the delay by which Newton's method may correct a bisection
 
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """The margins of a loop. A margin is inf if there is no crossing.
+    """The margins of a loop. A margin is inf if there is no crossing."""
 
-    Attributes
-    ----------
-    gain : factor of L, nearest to 1, that makes the loop unstable
-    phase : phase shift of L, rad, nearest to 0, that makes the loop unstable
-    delay : least additional delay of the device, s, that makes the sampled loop unstable
-    """
-
-    gain: float
-    phase: float
-    delay: float
+    gain: float  # factor of L, nearest to 1, that makes the loop unstable
+    phase: float  # phase shift of L, rad, nearest to 0, that makes the loop unstable
+    delay: float  # least additional delay of the device, s, that makes the sampled loop unstable
 
 
 def loop_margins(device: Device, gains: Gains) -> Margins:
-    """Return the margins of a stable loop, from L on the upper half of the unit circle.
-
-    Parameters
-    ----------
-    device : device without a hand, with plain numbers
-    gains : gains with which the device's sampled loop is stable
-
-    Returns
-    -------
-    Margins
-        All margins are inf without a loop.
-    """
+    """Return the margins of a stable loop, from L on the upper half of the unit circle."""
     if not gains.closed:
         return Margins(inf, inf, inf)
     grid, nyquist = _grid(device), pi / device.sample_time
@@ -94,30 +58,12 @@ def loop_margins(device: Device, gains: Gains) -> Margins:
 
 
 def unit_gain_frequencies(device: Device, gains: Gains) -> Floats:
-    """Return the frequencies at which the sampled loop has |L| = 1, rad/s, in ascending order.
-
-    Parameters
-    ----------
-    device : device without a hand, with plain numbers
-    gains : gains, one of them not 0
-    """
+    """Return the frequencies at which the sampled loop has |L| = 1, rad/s, in ascending order."""
     return _roots(lambda omega: np.log(np.abs(loop_gain(device, gains, omega))), _grid(device))
 
 
 def unstable_poles(device: Device, gains: Gains) -> int:
-    """Return the number of poles of the closed sampled loop outside the unit circle.
-
-    The function counts the turns of F around 0.
-
-    Parameters
-    ----------
-    device, gains : device and gains with plain numbers
-
-    Returns
-    -------
-    int
-        An estimate on a grid, which is correct if F does not come close to 0.
-    """
+    """Return the number of poles of the closed sampled loop outside the unit circle."""
     F = _circle(device, gains)
     turns = np.unwrap(np.arctan2(F.im, F.re))
     return -round(float(turns[-1]) / pi)
@@ -135,11 +81,7 @@ def _circle(device: Device, gains: Gains) -> Pair:
 
 
 def _delay_margin(device: Device, gains: Gains, estimate: float) -> float:
-    """Return the least delay with which F passes through 0; inf if there is no such delay.
-
-    The usual estimate, phase margin divided by frequency, is good only far below Nyquist. If a loop rings at Nyquist, a
-    delay of a fraction of a sample even stabilises the loop, because the held force then acts on two samples.
-    """
+    """Return the least delay with which F passes through 0; inf if there is no such delay."""
 
     def stable(delay: float) -> bool:
         return bool(makes_no_turn(_circle(replace(device, delay=device.delay + delay), gains)))

@@ -1,7 +1,5 @@
 """Compute the phase of each part of a device around the velocity loop and along the force path, in double precision.
-
-See model/README.md, sections 1, 7 and 12.
-"""
+See model/README.md, sections 1, 7 and 12."""
 
 from __future__ import annotations
 
@@ -24,22 +22,16 @@ from vctune.model.numbers.pair import Pair
 SENSOR, SENSOR_DELAY, ESTIMATE, LAW = "force sensor", "force sensor's delay", "velocity estimate", "velocity law"
 HOLD, DELAY, ACTUATOR, MECHANISM = "hold", "delay", "actuator", "mechanism"
 FEEDBACK, ALIASES = "feedback", "aliases of sampling"
+# Names of the parts with a phase, in the order of the report's page, which begins at the hand
 PARTS = (SENSOR, SENSOR_DELAY, ESTIMATE, LAW, HOLD, DELAY, ACTUATOR, MECHANISM, FEEDBACK, ALIASES)
-"""Names of the parts with a phase, in the order of the report's page, which begins at the hand."""
 
 
 @dataclass(frozen=True, slots=True)
 class Phases:
-    """The share of each part in a phase at one frequency.
+    """The share of each part in a phase at one frequency."""
 
-    Attributes
-    ----------
-    omega : frequency, rad/s
-    shares : phase of each existing part, rad
-    """
-
-    omega: float
-    shares: dict[str, float]
+    omega: float  # frequency, rad/s
+    shares: dict[str, float]  # phase of each existing part, rad
 
     @property
     def total(self) -> float:
@@ -48,13 +40,7 @@ class Phases:
 
 
 def crossover(device: Device, gains: Gains) -> float | None:
-    """Return the highest frequency at which the sampled loop has |L| = 1, rad/s; None if there is no such frequency.
-
-    Parameters
-    ----------
-    device : device with plain numbers, SI units; without a hand
-    gains : K_v and K_p, N s/m and N/m
-    """
+    """Return the highest frequency at which the sampled loop has |L| = 1, rad/s; None if there is no such frequency."""
     if not gains.closed:
         return None
     crossings = unit_gain_frequencies(device, gains)
@@ -62,16 +48,7 @@ def crossover(device: Device, gains: Gains) -> float | None:
 
 
 def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
-    """Return the contribution of each part to the phase of L = A H (K_v F + K_p/s) P_mu of the sampled loop.
-
-    Sampling itself, which the frequency model lacks, has a separate share. The function uses the exact hold.
-
-    Parameters
-    ----------
-    device : device with plain numbers, SI units; without a hand
-    gains : K_v and K_p, N s/m and N/m
-    omega : frequency, rad/s, 0 < omega <= pi/T
-    """
+    """Return the contribution of each part to the phase of L = A H (K_v F + K_p/s) P_mu of the sampled loop."""
     known = _constants(device, omega)
     shares = _law_phase(gains, omega)
     if device.velocity is not None:
@@ -85,16 +62,7 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
 
 
 def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
-    """Return the contribution of each part to the phase of q = F_s G_he, with G_he = P_hu C_0/(1 + P_mu C_f).
-
-    The feedback, 1/(1 + P_mu C_f), compensates most of the lag within the loop, but not the lag of the force sensor.
-
-    Parameters
-    ----------
-    device : device with plain numbers, SI units
-    gains : K_v and K_p, N s/m and N/m
-    omega : frequency, rad/s, > 0
-    """
+    """Return the contribution of each part to the phase of q = F_s G_he, with G_he = P_hu C_0/(1 + P_mu C_f)."""
     known, sensor = _constants(device, omega), device.sensing
     low_pass = sensor_response(replace(sensor, delay=0.0), np.array(omega), FLOATS)
     shares = {SENSOR: _angle(_response(low_pass, omega))} if low_pass is not None else {}
@@ -108,13 +76,7 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
 
 
 def sensor_miss(device: Device, omega: Floats) -> Floats | None:
-    """Return |1 - F_s|, the error of the sensed force; None if it is 0.
-
-    Parameters
-    ----------
-    device : device; only its force sensor matters
-    omega : frequency, rad/s, > 0, shape (n,)
-    """
+    """Return |1 - F_s|, the error of the sensed force; None if it is 0."""
     sensor = device_response(device, omega, FLOATS).sensor
     return None if sensor is None else np.abs(omega * omega * sensor.loss + 1j * omega * sensor.lag)
 

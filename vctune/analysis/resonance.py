@@ -10,32 +10,14 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.model.device import Device
 
+# Range around a structure's resonances in which the relative spacing of the grid is half their damping ratio, and the
+# finest relative spacing
 RESONANCE_REACH, NARROWEST = 1.1, 2e-3
-"""Range around a structure's resonances in which the relative spacing of the grid is half their damping ratio, and the
-finest relative spacing. With half or twice this range, the decisions are the same, because the loop moves a resonance
-to a frequency between the resonance of only the handle and the resonance of both masses. With a grid half as fine, the
-code may miss a resonance between two frequencies, and the proof has to find it. With a grid twice as fine, the code
-takes twice the time in this range."""
-NARROWER = 6.0
-"""Number of points that a drawn curve has within the width of a resonance. With half as many points, the curve shows
-corners. With twice as many, the file is twice as long."""
+NARROWER = 6.0  # Number of points that a drawn curve has within the width of a resonance
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:
-    """Return a grid, rad/s, with more frequencies between the resonances of only the handle and of both masses.
-
-    A rigid device has no resonance, so the function returns the given grid.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    grid : frequencies in ascending order, rad/s
-
-    Returns
-    -------
-    array of float
-        Frequencies in ascending order, rad/s, with the same ends as the given grid.
-    """
+    """Return a grid, rad/s, with more frequencies between the resonances of only the handle and of both masses."""
     structure, mass = device.structure, device.mass
     if structure is None:
         return grid
@@ -54,13 +36,7 @@ def with_resonance(device: Device, grid: Floats) -> Floats:
 
 
 def round_at_resonance(device: Device, hz: Floats) -> Floats:
-    """Return frequencies with more of them around a structure's resonance, so that a curve over them looks smooth.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    hz : frequencies in ascending order, Hz
-    """
+    """Return frequencies with more of them around a structure's resonance, so that a curve over them looks smooth."""
     if device.structure is None:
         return hz
     narrow = replace(device.structure, damping_ratio=device.structure.damping_ratio / NARROWER)

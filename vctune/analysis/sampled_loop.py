@@ -35,31 +35,18 @@ def _sampled(device: Device) -> SampledPlant:
     return sampled_plant(device, whole, FLOATS, fractional=bool(np.any(fraction)))
 
 
+# Return a device's plant from a cache, because all frequencies and all rounds of an exchange need the same matrix
+# exponential
 _sampled_once = lru_cache(maxsize=1024)(_sampled)
-"""Return a device's plant from a cache, because all frequencies and all rounds of an exchange need the same matrix
-exponential. The cache contains as many devices as the search tries in a box. With half or twice this size, a search
-takes the same time."""
 
 
 def return_difference_at(device: Device, omega: Floats, *, position: bool) -> ReturnDifference:
-    """Return the parts of the loop's return difference at frequencies 0 < omega <= pi/T, rad/s.
-
-    Parameters
-    ----------
-    device : device; its numbers may be arrays that broadcast against omega
-    omega : frequency, rad/s, 0 < omega <= pi/T
-    position : whether the loop contains the position
-    """
+    """Return the parts of the loop's return difference at frequencies 0 < omega <= pi/T, rad/s."""
     return return_difference(plant_of(device), omega * device.sample_time, FLOATS, position=position)
 
 
 def sensitivity_of(device: Device, gains: Gains) -> Callable[[Floats], Floats]:
-    """Return |S| as a function of frequencies omega > 0, rad/s. The function samples the plant only once.
-
-    Parameters
-    ----------
-    device, gains : device and gains; their numbers may be arrays that broadcast against omega
-    """
+    """Return |S| as a function of frequencies omega > 0, rad/s. The function samples the plant only once."""
     plant, position = plant_of(device), bool(np.any(gains.position))
 
     def sensitivity(omega: Floats) -> Floats:
@@ -70,33 +57,13 @@ def sensitivity_of(device: Device, gains: Gains) -> Callable[[Floats], Floats]:
 
 
 def pulse_transfer(device: Device, omega: Floats, *, position: bool) -> tuple[Complex, Complex]:
-    """Return G_v and G_x, from the held force to velocity and position, at omega > 0.
-
-    G_x is 0 if the loop does not contain the position.
-
-    Parameters
-    ----------
-    device : device; its numbers may be arrays that broadcast against omega
-    omega : frequency, rad/s, 0 < omega <= pi/T
-    position : whether the loop contains the position
-
-    Returns
-    -------
-    tuple of two arrays of complex
-        G_v, m/(N s), and G_x, m/N.
-    """
+    """Return G_v and G_x, from the held force to velocity and position, at omega > 0."""
     parts = return_difference_at(device, omega, position=position)
     open_loop, velocity, travel = (part.re + 1j * part.im for part in (parts.open, parts.velocity, parts.position))
     return velocity / open_loop, travel / open_loop
 
 
 def loop_gain(device: Device, gains: Gains, omega: Floats) -> Complex:
-    """Return L = K_v G_v + K_p G_x at omega > 0, so that S = 1/(1 + L).
-
-    Parameters
-    ----------
-    device, gains : device and gains; their numbers may be arrays that broadcast against omega
-    omega : frequency, rad/s, 0 < omega <= pi/T
-    """
+    """Return L = K_v G_v + K_p G_x at omega > 0, so that S = 1/(1 + L)."""
     G_v, G_x = pulse_transfer(device, omega, position=bool(np.any(gains.position)))
     return gains.velocity * G_v + gains.position * G_x

@@ -1,8 +1,5 @@
 """Estimate the stability of both loops on grids, and the stability boundary, for the search. The estimates are not
-proofs.
-
-See model/README.md, section 7.
-"""
+proofs. See model/README.md, section 7."""
 
 from __future__ import annotations
 
@@ -24,39 +21,19 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.velocity_loop import ReturnDifference, return_difference
 
-FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46
-"""Grid for counting turns. Neighbouring angles are 5 % apart. The chord between two points of the curve passes 0 on the
-same side as the curve, unless the curve is too close to 0 (`TOO_CLOSE`). A loop slower than the first angle has too
-little lag to turn. With half as many angles, the proof must decide more loops. With twice as many, a scan takes twice
-the time."""
-TOO_CLOSE = 0.03
-"""Least |F| with which the code relies on the grid. This value is slightly less than the distance of neighbouring
-angles. With half this value, chords may pass 0 on the wrong side. With twice this value, the proof must decide more
-loops. In either case no verdict is wrong, because the proof decides."""
-LARGEST_TURN = 1.0
-"""Greatest turn of F between neighbouring angles for which the code relies on the grid, rad. This value is well below
-half a turn, at which the direction would be ambiguous. With half this value, the code leaves more loops to the proof;
-with twice this value, fewer."""
+FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46  # Grid for counting turns
+TOO_CLOSE = 0.03  # Least |F| with which the code relies on the grid
+LARGEST_TURN = 1.0  # Greatest turn of F between neighbouring angles for which the code relies on the grid, rad
+# Number of points, and number of rounds, in the search along a segment of gains for a pole's crossing
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
-"""Number of points, and number of rounds, in the search along a segment of gains for a pole's crossing. The search
-locates the crossing to 1/32768 of the segment. A cut need not be closer to the boundary, because further cuts follow.
-With half as many points, the search locates the crossing to 1/4096; with twice as many, to 1/262144."""
-DIFFERENCE = 1e-4
-"""Relative step of the central difference in theta that gives the direction of a cut. The difference has an error of
-1e-8 and a rounding error of 1e-12. With half or twice this step, the direction is the same."""
+DIFFERENCE = 1e-4  # Relative step of the central difference in theta that gives the direction of a cut
 
+# The function F(theta, K_v, K_p) = 1 + loop gain, affine in the gains; theta is omega T, rad
 Curve = Callable[[Floats, Floats, Floats], Complex]
-"""The function F(theta, K_v, K_p) = 1 + loop gain, affine in the gains; theta is omega T, rad."""
 
 
 def sampled_curve(device: Device, *, position: bool) -> Curve:
-    """Return the return difference of the sampled loop, divided by the return difference of the open loop.
-
-    Parameters
-    ----------
-    device : device; its numbers may be arrays that broadcast against theta
-    position : whether the loop contains the position, K_p > 0
-    """
+    """Return the return difference of the sampled loop, divided by the return difference of the open loop."""
     plant = plant_of(device)
 
     def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
@@ -81,18 +58,7 @@ def model_curve(device: Device) -> Curve:
 
 
 def angles(device: Device, first: float = FIRST_ANGLE) -> Floats:
-    """Return the grid on which the code counts the turns of a device's curves.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    first : the least angle, rad
-
-    Returns
-    -------
-    array of float
-        omega T, rad, in ascending order up to pi; read-only.
-    """
+    """Return the grid on which the code counts the turns of a device's curves."""
     grid, T = _angles(first), device.sample_time
     return grid if device.structure is None else np.minimum(with_resonance(device, grid / T) * T, np.pi)
 
@@ -108,30 +74,12 @@ def _angles(first: float) -> Floats:
 
 
 def unit_circle(device: Device, first: float = FIRST_ANGLE, *, position: bool) -> ReturnDifference:
-    """Return the parts of the sampled loop's return difference on the upper half of the unit circle.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    first : the least angle, rad
-    position : whether the loop contains the position, K_p > 0
-
-    Returns
-    -------
-    ReturnDifference
-        The parts at `angles`, each with the shape of the angles.
-    """
+    """Return the parts of the sampled loop's return difference on the upper half of the unit circle."""
     return return_difference(plant_of(device), angles(device, first), FLOATS, position=position)
 
 
 def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
-    """Return whether a closed loop's return difference on `unit_circle` makes no turn around 0.
-
-    The last axis is the angle.
-
-    F is real at the last angle. The total turn is the angle from F at the first angle to the positive real axis, plus a
-    full turn for each crossing of the negative real axis. Chords between neighbouring angles show these crossings.
-    """
+    """Return whether a closed loop's return difference on `unit_circle` makes no turn around 0."""
     up = F.im >= 0
     cross = F.re[..., :-1] * F.im[..., 1:] - F.re[..., 1:] * F.im[..., :-1]
     clockwise, back = up[..., 1:] & ~up[..., :-1] & (cross < 0), up[..., :-1] & ~up[..., 1:] & (cross > 0)
@@ -141,18 +89,7 @@ def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
 
 
 def clearly_stable(device: Device, gains: Gains) -> bool | None:
-    """Return whether neither loop makes a turn around 0; None if a loop comes too close to 0.
-
-    Parameters
-    ----------
-    device : one of `Device.loops`, plain numbers
-    gains : gains with plain numbers; without a loop the result is None
-
-    Returns
-    -------
-    bool or None
-        An estimate, not a proof.
-    """
+    """Return whether neither loop makes a turn around 0; None if a loop comes too close to 0."""
     if gains.velocity == 0 and gains.position == 0:
         return None
     theta = angles(device)
@@ -168,10 +105,7 @@ def clearly_stable(device: Device, gains: Gains) -> bool | None:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """The half plane open + K_v velocity + K_p position >= 0.
-
-    The half plane keeps the gains inside the stability boundary.
-    """
+    """The half plane open + K_v velocity + K_p position >= 0."""
 
     open: float
     velocity: float
@@ -179,17 +113,7 @@ class Cut:
 
 
 def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -> Cut | None:
-    """Return the tangent to the stability boundary between a stable and an unstable pair of gains.
-
-    On the boundary F(theta) = 0 for some theta. Since theta changes along the boundary, the tangent is the direction of
-    the gains in which dF is parallel to dF/dtheta. The function examines both the sampled loop and the frequency model.
-
-    Parameters
-    ----------
-    device : device, dimensionless
-    inside, outside : stable and unstable gains
-    level : required distance from the tangent, as a share of F with the loop open
-    """
+    """Return the tangent to the stability boundary between a stable and an unstable pair of gains."""
     position = inside.position > 0 or outside.position > 0
     for curve in (sampled_curve(device, position=position), model_curve(device)):
         crossing = _crossing(curve, angles(device), inside, outside)
@@ -202,10 +126,7 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
 
 
 def _crossing(curve: Curve, theta: Floats, inside: Gains, outside: Gains) -> Gains | None:
-    """Return the gains at which the number of turns first differs from the number at `inside`.
-
-    The result is None if the number never differs.
-    """
+    """Return the gains at which the number of turns first differs from the number at `inside`."""
     low, high = 0.0, 1.0
     for _ in range(CROSSING_ROUNDS):
         t = np.linspace(low, high, CROSSING_POINTS)[:, None]

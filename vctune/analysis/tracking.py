@@ -12,23 +12,11 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.transparency import log_quadrature, loop_terms
 
-NODES = 64
-"""Number of frequencies that `tracking_terms` evaluates. With half as many frequencies, the drawn line is the same."""
+NODES = 64  # Number of frequencies that `tracking_terms` evaluates
 
 
 def tracking_terms(problem: Problem, gains: Gains) -> Floats:
-    """Return the tracking term of many loops, an estimate on a grid of frequencies.
-
-    Parameters
-    ----------
-    problem : problem of the nominal device
-    gains : K_v and K_p, arrays that broadcast against each other
-
-    Returns
-    -------
-    array of float
-        The result has the shape of the gains.
-    """
+    """Return the tracking term of many loops, an estimate on a grid of frequencies."""
     band, device = problem.transparency.band, problem.device
     omega, weights = log_quadrature(band.min, band.max, NODES)
     at, every = device_response(device, omega, FLOATS), Gains(gains.velocity[..., None], gains.position[..., None])

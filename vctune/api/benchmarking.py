@@ -15,22 +15,7 @@ from vctune.document.text.output_files import make_folder
 def benchmark(
     name: str, folder: Path, *, quick: bool, seed: int, command: str, progress: Callable[[str], None]
 ) -> BenchRecord:
-    """Run a benchmark, write its table, picture and page, and return its record.
-
-    Parameters
-    ----------
-    name : name of a benchmark's module in `vctune.bench`
-    folder : folder for the files; the function creates it if it does not exist
-    quick : whether to make a quick run of less than a minute
-    seed : seed of the random devices; ignored by benchmarks without random devices
-    command : shell command that repeats the benchmark; the page states it
-    progress : function that receives the current stage
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written, or if a package that the benchmark needs is not installed.
-    """
+    """Run a benchmark, write its table, picture and page, and return its record."""
     make_folder(folder)
     where = machine()
     measured = import_module(f"vctune.bench.{name}").measure(quick, seed, progress)

@@ -36,44 +36,26 @@ from vctune.report.page.contents import report_paths
 from vctune.running import OutOfTimeError, check_time
 from vctune.running import time_limit as limited
 
-SAVED = "bound.npz"
-"""File with the state of an unfinished search, beside design.json."""
+SAVED = "bound.npz"  # File with the state of an unfinished search, beside design.json
 
 
 @dataclass(frozen=True, slots=True)
 class KnownDesign:
-    """The known design with which a search for a bound begins.
+    """The known design with which a search for a bound begins."""
 
-    Attributes
-    ----------
-    record : record of the design, or of the reason why there is no design
-    best : judgement of the design by this version; None without a design
-    resume : state of an earlier search; None without an earlier search
-    """
-
-    record: DesignRecord
-    best: Judgement | None
-    resume: ResumeState | None = None
+    record: DesignRecord  # record of the design, or of the reason why there is no design
+    best: Judgement | None  # judgement of the design by this version; None without a design
+    resume: ResumeState | None = None  # state of an earlier search; None without an earlier search
 
 
 @dataclass(frozen=True, slots=True)
 class Bounded:
-    """A problem, with a proved bound on the error of every feasible design.
+    """A problem, with a proved bound on the error of every feasible design."""
 
-    Attributes
-    ----------
-    file : the problem
-    record : record of the best known design, including the bound if there is one; `to_json()` is the object of
-        design.json
-    judgement : judgement of the best known design; None if no design is known
-    optimality : `bound`, `gap` and `proved`; None if the problem was already known to be infeasible, or if the time was
-        too short
-    """
-
-    file: ProblemFile
-    record: DesignRecord
-    judgement: Judgement | None
-    optimality: Optimality | None
+    file: ProblemFile  # the problem
+    record: DesignRecord  # record of the best known design, including the bound if there is one
+    judgement: Judgement | None  # judgement of the best known design; None if no design is known
+    optimality: Optimality | None  # `bound`, `gap` and `proved`
 
     @property
     def status(self) -> Status:
@@ -160,39 +142,14 @@ def bound(
 
 
 def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
-    """Return a problem, or raise an error if the problem leaves no variable free.
-
-    Parameters
-    ----------
-    file : the problem
-    purpose : verb for the message, as in "nothing to choose"
-
-    Raises
-    ------
-    InputError
-        If the problem fixes every variable.
-    """
+    """Return a problem, or raise an error if the problem leaves no variable free."""
     if file.problem.bounds.fixed:
         raise InputError.of(file.source, "nothing-free", f"fixes every number: there is nothing to {purpose}; free one")
     return file
 
 
 def known_design(file: ProblemFile, path: Path, *, given: bool) -> KnownDesign | None:
-    """Return the given design, or the design of an unfinished search.
-
-    Return None if neither exists, or if the record states that the problem is infeasible.
-
-    Parameters
-    ----------
-    file : the problem
-    path : path of design.json; a search stores its state in the same folder
-    given : whether the design must exist
-
-    Raises
-    ------
-    InputError
-        If a required design does not exist, belongs to another problem, or is not proved.
-    """
+    """Return the given design, or the design of an unfinished search."""
     resume = read_resume(path.parent / SAVED, file.sha256)
     if resume is None and not given:
         return None
@@ -207,21 +164,7 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> KnownDesign |
 
 
 def write_bounded(bounded: Bounded, path: Path) -> None:
-    """Write the record with the bound into a design.json, and the state of the search into the same folder.
-
-    If the gap is proved, remove the state of an earlier search. Without a search, leave this state as it is.
-
-    Parameters
-    ----------
-    bounded : result of a search
-    path : path of the design.json. If the file name is not design.json, the function does not write gains.toml and does
-        not rename files of an earlier design
-
-    Raises
-    ------
-    InputError
-        If the files cannot be written.
-    """
+    """Write the record with the bound into a design.json, and the state of the search into the same folder."""
     file, optimality, saved = bounded.file, bounded.optimality, path.parent / SAVED
     if optimality is not None and optimality.proved:
         saved.unlink(missing_ok=True)
@@ -248,10 +191,7 @@ def _starting_design(
 
 
 def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None]:
-    """Return the record in a design.json of the problem, and the judgement of this version on the design.
-
-    Refuse a design that is not certified, unless the time limit cut its proof. The judgement is None without a design.
-    """
+    """Return the record in a design.json of the problem, and the judgement of this version on the design."""
     record = read_design(path)
     if record.problem.sha256 != file.sha256:
         require_record_of(file, record.problem, str(path), "design")
@@ -270,11 +210,7 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
 
 
 def _with_bound(file: ProblemFile, record: DesignRecord, optimality: Optimality) -> DesignRecord:
-    """Return the design's record with the bound added.
-
-    If the search found a better design, return the record of that design. If it proved that no design is feasible, the
-    record states so.
-    """
+    """Return the design's record with the bound added."""
     if optimality.improved is not None:
         solved = Solved(problem=file.problem, judgement=optimality.improved, optimality=optimality)
         return record_of(file, solved, ipopt_version(), today())

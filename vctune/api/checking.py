@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from vctune.model.problem import Problem
     from vctune.study.region_check import Recheck
 
-LOST = ("lost.json", "lost.svg")
-"""Names of the files of a check that lists and draws what a region has lost."""
+LOST = ("lost.json", "lost.svg")  # Names of the files of a check that lists and draws what a region has lost
 
 
 def check(
@@ -90,14 +89,7 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
 
 
 def recheck(file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None) -> tuple[Checked, Recheck]:
-    """Prove a region again, as `check_region` does. Return the check, and the verdicts on cells and gain sets.
-
-    Parameters
-    ----------
-    file : the problem
-    baseline : path of a region.json
-    progress : function that receives the current stage
-    """
+    """Prove a region again, as `check_region` does. Return the check, and the verdicts on cells and gain sets."""
     from vctune.study.region_check import recheck_region
 
     return recheck_region(file, baseline, progress)
@@ -110,27 +102,7 @@ def check_parameter_files(
     progress: Progress = lambda stage: None,
     begun: Callable[[Problem], None] = lambda problem: None,
 ) -> list[Checked]:
-    """Check parameter files of ROS 2 against one problem.
-
-    Parameters
-    ----------
-    problems : path of the problem file of the device; a list with one path
-    files : paths of the parameter files
-    axes : names of the axes to check; empty for all axes that the files select
-    progress : function that receives the current stage
-    begun : function that receives the problem before the work begins
-
-    Returns
-    -------
-    list of Checked
-        One check for each axis, file by file.
-
-    Raises
-    ------
-    InputError
-        If there is not exactly one problem, if a file is damaged, if the problem's device does not fit the files, or if
-        `axes` names an axis that a file does not select.
-    """
+    """Check parameter files of ROS 2 against one problem."""
     from vctune.design.ros.admittance_check import check_admittance
 
     if len(problems) != 1:
@@ -161,19 +133,7 @@ def check_object(checked: Checked) -> dict[str, Any]:
 
 
 def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
-    """Write the cells and gain sets that a region has lost, as a list and as a picture.
-
-    Parameters
-    ----------
-    checked : result of the check, whose finding the function writes to lost.json
-    again : cells and gain sets, which the function draws in lost.svg
-    folder : folder for the files; the function creates it if it does not exist
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written.
-    """
+    """Write the cells and gain sets that a region has lost, as a list and as a picture."""
     from vctune.report.figures.region_figure import lost_figure
     from vctune.report.figures.with_matplotlib import figure_file
 
@@ -183,10 +143,7 @@ def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
 
 
 def remove_lost(folder: Path) -> list[str]:
-    """Remove the lost.json and lost.svg of an earlier check, and return the names of the removed files.
-
-    `vctune check --region` calls this function if the region has lost nothing.
-    """
+    """Remove the lost.json and lost.svg of an earlier check, and return the names of the removed files."""
     gone = [path for name in LOST if (path := folder / name).exists()]
     for path in gone:
         path.unlink()

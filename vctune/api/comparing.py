@@ -27,9 +27,7 @@ from vctune.document.records.comparison import (
 from vctune.document.records.design_json import DesignRecord
 from vctune.model.problem import Problem, Transparency
 
-SAME = 1e-9
-"""Greatest relative difference of two numbers that count as equal. One number may be computed, and the other read from
-a file."""
+SAME = 1e-9  # Greatest relative difference of two numbers that count as equal
 
 
 def compare(
@@ -71,10 +69,7 @@ def compare(
 
 
 def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[DesignRecord, Problem]:
-    """Return the record of a design with its problem.
-
-    If the source is a problem that lacks a band or Z_0, the function uses those of the base, if the errors are alike.
-    """
+    """Return the record of a design with its problem."""
     record = known_record(source)
     if record is not None:
         return record, parse_problem(record.problem.text, record.problem.name, record.problem.name)
@@ -90,10 +85,7 @@ def _alike(a: Problem, b: Problem) -> bool:
 
 
 def _same(a: Transparency, b: Transparency) -> bool:
-    """Return whether two yardsticks are equal.
-
-    The last digits of a value may differ if one problem states the value and the other takes the default.
-    """
+    """Return whether two yardsticks are equal."""
     numbers = [(yardstick.band.min, yardstick.band.max, yardstick.reference_impedance) for yardstick in (a, b)]
     close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))
     return close and (a.norm, a.weights) == (b.norm, b.weights)
@@ -114,10 +106,7 @@ def _measured_design(
 
 
 def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -> YardstickErrorRecord | None:
-    """Return a design's error on a yardstick.
-
-    Return None without a design, or if the band of the yardstick ends above the Nyquist frequency of the device.
-    """
+    """Return a design's error on a yardstick."""
     if record.design is None or yardstick.band.max > problem.nyquist:
         return None
     posed = pose(replace(problem, transparency=yardstick)).problem

@@ -55,19 +55,7 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
 
 
 def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[DesignRecord, dict[Path, Path]]:
-    """Write gains.toml and design.json into an existing folder, and remove the report of an earlier design.
-
-    Parameters
-    ----------
-    folder : an existing folder
-    file : the problem
-    solved : result of `solve`
-
-    Returns
-    -------
-    record : record of the design, as written to design.json
-    renamed : files of an earlier design that were renamed, and their new names
-    """
+    """Write gains.toml and design.json into an existing folder, and remove the report of an earlier design."""
     from vctune.design.nlp.ipopt_version import ipopt_version
 
     record = record_of(file, solved, ipopt_version(), today())
@@ -109,17 +97,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
 
 
 def known_record(source: Any) -> DesignRecord | None:
-    """Read the record of a design from a file or an object. Return None if the source states a problem.
-
-    Parameters
-    ----------
-    source : path of a design.json or of a problem file, the object of either, a problem, or a record
-
-    Raises
-    ------
-    InputError
-        If the file or the object of a design is damaged.
-    """
+    """Read the record of a design from a file or an object. Return None if the source states a problem."""
     if isinstance(source, DesignRecord):
         return source
     if isinstance(source, str | Path) and Path(source).suffix == ".json":
@@ -130,23 +108,7 @@ def known_record(source: Any) -> DesignRecord | None:
 
 
 def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[Path, Path]:
-    """Write design.json and gains.toml, and remove the report of an earlier design.
-
-    If the design has changed, the function renames the other files of the earlier design, such as its firmware. If the
-    problem has changed, it also renames the files of the earlier problem, such as its region. If there is no longer a
-    design, the function renames gains.toml.
-
-    Parameters
-    ----------
-    folder : an existing folder
-    file : the problem
-    record : record of its design, or of the reason why the problem has no design
-
-    Returns
-    -------
-    dict
-        The files that were renamed, with their new names.
-    """
+    """Write design.json and gains.toml, and remove the report of an earlier design."""
     files = {folder / DESIGN_FILE: json_text(record)}
     gains, kind = folder / GAINS_FILE, file.problem.device.kind
     if record.design is not None and record.certificate is not None:

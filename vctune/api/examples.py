@@ -20,17 +20,7 @@ def example_names() -> tuple[str, ...]:
 
 
 def example_text(name: str) -> str:
-    """Return the text of a problem file. The text names the JSON Schema of this installation, for editors.
-
-    Parameters
-    ----------
-    name : one of `example_names`
-
-    Raises
-    ------
-    InputError
-        If there is no example of this name.
-    """
+    """Return the text of a problem file. The text names the JSON Schema of this installation, for editors."""
     if name not in example_names():
         raise InputError.of(name, "unknown-name", f"is no example; there are: {', '.join(example_names())}")
     schema = Path(str(files("vctune"))) / SCHEMA_FILE
@@ -39,23 +29,7 @@ def example_text(name: str) -> str:
 
 
 def write_example(name: str, folder: Path) -> Path:
-    """Write the problem file of an example. The function never replaces an existing file.
-
-    Parameters
-    ----------
-    name : one of `example_names`
-    folder : folder for the file; the function creates it if it does not exist
-
-    Returns
-    -------
-    Path
-        The path of the file.
-
-    Raises
-    ------
-    InputError
-        If there is no example of this name, or the file already exists.
-    """
+    """Write the problem file of an example. The function never replaces an existing file."""
     text, path = example_text(name), folder / f"{name}.toml"
     if path.exists():
         raise InputError.of(str(path), "file-exists", "is there already; name another folder by --out, or remove it")

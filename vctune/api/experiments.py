@@ -37,40 +37,23 @@ from vctune.simulation.two_runs import simulate as run
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """The result of simulating a design in a problem's experiments.
+    """The result of simulating a design in a problem's experiments."""
 
-    Attributes
-    ----------
-    file : the problem
-    gains, coupling : the design
-    experiments : results of the experiments; each has the run of the design and, if the experiment states a regular
-        PID, the run of this PID (`traces`, `metrics`, `mode`)
-    controller : name of the compiled controller that ran instead of the design's own controller; None if the design's
-        own controller ran
-    made_for : digest of the problem for which the compiled controller was made; None without a compiled controller
-    """
-
-    file: ProblemFile
-    gains: Gains
+    file: ProblemFile  # the problem
+    gains: Gains  # the design
     coupling: AnyCoupling
-    experiments: tuple[Simulated, ...]
-    controller: str | None = None
-    made_for: str | None = None
+    experiments: tuple[Simulated, ...]  # results of the experiments
+    controller: str | None = None  # name of the compiled controller that ran instead of the design's own controller
+    made_for: str | None = None  # digest of the problem for which the compiled controller was made
 
     @property
     def agrees(self) -> bool:
-        """Whether the commands of a compiled controller equal those of the design, within the tolerance.
-
-        True without a compiled controller.
-        """
+        """Whether the commands of a compiled controller equal those of the design, within the tolerance."""
         return all(experiment.difference is None or experiment.difference.passes for experiment in self.experiments)
 
     @property
     def stable(self) -> bool:
-        """Whether no run diverges, and the design is stable with the hand and environment of every experiment.
-
-        The runs are those of the design or of the compiled controller, without those of the regular PID.
-        """
+        """Whether no run diverges, and the design is stable with the hand and environment of every experiment."""
         runs = [experiment.design for experiment in self.experiments]
         return all(run_of_design.traces.diverged is None and run_of_design.mode.radius < 1 for run_of_design in runs)
 
@@ -136,18 +119,7 @@ def simulate(
 
 
 def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment, ...]:
-    """Return the experiments of a problem, or only the experiment with a given name.
-
-    Parameters
-    ----------
-    file : the problem
-    name : name of the experiment; None for all experiments
-
-    Raises
-    ------
-    InputError
-        If the problem has no experiment, or no experiment with this name.
-    """
+    """Return the experiments of a problem, or only the experiment with a given name."""
     experiments = file.problem.experiments
     if not experiments:
         message = "there is none to simulate; add an [[experiment]] table"
@@ -162,18 +134,7 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
 
 
 def require_built_in(file: ProblemFile, chosen: tuple[Experiment, ...]) -> None:
-    """Refuse experiments whose environment a compiled controller does not render.
-
-    Parameters
-    ----------
-    file : the problem
-    chosen : experiments of the problem, or others
-
-    Raises
-    ------
-    InputError
-        If an environment runs late or by explicit Euler.
-    """
+    """Refuse experiments whose environment a compiled controller does not render."""
     stated, mistakes = file.problem.experiments, []
     for experiment in chosen:
         if experiment.environment.built_in:
@@ -196,13 +157,7 @@ def require_built_in(file: ProblemFile, chosen: tuple[Experiment, ...]) -> None:
 
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
-    """Solve a problem as for a report, but without repairs and the comparison of criteria, and return the result.
-
-    Parameters
-    ----------
-    file : the problem
-    progress : function that receives the current stage
-    """
+    """Solve a problem as for a report, but without repairs and the comparison of criteria, and return the result."""
     from vctune.design.changing_hands import with_changing
     from vctune.design.solve import solve
     from vctune.design.verdict.prices import with_prices
@@ -211,25 +166,7 @@ def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
 
 
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
-    """Write simulation.json, traces.npz and their figure.
-
-    If the folder contains the simulated design, write its report again, with the figure.
-
-    Parameters
-    ----------
-    simulation : simulation to write
-    folder : an existing folder
-
-    Returns
-    -------
-    dict
-        The object of simulation.json.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written.
-    """
+    """Write simulation.json, traces.npz and their figure."""
     from vctune.report.design_report import report_files, simulation_files
 
     value, traces = simulation.record(), BytesIO()

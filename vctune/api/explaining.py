@@ -19,16 +19,18 @@ from vctune.model.numbers.units import LINEAR, ROTARY
 from vctune.proof.claims.registry import CLAIMS, Claim
 
 GUIDE = "README.md"
+# Pattern of a code's section in a guide: the heading with the code, and the text below it
 CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
-"""Pattern of a code's section in a guide: the heading with the code, and the text below it."""
+# Pattern of a table of keys in a guide: the text between `<!-- reference -->` and the comment that ends it
 KEY_TABLES = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
-"""Pattern of a table of keys in a guide: the text between `<!-- reference -->` and the comment that ends it."""
+# Pattern of a key's row in such a table: its key and its meaning, as in "| `device.mass` | Mass, kg
 KEY_ROW = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
-"""Pattern of a key's row in such a table: its key and its meaning, as in "| `device.mass` | Mass, kg. |"."""
+# Pattern of a guide's glossary: the text below its heading
 GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
-"""Pattern of a guide's glossary: the text below its heading."""
+# Pattern of a table in Markdown: the cells of its heads, and its rows
 TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)
-"""Pattern of a table in Markdown: the cells of its heads, and its rows."""
+# Patterns of the endings that labels of tables and JSON keys add to a term: a frequency, a condition, a text after a
+# colon, a symbol, a unit
 VARIABLE_ENDINGS = (
     r"(, at|,| at) ([\d.]+ Hz|at rest)$",
     r", if .*$",
@@ -36,32 +38,20 @@ VARIABLE_ENDINGS = (
     r" [A-Za-z](_\w+)?$",
     r"_(hz|db|deg|s|per_s)$",
 )
-"""Patterns of the endings that labels of tables and JSON keys add to a term: a frequency, a condition, a text after a
-colon, a symbol, a unit."""
+# Words for a rotary device, each with the corresponding word for a linear device
 LINEAR_WORDS = (("inertia", "mass"), ("torque", "force"))
-"""Words for a rotary device, each with the corresponding word for a linear device."""
-CLAIMS_GUIDE = "vctune/proof/README.md"
-"""Guide that the entry of a claim names. The text of the entry comes from the registry of the claims."""
-CELLS = re.compile(r"(?<!\\)\|")
-"""Pattern of the border between two cells: "|", but not "\\|", as in "\\|S\\|"."""
+CLAIMS_GUIDE = "vctune/proof/README.md"  # Guide that the entry of a claim names
+CELLS = re.compile(r"(?<!\\)\|")  # Pattern of the border between two cells: "|", but not "\|", as in "\|S\|"
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The text of the guides on one name.
+    """The text of the guides on one name."""
 
-    Attributes
-    ----------
-    kind : "code", "key", "term" or "claim"
-    names : names under which `vctune explain` finds the entry
-    text : text in Markdown
-    guide : path of the guide that contains it
-    """
-
-    kind: Literal["code", "key", "term", "claim"]
-    names: tuple[str, ...]
-    text: str
-    guide: str
+    kind: Literal["code", "key", "term", "claim"]  # "code", "key", "term" or "claim"
+    names: tuple[str, ...]  # names under which `vctune explain` finds the entry
+    text: str  # text in Markdown
+    guide: str  # path of the guide that contains it
 
 
 def explain(name: str) -> ExplanationRecord:
@@ -178,11 +168,7 @@ def _cells(row: str) -> list[str]:
 
 
 def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
-    """Return a glossary row as an entry. If the row has several words or symbols, each is a name of the entry.
-
-    The row "| sample time, Nyquist frequency | $T$, $\\pi/T$ | s, rad/s | ... | `device.sample_time` |" has the names
-    "sample time", "Nyquist frequency", "T", "\\pi/T" and "sample_time". The first name is the whole first cell.
-    """
+    """Return a glossary row as an entry. If the row has several words or symbols, each is a name of the entry."""
     row = {head: cell.replace("\\|", "|") for head, cell in zip(heads, cells, strict=True)}
     symbols = [
         part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part.strip()

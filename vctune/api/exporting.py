@@ -29,26 +29,17 @@ from vctune.firmware.ros2 import RosAxis, ros2_files, ros2_firmware
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.simulation.firmware.stepped import Precision as Precision
 
-Files = Mapping[str, Content]
-"""Contents of files, by name."""
-FOLDER = "firmware"
-"""Name of the folder for exported files, inside the design's folder."""
+Files = Mapping[str, Content]  # Contents of files, by name
+FOLDER = "firmware"  # Name of the folder for exported files, inside the design's folder
 
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """A design, exported as files.
+    """A design, exported as files."""
 
-    Attributes
-    ----------
-    file : the problem
-    firmware : the exported design; for a ROS 2 controller see `export_parameters`
-    files : contents of the files by name
-    """
-
-    file: ProblemFile
-    firmware: Firmware
-    files: Files
+    file: ProblemFile  # the problem
+    firmware: Firmware  # the exported design; for a ROS 2 controller see `export_parameters`
+    files: Files  # contents of the files by name
 
 
 def export(
@@ -106,13 +97,7 @@ def export(
 
 def require_double(precision: Precision) -> None:
     """Check that a ROS 2 controller is exported in double precision, because the controller computes in double
-    precision.
-
-    Raises
-    ------
-    InputError
-        If another precision is requested.
-    """
+    precision."""
     if precision != "double":
         message = f"is {precision!r}, and an admittance_controller computes in double precision; leave it out"
         raise InputError.of("precision", "bad-option", message)
@@ -125,28 +110,7 @@ def export_parameters(
     unproved: bool = False,
     progress: Progress = lambda stage: None,
 ) -> Exported:
-    """Prove designs with the arithmetic of a ROS 2 admittance_controller, and make its parameter file.
-
-    Parameters
-    ----------
-    named_file : the problem that gives the export its name
-    axes : the designs, at least one
-    unproved : whether to also export a design that is not proved
-    progress : function that receives the current stage
-
-    Returns
-    -------
-    Exported
-        `firmware` belongs to the first design that is not certified. If all designs are certified, `firmware` belongs
-        to the first design.
-
-    Raises
-    ------
-    NotCertifiedError
-        If a design is not certified and `unproved` is not set. This is also an `InputError`.
-    InputError
-        If the controller cannot render the designs.
-    """
+    """Prove designs with the arithmetic of a ROS 2 admittance_controller, and make its parameter file."""
     progress("proving")
     controllers = ros2_firmware(axes)
     not_certified = [number for number, controller in enumerate(controllers) if not certified(controller)]
@@ -156,10 +120,10 @@ def export_parameters(
     return Exported(named_file, controllers[first], ros2_files(named_file.problem.name, axes, controllers))
 
 
+# Hint for a design with a finite b_c that is not certified with the arithmetic of an admittance_controller
 RIGID = (
     "; the controller renders mass and drag alone, without a damper in a row: write coupling.damping = inf, solve again"
 )
-"""Hint for a design with a finite b_c that is not certified with the arithmetic of an admittance_controller."""
 
 
 class NotCertifiedError(InputError):
@@ -200,13 +164,7 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
 
 
 def export_record(exported: Exported, place: Path) -> ExportRecord:
-    """Return an export as a record for JSON.
-
-    Parameters
-    ----------
-    exported : the files
-    place : folder that contains the files
-    """
+    """Return an export as a record for JSON."""
     controller = exported.firmware
     return ExportRecord(
         name=controller.name,
@@ -220,17 +178,7 @@ def export_record(exported: Exported, place: Path) -> ExportRecord:
 def stated_design(
     source: ProblemSource | DesignRecord, gains: DesignSource | None, coupling: AnyCoupling | None
 ) -> tuple[ProblemFile, tuple[Gains, AnyCoupling]]:
-    """Return the problem and the design that the arguments name.
-
-    Parameters
-    ----------
-    source, gains, coupling : see `export`
-
-    Raises
-    ------
-    InputError
-        If there is no problem, if there is no design for it or more than one, or if a file is invalid.
-    """
+    """Return the problem and the design that the arguments name."""
     record = known_record(source)
     if record is None:
         file = problem_of(source)  # type: ignore[arg-type]
@@ -298,9 +246,9 @@ def _json_files(_file: ProblemFile, controller: Firmware, _progress: Progress) -
     return {"controller.json": json.dumps(record, indent=1, allow_nan=False) + "\n", "controller.html": page}
 
 
+# Function that makes the files, for each format except "ros2"
 FILES: dict[Format, Callable[[ProblemFile, Firmware, Progress], Files]] = {
     "c": _c_files,
     "fmu": _fmu_files,
     "json": _json_files,
 }
-"""Function that makes the files, for each format except "ros2"."""

@@ -16,53 +16,23 @@ from vctune.document.text.output_files import make_folder as make_folder
 from vctune.document.text.output_files import write_together
 
 DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
-OWNER_FILE = "problem-file.txt"
-"""File with the path of the problem file that owns the folder. The path is relative to the folder, so folder and
-problem file can move together."""
+OWNER_FILE = "problem-file.txt"  # File with the path of the problem file that owns the folder
+# Files and folders that other commands write for a design, in its folder
 OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
-"""Files and folders that other commands write for a design, in its folder."""
+# Files and folders that other commands write for a problem, in its folder, independent of its design
 OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front")
-"""Files and folders that other commands write for a problem, in its folder, independent of its design."""
 
 
 def design_folder(file: ProblemFile, out: Path) -> Path:
-    """Create the folder of a problem's design in OUT and return its path.
-
-    The function checks that the folder is writable and contains no files of another problem.
-
-    Parameters
-    ----------
-    file : the problem
-    out : parent folder; the new folder has the problem's name
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written, or contains the design of another problem, another file, or the problem file
-        itself.
-    """
+    """Create the folder of a problem's design in OUT and return its path."""
     folder = out / folder_name(file.problem.name)
     claim_folder(file, folder)
     return folder
 
 
 def claim_folder(file: ProblemFile, folder: Path) -> None:
-    """Create a folder if needed, and check that a design of this problem would not overwrite files of another problem.
-
-    A problem file becomes the owner of the folder. If another file owns the folder, the function refuses the problem,
-    unless the design in the folder belongs to the same problem.
-
-    Parameters
-    ----------
-    file : the problem
-    folder : folder of the design; the function creates it if it does not exist
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be created or written, contains files of another problem, or contains the problem file
-        under the name of a file of its design.
-    """
+    """Create a folder if needed, and check that a design of this problem would not overwrite files of another
+    problem."""
     make_folder(folder)
     source, owner = Path(file.source), _owner(folder)
     if source.resolve() in ((folder / name).resolve() for name in (GAINS_FILE, DESIGN_FILE)):
@@ -86,15 +56,7 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
 
 
 def outdated(folder: Path, record: DesignRecord) -> list[Path]:
-    """Return the files and folders that become outdated if a new design replaces the design of a folder.
-
-    If the problem has changed, these are `OF_DESIGN` and `OF_PROBLEM`; if only the design has changed, `OF_DESIGN`.
-
-    Parameters
-    ----------
-    folder : folder of the design
-    record : record of the new design
-    """
+    """Return the files and folders that become outdated if a new design replaces the design of a folder."""
     try:
         earlier = read_design(folder / DESIGN_FILE)
     except InputError:
@@ -130,10 +92,7 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def _from(folder: Path, source: Path) -> str:
-    """Return the relative path from a folder to a file, with slashes.
-
-    If the two are on different drives, return the absolute path.
-    """
+    """Return the relative path from a folder to a file, with slashes."""
     try:
         return Path(os.path.relpath(source, folder.resolve())).as_posix()
     except ValueError:

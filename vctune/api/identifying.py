@@ -28,26 +28,17 @@ if TYPE_CHECKING:
     from vctune.identification.excitation import Excitation
     from vctune.identification.identify import Identified
 
-LONGEST_NAME = 200
-"""Greatest length of a name in a problem file. A log file may have a longer name."""
+LONGEST_NAME = 200  # Greatest length of a name in a problem file
 
 
 @dataclass(frozen=True, slots=True)
 class Identification:
-    """A device, identified from recordings.
+    """A device, identified from recordings."""
 
-    Attributes
-    ----------
-    found : the identified device with its box and the fits of the recordings
-    record : the object of identification.json
-    text : text of device.toml
-    excitation : a multisine that would reduce the uncertainty of the parameters; None if it was not requested
-    """
-
-    found: Identified
-    record: IdentificationRecord
-    text: str
-    excitation: Excitation | None
+    found: Identified  # the identified device with its box and the fits of the recordings
+    record: IdentificationRecord  # the object of identification.json
+    text: str  # text of device.toml
+    excitation: Excitation | None  # a multisine that would reduce the uncertainty of the parameters
 
     @property
     def file(self) -> ProblemFile:
@@ -150,13 +141,7 @@ def _excitation_text(excitation: Excitation, record: IdentificationRecord) -> st
 
 
 def require_scipy() -> None:
-    """Check that SciPy is installed.
-
-    Raises
-    ------
-    InputError
-        If SciPy is not installed; the message states how to install it.
-    """
+    """Check that SciPy is installed."""
     if find_spec("scipy") is None:
         raise InputError.of("vctune identify", "missing-package", "needs SciPy: pip install scipy")
 

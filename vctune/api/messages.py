@@ -1,7 +1,4 @@
-"""Provide versions, probable mistakes and schemas for the commands.
-
-This module imports heavy packages only when it needs them.
-"""
+"""Provide versions, probable mistakes and schemas for the commands."""
 
 from __future__ import annotations
 

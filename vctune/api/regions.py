@@ -35,36 +35,21 @@ from vctune.study.region import region as divide
 from vctune.study.region_record import Design, region_record
 from vctune.study.world_region import world_plane, world_plane_errors, world_region
 
+# File names of record and picture, for a region over design variables and for a region over environments
 REGION_FILES, WORLD_FILES = ("region.json", "region.svg"), ("z-width.json", "z-width.svg")
-"""File names of record and picture, for a region over design variables and for a region over environments."""
-SOLVING = 0.5
-"""Greatest share of a time limit for solving the problem. The picture of a region shows the best design, but the search
-for the region does not need this design."""
-DRAWING = 1.5
-"""Seconds reserved for the picture of the cells, at most half of the remaining time. With half as many seconds, a slow
-machine has no time to draw the picture. With twice as many seconds, the search leaves more cells undecided."""
-LOADING = 0.5
-"""Seconds that loading the drawing packages may take. Nothing can interrupt the loading, so vctune draws no picture if
-less time is left. With half as many seconds, the command would exceed its time limit."""
+SOLVING = 0.5  # Greatest share of a time limit for solving the problem
+DRAWING = 1.5  # Seconds reserved for the picture of the cells, at most half of the remaining time
+LOADING = 0.5  # Seconds that loading the drawing packages may take
 
 
 @dataclass(frozen=True, slots=True)
 class AdmissibleGains:
-    """The plane of two design variables, or of two parameters of environments, with the verdict on each cell.
+    """The plane of two design variables, or of two parameters of environments, with the verdict on each cell."""
 
-    Attributes
-    ----------
-    file : the problem
-    region : the cells; `interrupted` states whether the search was stopped
-    solved : the result of solving the problem; None if the search did not need this result
-    design : the gains and the coupling that render the environments of the cells; None for a plane of design variables
-    marked : gains and coupling that the picture of a plane of design variables marks, proved or not
-    """
-
-    file: ProblemFile
-    region: Region
-    solved: Solved | None
-    design: Design | None = None
+    file: ProblemFile  # the problem
+    region: Region  # the cells; `interrupted` states whether the search was stopped
+    solved: Solved | None  # the result of solving the problem; None if the search did not need this result
+    design: Design | None = None  # the gains and the coupling that render the environments of the cells
     marked: Design | None = None
 
     @property
@@ -173,30 +158,13 @@ def _best_gains(file: ProblemFile, solved: Solved | None) -> Design:
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
-    """Solve a problem and return the result, whose best design a picture of the region shows.
-
-    The function takes at most the share `SOLVING` of the remaining time.
-
-    Parameters
-    ----------
-    problem : problem in SI units
-    progress : function that receives the current stage
-    """
+    """Solve a problem and return the result, whose best design a picture of the region shows."""
     with limited(SOLVING * seconds_left()):
         return solve(problem, progress)
 
 
 def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
-    """Return the axes of a problem's plane: the given keys, or the usual keys of its display.
-
-    The usual keys are those of K_v and K_p for an admittance display, b_c and k_c for an impedance display, and m_c and
-    b_0 for a servo. If one key is a parameter of an environment, the usual keys are its stiffness and its mass.
-
-    Parameters
-    ----------
-    problem : problem whose display decides the usual axes
-    x, y : dotted keys; None for the usual key
-    """
+    """Return the axes of a problem's plane: the given keys, or the usual keys of its display."""
     if x in WORLD or y in WORLD:
         stiffness, mass = WORLD[2], WORLD[0]
         return x or (mass if y == stiffness else stiffness), y or (stiffness if x == mass else mass)
@@ -206,18 +174,7 @@ def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
 
 
 def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
-    """Return a problem, or raise an error if the problem has no region in the plane of x and y.
-
-    Parameters
-    ----------
-    file : the problem
-    x, y : dotted keys of two of its variables, or of two parameters of an environment
-
-    Raises
-    ------
-    InputError
-        If the problem has no such region.
-    """
+    """Return a problem, or raise an error if the problem has no region in the plane of x and y."""
     if x in WORLD or y in WORLD:
         if mistakes := world_plane_errors(file.problem, x, y):
             raise InputError(file.source, mistakes)
@@ -232,23 +189,7 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
 
 def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, bool]:
     """Write region.json, and its picture if there is time to draw it. The record of a plane of environments is
-    z-width.json.
-
-    Parameters
-    ----------
-    found : the region. An interrupted search does not replace an earlier complete region; the function renames it
-    folder : an existing folder
-
-    Returns
-    -------
-    kept : new path of the record of an earlier search; None if it was not renamed
-    drawn : whether the picture was drawn
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written.
-    """
+    z-width.json."""
     with unlimited():
         text = json.dumps(found.record(), allow_nan=False) + "\n"
     pictures: dict[Path, str] = {}

@@ -74,30 +74,14 @@ def solve(
 
 
 def require_gap(gap: float) -> None:
-    """Check that a gap is in the range that vctune can prove.
-
-    Raises
-    ------
-    InputError
-        If the gap is out of range.
-    """
+    """Check that a gap is in the range that vctune can prove."""
     low, high = GAPS
     if not low <= gap <= high:
         raise InputError.of("gap", "bad-option", f"{gap:g} is out of range: must be from {low:g} to {high:g}")
 
 
 def require_bounded(file: ProblemFile) -> ProblemFile:
-    """Return a problem, or raise an error if vctune cannot bound the problem's error from below.
-
-    Parameters
-    ----------
-    file : the problem
-
-    Raises
-    ------
-    InputError
-        If the environments run late or by Euler's rules.
-    """
+    """Return a problem, or raise an error if vctune cannot bound the problem's error from below."""
     worlds = file.problem.worlds
     if worlds is not None and not worlds.lossless:
         message = (

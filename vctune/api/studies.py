@@ -31,25 +31,16 @@ if TYPE_CHECKING:
     import pandas
     import polars
 
-Bar = Callable[[str, int], AbstractContextManager[OnDone]]
-"""Function that takes a study's name and number of points. It returns a context manager that yields the function to
-call after each point."""
+Bar = Callable[[str, int], AbstractContextManager[OnDone]]  # Function that takes a study's name and number of points
 
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """The result of a sweep.
+    """The result of a sweep."""
 
-    Attributes
-    ----------
-    study : the solved study
-    table : one row for each point, with the columns of study/README.md
-    dropped : number of incomplete lines from an interrupted earlier run, whose points the sweep solved again
-    """
-
-    study: Study
-    table: Table
-    dropped: int
+    study: Study  # the solved study
+    table: Table  # one row for each point, with the columns of study/README.md
+    dropped: int  # number of incomplete lines from an interrupted earlier run, whose points the sweep solved again
 
     @property
     def cut(self) -> int:
@@ -78,17 +69,10 @@ class Swept:
 
 @dataclass(frozen=True, slots=True)
 class Fronts:
-    """The Pareto-optimal designs of a problem.
-
-    Attributes
-    ----------
-    terms : front between the three terms of the error: |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0 for an admittance display
-    band : front between error and upper edge of the stability band; None if no condition refers to this band: with the
-        criterion "hands", and for impedance displays and servos
-    """
+    """The Pareto-optimal designs of a problem."""
 
     terms: Table
-    band: Table | None
+    band: Table | None  # front between error and upper edge of the stability band
 
     def record(self, problem: str) -> FrontRecord:
         """Return both fronts as one record. Both have the same units."""
@@ -234,10 +218,7 @@ def _write(swept: Swept, folder: Path) -> None:
 
 
 def _write_fronts(fronts: Fronts, edge: float, folder: Path) -> None:
-    """Write the fronts as tables and pictures.
-
-    The picture of error and band marks the upper edge of the transparency band, Hz.
-    """
+    """Write the fronts as tables and pictures."""
     from vctune.report.figures.sweep_figures import band_figure, terms_figure
     from vctune.report.figures.with_matplotlib import figure_file
 

@@ -1,8 +1,4 @@
-"""Solve, check and export problems with several uncoupled axes.
-
-Each axis is a problem. vctune solves and checks equal problems only once. The commands solve, check and export call
-these functions for a file with [[axis]] tables.
-"""
+"""Solve, check and export problems with several uncoupled axes."""
 
 from __future__ import annotations
 
@@ -43,23 +39,16 @@ from vctune.report.page.axes_page import axis_row as axis_row
 from vctune.report.page.axes_page import promises as promises
 from vctune.simulation.firmware.stepped import Precision
 
-INDEX = "index.html"
-"""Page in the problem's folder with one line for each axis."""
+INDEX = "index.html"  # Page in the problem's folder with one line for each axis
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
 class AxisDesign:
-    """The design of one axis.
+    """The design of one axis."""
 
-    Attributes
-    ----------
-    axis : the axis, with its problem
-    record : record of its design, or of the reason why it has no design
-    """
-
-    axis: AxisProblem
-    record: DesignRecord
+    axis: AxisProblem  # the axis, with its problem
+    record: DesignRecord  # record of its design, or of the reason why it has no design
 
 
 def once_per_problem(
@@ -67,19 +56,7 @@ def once_per_problem(
     function: Callable[[AxisProblem], Result],
     other_inputs: Callable[[AxisProblem], Hashable] = lambda axis: None,
 ) -> list[tuple[AxisProblem, Result]]:
-    """Apply a function to each axis. Axes that state the same problem and have the same other inputs share one call.
-
-    Parameters
-    ----------
-    axes : problem file with several axes
-    function : function of an axis; called for the first of the axes that share a call
-    other_inputs : function that returns the other inputs of an axis, which must also be equal for axes to share a call
-
-    Returns
-    -------
-    list
-        Pairs of an axis and its result, in the order of the file.
-    """
+    """Apply a function to each axis. Axes that state the same problem and have the same other inputs share one call."""
     results: dict[Hashable, Result] = {}
     pairs = []
     for axis in axes.axes:
@@ -98,19 +75,7 @@ def solve_axes(
     changing: bool = False,
     progress: Progress = lambda stage: None,
 ) -> list[AxisDesign]:
-    """Solve the problem of each axis. vctune solves the problem of equal axes only once.
-
-    Parameters
-    ----------
-    axes : problem file with several axes
-    gap, prices, changing : see `vctune.solve`
-    progress : function that receives "NAME: STAGE", the axis and the stage of the work
-
-    Returns
-    -------
-    list of AxisDesign
-        One design for each axis, in the order of the file.
-    """
+    """Solve the problem of each axis. vctune solves the problem of equal axes only once."""
     from vctune.design.nlp.ipopt_version import ipopt_version
 
     def solved_axis(axis: AxisProblem) -> Solved:
@@ -130,50 +95,18 @@ def solve_axes(
 
 
 def axis_folder(axes: AxesFile, axis: AxisProblem, out: Path) -> Path:
-    """Return the folder of an axis: OUT/PROBLEM/AXIS.
-
-    Parameters
-    ----------
-    axes, axis : the problem file, and one of its axes
-    out : parent folder of the problem's folder
-    """
+    """Return the folder of an axis: OUT/PROBLEM/AXIS."""
     return out / folder_name(axes.name) / folder_name(axis.name)
 
 
 def claim_axes(axes: AxesFile, out: Path) -> None:
-    """Create the folder of each axis, and check that the design of its problem may be written there.
-
-    Parameters
-    ----------
-    axes : problem file with several axes
-    out : parent folder of the problem's folder
-
-    Raises
-    ------
-    InputError
-        If a folder cannot be written, or contains the design of another problem.
-    """
+    """Create the folder of each axis, and check that the design of its problem may be written there."""
     for axis in axes.axes:
         claim_folder(axis.file, axis_folder(axes, axis, out))
 
 
 def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported: bool) -> dict[Path, Path]:
-    """Write the design of each axis into the axis's folder.
-
-    Also write a page with one line for each axis into the problem's folder.
-
-    Parameters
-    ----------
-    axes : problem file with several axes
-    designs : designs of its axes
-    out : parent folder of the problem's folder
-    reported : whether each folder has a report or will get one
-
-    Returns
-    -------
-    dict
-        The files of earlier designs that were renamed, with their new names.
-    """
+    """Write the design of each axis into the axis's folder."""
     renamed: dict[Path, Path] = {}
     for design in designs:
         renamed |= write_record(axis_folder(axes, design.axis, out), design.axis.file, design.record)
@@ -183,18 +116,7 @@ def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported
 
 
 def gains_of_axes(axes: AxesFile, folder: Path) -> dict[str, GainsFile]:
-    """Return the gains of each axis, read from the folder that `vctune solve` writes for a file with axes.
-
-    Parameters
-    ----------
-    axes : problem file with several axes
-    folder : the problem's folder, which contains one folder for each axis
-
-    Raises
-    ------
-    InputError
-        If the folder of an axis has no gains, or if they are invalid.
-    """
+    """Return the gains of each axis, read from the folder that `vctune solve` writes for a file with axes."""
     return {axis.name: read_gains(folder / folder_name(axis.name) / GAINS_FILE) for axis in axes.axes}
 
 
@@ -203,20 +125,7 @@ def check_axes(
     gains: Mapping[str, GainsFile] | None = None,
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
-    """Check the gains that the file fixes for each axis, or given gains.
-
-    Parameters
-    ----------
-    axes : problem file with several axes
-    gains : gains by the name of the axis; None for the gains that the file fixes
-    progress : function that receives "proving NAME" for the first of equal axes
-
-    Returns
-    -------
-    list of Checked
-        One check for each axis, in the order of the file. vctune proves equal axes only once. The check of an axis with
-        unusable input has the verdict "bad input".
-    """
+    """Check the gains that the file fixes for each axis, or given gains."""
 
     def checked_axis(axis: AxisProblem) -> Checked:
         progress(f"proving {axis.name}")
@@ -239,27 +148,7 @@ def check_parameters(
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
     """Check the selected axes of a ROS 2 parameter file. Each selected axis belongs to the axis of the same name in the
-    problem file.
-
-    Parameters
-    ----------
-    axes : problem file with several axes
-    path : path of the parameter file
-    only : names of the axes to check; empty for all axes that the parameter file selects
-    progress : function that receives the current stage
-
-    Returns
-    -------
-    list of Checked
-        One check for each selected axis, in the order of the parameter file.
-
-    Raises
-    ------
-    InputError
-        If the parameter file is damaged; if it selects an axis that the problem lacks, or an axis whose problem has
-        another kind of motion (a rotation instead of a translation, or the reverse); if `only` names an axis that the
-        file does not select; or if the device of an axis cannot have the controller, see `check_admittance`.
-    """
+    problem file."""
     parameters, axis_names = read_admittance(path), {axis.name for axis in axes.axes}
     selected = [axis.axis for axis in axes_asked_for(path, parameters, only)]
     if missing := [name for name in selected if name not in axis_names]:
@@ -287,10 +176,7 @@ def _gains_of(gains: Mapping[str, GainsFile] | None, axis: AxisProblem) -> Gains
 
 def _checked(axis: AxisProblem, gains: GainsFile | None) -> Checked:
     """Return the check of an axis. If the input of the axis has an error, the check reports it, so the other axes are
-    still checked.
-
-    `_of_axis` supplies the source and the name.
-    """
+    still checked."""
     try:
         return check_problem(axis.file, gains)
     except InputError as error:
@@ -325,29 +211,7 @@ def export_axes(
     unproved: bool = False,
     progress: Progress = lambda stage: None,
 ) -> list[tuple[Exported, Path]]:
-    """Export each axis and write the files, or export all axes as the parameters of one ROS 2 controller.
-
-    The files of an axis go into the folder of the axis, the parameter file into the problem's folder.
-
-    Parameters
-    ----------
-    axes : problem file with several axes
-    gains : gains by the name of the axis; None for the gains that the file fixes
-    out : parent folder of the problem's folder
-    to, precision, unproved, progress : see `vctune.export`
-
-    Returns
-    -------
-    list
-        Pairs of an export and the folder of its files: one for each axis, or a single pair for a ROS 2 controller.
-
-    Raises
-    ------
-    NotCertifiedError
-        If a design is not certified and `unproved` is not set. This is also an `InputError`.
-    InputError
-        If an axis has no design, or cannot be exported.
-    """
+    """Export each axis and write the files, or export all axes as the parameters of one ROS 2 controller."""
     if to == "ros2":
         require_double(precision)
         designs = [

@@ -25,57 +25,33 @@ from vctune.model.problem import Problem
 from vctune.report.figures.benchmark_figures import Panel, Series
 
 PROBLEMS = "friction-wheel-hands", "desktop", "cobot-wrist", "friction-wheel-real"
+# Number of problems of the quick measurement, and number of runs of the full one; the benchmark reports the median of
+# the runs
 QUICK, REPEATS = 2, 5
-"""Number of problems of the quick measurement, and number of runs of the full one; the benchmark reports the median of
-the runs. The quick measurement has one run."""
-SIDES = {"quick": 3, "full": 10}
-"""Number of values of mass, and of damping, in each sweep."""
+SIDES = {"quick": 3, "full": 10}  # Number of values of mass, and of damping, in each sweep
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 STUDY = """problem = "device.toml"
 [axes]
 "device.mass" = {{ log = [0.05, 5.0], n = {0} }}
 "device.damping" = {{ log = [0.1, 10.0], n = {0} }}
 """
-CRITERIA = "both", "hands", "passive"
-"""Criteria of stability. The benchmark runs one sweep under each."""
+CRITERIA = "both", "hands", "passive"  # Criteria of stability
+# Names of the measured work, see `Row.work`
 SCAN, SEARCH, PROVED, REPORT, SWEEP = "scan", "search", "proof", "with report", "sweep"
-"""Names of the measured work, see `Row.work`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A measured task.
+    """A measured task."""
 
-    Attributes
-    ----------
-    work : measured work: the scan alone; the scan and the search; the scan, the search and the proof; the command with
-        its report; or one point of a sweep
-    problem : name of the problem, or the criterion of the sweep
-    seconds : processor time, s; for a point of a sweep the wall time of the command, including its start, divided by
-        the number of points, s
-    error : error of the design; nan for commands and without a design
-    """
-
-    work: str
-    problem: str
-    seconds: float
-    error: float
+    work: str  # measured work: the scan alone
+    problem: str  # name of the problem, or the criterion of the sweep
+    seconds: float  # processor time, s
+    error: float  # error of the design; nan for commands and without a design
 
 
 def measure(quick: bool, seed: int, tick: Tick) -> Measured:
-    """Solve examples with the library and with the command, and sweep over mass and damping.
-
-    Parameters
-    ----------
-    quick : whether to measure only a few problems, with one run each, and small sweeps
-    seed : ignored, because nothing is random
-    tick : function that receives the name of the problem or of the sweep
-
-    Returns
-    -------
-    Measured
-        A row for each piece of work.
-    """
+    """Solve examples with the library and with the command, and sweep over mass and damping."""
     names, repeats, side = (PROBLEMS[:QUICK], 1, SIDES["quick"]) if quick else (PROBLEMS, REPEATS, SIDES["full"])
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -95,14 +71,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
 
 def solved(name: str, folder: Path, repeats: int) -> list[Row]:
-    """Return four rows: the designs of the scan, of the search and of the proof, and `vctune solve` with its report.
-
-    Parameters
-    ----------
-    name : example that comes with vctune
-    folder : folder for files
-    repeats : number of runs
-    """
+    """Return four rows: the designs of the scan, of the search and of the proof, and `vctune solve` with its report."""
     _command(folder, "example", name)
     problem = parse_problem((folder / f"{name}.toml").read_text(), name, name)
     rows = [_estimate(work, find, problem, repeats) for work, find in ((SCAN, scanned), (SEARCH, estimated))]
@@ -130,14 +99,7 @@ def _estimate(
 
 
 def swept(criterion: str, side: int, folder: Path) -> Row:
-    """Return the row of a sweep: the wall time of the command, including its start, divided by the number of points.
-
-    Parameters
-    ----------
-    criterion : stability criterion
-    side : number of values of mass and of damping
-    folder : folder for files
-    """
+    """Return the row of a sweep: the wall time of the command, including its start, divided by the number of points."""
     folder = folder / criterion
     folder.mkdir()
     (folder / "device.toml").write_text(f'{DEVICE}[stability]\ncriterion = "{criterion}"\n')
@@ -165,13 +127,7 @@ def _of_children() -> float | None:
 
 
 def facts(rows: list[Row], side: int) -> list[str]:
-    """Return findings: the times of each problem and the rates of the sweeps.
-
-    Parameters
-    ----------
-    rows : the measured work
-    side : number of values of mass and of damping in the sweeps
-    """
+    """Return findings: the times of each problem and the rates of the sweeps."""
     names = dict.fromkeys(row.problem for row in rows if row.work == PROVED)
     said = []
     for name in names:

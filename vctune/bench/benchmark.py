@@ -15,37 +15,23 @@ from vctune.document.text.output_files import Content, write_together
 from vctune.report.figures.benchmark_figures import Panel, benchmark_figure
 from vctune.report.figures.with_matplotlib import svg
 
-Tick = Callable[[str], None]
-"""Type of a function that receives the name of the current stage of the measurement."""
-DIGITS = 6
-"""Number of significant digits of a number in the CSV table."""
+Tick = Callable[[str], None]  # Type of a function that receives the name of the current stage of the measurement
+DIGITS = 6  # Number of significant digits of a number in the CSV table
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """The result of a benchmark.
+    """The result of a benchmark."""
 
-    Attributes
-    ----------
-    title : title of the benchmark
-    how_to_read : instructions for reading the picture
-    rows : the rows of the table, at least one, all of one frozen dataclass
-    facts : the findings, one sentence each
-    panels : panels of the picture; the picture omits panels without points
-    """
-
-    title: str
-    how_to_read: str
-    rows: list[Any]
-    facts: list[str]
-    panels: list[Panel]
+    title: str  # title of the benchmark
+    how_to_read: str  # instructions for reading the picture
+    rows: list[Any]  # the rows of the table, at least one, all of one frozen dataclass
+    facts: list[str]  # the findings, one sentence each
+    panels: list[Panel]  # panels of the picture; the picture omits panels without points
 
 
 def csv_of(rows: list[Any]) -> str:
-    """Return the CSV text of rows of a frozen dataclass: a heading, and one line for each row.
-
-    A cell is empty if its number is nan or -inf. The cell of an infinite number is "inf".
-    """
+    """Return the CSV text of rows of a frozen dataclass: a heading, and one line for each row."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(asdict(rows[0]).keys())
@@ -64,15 +50,7 @@ def _cell(value: Any) -> str:
 
 
 def page(name: str, measured: Measured, command: str, machine: str) -> str:
-    """Return a benchmark's page in Markdown: the picture, how to read it, the findings, and how to repeat the run.
-
-    Parameters
-    ----------
-    name : stem of the file names, as in NAME.svg
-    measured : result of the benchmark
-    command : shell command that repeats the benchmark
-    machine : description of the machine that ran it
-    """
+    """Return a benchmark's page in Markdown: the picture, how to read it, the findings, and how to repeat the run."""
     lines = [
         f"# {measured.title}",
         "",
@@ -88,14 +66,7 @@ def page(name: str, measured: Measured, command: str, machine: str) -> str:
 
 
 def record_of(name: str, measured: Measured, machine: str) -> BenchRecord:
-    """Return a benchmark's result as a record for JSON. A number that is not finite becomes null.
-
-    Parameters
-    ----------
-    name : name of the benchmark
-    measured : result of the benchmark
-    machine : description of the machine that ran it
-    """
+    """Return a benchmark's result as a record for JSON. A number that is not finite becomes null."""
     rows = [{key: _existing(value) for key, value in asdict(row).items()} for row in measured.rows]
     return BenchRecord(name=name, title=measured.title, machine=machine, facts=measured.facts, table=rows)
 
@@ -105,21 +76,7 @@ def _existing(value: Any) -> Any:
 
 
 def write_measured(folder: Path, name: str, measured: Measured, command: str, machine: str) -> None:
-    """Write a benchmark's table (CSV), picture (SVG) and page (Markdown): all three, or none.
-
-    Parameters
-    ----------
-    folder : folder for the files
-    name : stem of the file names
-    measured : result of the benchmark
-    command : shell command that repeats the benchmark
-    machine : description of the machine that ran it
-
-    Raises
-    ------
-    InputError
-        If a file cannot be written; the files of an earlier run are then untouched.
-    """
+    """Write a benchmark's table (CSV), picture (SVG) and page (Markdown): all three, or none."""
     files: dict[Path, Content] = {
         folder / f"{name}.csv": csv_of(measured.rows),
         folder / f"{name}.svg": svg(benchmark_figure(measured.panels), name),

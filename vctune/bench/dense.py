@@ -1,9 +1,4 @@
-"""Pose the design problem on a fixed grid for any solver, with exact derivatives. This module imports casadi.
-
-Every peer, which is a solver that the benchmark compares with vctune, gets vctune's own formulation: logarithmic
-variables, log-ratio constraints, the bounds, and the starts of the scan. CasADi's algorithmic differentiation supplies
-the derivatives.
-"""
+"""Pose the design problem on a fixed grid for any solver, with exact derivatives. This module imports casadi."""
 
 from __future__ import annotations
 
@@ -26,43 +21,25 @@ from vctune.design.variables import Coordinate, Point, coordinates, design_of, p
 from vctune.interrupt import interrupt_deferred
 from vctune.model.gains import AnyCoupling, Gains
 
-PANELS = 16
-"""Number of panels of the objective's quadrature. These panels give nine digits on the reference problems."""
+PANELS = 16  # Number of panels of the objective's quadrature
+# Number that replaces an objective that is nan or inf and, with a minus sign, a constraint that is nan or -inf
 MISSED = 1e3
-"""Number that replaces an objective that is nan or inf and, with a minus sign, a constraint that is nan or -inf."""
+# Options of IPOPT on a fixed grid: those of vctune's search, with more iterations
 SETTINGS: dict[str, Any] = {**OPTIONS, "ipopt.max_iter": 500}
-"""Options of IPOPT on a fixed grid: those of vctune's search, with more iterations."""
 
 
 @dataclass(frozen=True, slots=True)
 class DenseProblem:
-    """A problem on a fixed grid of frequencies, from one start.
+    """A problem on a fixed grid of frequencies, from one start."""
 
-    Attributes
-    ----------
-    prepared : the problem, prepared for the search
-    structure : structure of the NLP
-    free : the design variables of the NLP
-    fixed : the start's values of all design variables, dimensionless; a design keeps those that are not free
-    numbers : start, parameters and bounds of the NLP
-    """
-
-    prepared: Prepared
-    structure: NlpStructure
-    free: tuple[Coordinate, ...]
-    fixed: Point
-    numbers: NlpNumbers
+    prepared: Prepared  # the problem, prepared for the search
+    structure: NlpStructure  # structure of the NLP
+    free: tuple[Coordinate, ...]  # the design variables of the NLP
+    fixed: Point  # the start's values of all design variables, dimensionless; a design keeps those that are not free
+    numbers: NlpNumbers  # start, parameters and bounds of the NLP
 
     def values(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the logarithm of the error, of shape (1,), and the constraints in use minus their lower bounds.
-
-        A design satisfies a constraint if the difference is >= 0. If Re h11 <= 0, a constraint has no logarithm, and
-        the difference is -`MISSED`.
-
-        Parameters
-        ----------
-        z : coordinates of the free variables
-        """
+        """Return the logarithm of the error, of shape (1,), and the constraints in use minus their lower bounds."""
         f, g = functions(self.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
         return np.nan_to_num(np.array(f).ravel(), nan=MISSED, posinf=MISSED), beyond
@@ -112,22 +89,7 @@ def functions(structure: NlpStructure) -> Functions:
 
 def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> DenseProblem:
     """Impose the constraints of a problem on a fixed grid: `count` frequencies for Llewellyn's conditions, and `count`
-    for |S|.
-
-    With the norm "peak", `count` frequencies of the transparency band bound the error. All grids are log-spaced.
-
-    Parameters
-    ----------
-    prepared : problem of an admittance display without parts, with the criterion "passive"
-    start : start of the solver, which determines whether the law has an integrator
-    count : number of frequencies of each kind
-    reserve : relative tightening of the constraints
-
-    Returns
-    -------
-    DenseProblem
-        The NLP of one solve, with its start.
-    """
+    for |S|."""
     integrator = start.gains.position > 0
     posed, scaled = prepared.scaled, prepared.scaled.problem
     free = coordinates(scaled, integrator=integrator)

@@ -1,7 +1,4 @@
-"""Make random devices over ten decades of mass, damping, sample time, delay, bounds and bands.
-
-The devices are admittance displays without parts, under the criterion "passive". A seed reproduces each device.
-"""
+"""Make random devices over ten decades of mass, damping, sample time, delay, bounds and bands."""
 
 from __future__ import annotations
 
@@ -12,20 +9,11 @@ import numpy as np
 from vctune.document.reading import pose
 from vctune.model.problem import Problem
 
-MOST_DELAY = 150.0
-"""Greatest delay of a device, in samples."""
+MOST_DELAY = 150.0  # Greatest delay of a device, in samples
 
 
 def device(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
-    """Return the device with a given index in the series of a seed, as a document and as a problem.
-
-    The function replaces an invalid problem by another draw.
-
-    Parameters
-    ----------
-    seed : seed of the whole series
-    number : index of the device in the series
-    """
+    """Return the device with a given index in the series of a seed, as a document and as a problem."""
     rng = np.random.default_rng((seed, number))
     for _ in range(100):
         document = _document(rng)

@@ -11,49 +11,25 @@ import mpmath as mp
 from vctune.bench.evaluator import Case
 
 DIGITS = 50
-GUARD = 70
-"""Number of additional digits for the computation. The definitions lose fewer digits by cancellation."""
+GUARD = 70  # Number of additional digits for the computation
 
 
 @dataclass(frozen=True, slots=True)
 class ExactValues:
-    """The defined quantities at one frequency.
+    """The defined quantities at one frequency."""
 
-    Attributes
-    ----------
-    offered, required, ratio : Re Z_c, R, and Re Z_c/R (inf if R <= 0); R is inf if Re h11 = 0, and meaningless if Re
-        h11 < 0
-    resistance : Re h11, m/(N s)
-    rollett : Rollett's stability factor of the two-port with Z_c; inf if q = 0
-    admittance, tracking, coupling : |G_hh|, |1 - G_he| and |Z_c|, without the least operator
-    """
-
-    offered: Any
+    offered: Any  # Re Z_c, R, and Re Z_c/R (inf if R <= 0); R is inf if Re h11 = 0, and meaningless if Re h11 < 0
     required: Any
     ratio: Any
-    resistance: Any
-    rollett: Any
-    admittance: Any
+    resistance: Any  # Re h11, m/(N s)
+    rollett: Any  # Rollett's stability factor of the two-port with Z_c; inf if q = 0
+    admittance: Any  # |G_hh|, |1 - G_he| and |Z_c|, without the least operator
     tracking: Any
     coupling: Any
 
 
 def exact(case: Case, omega: Any) -> ExactValues:
-    """Evaluate the definitions for one case at one frequency, with at least `DIGITS` digits.
-
-    The two-port includes the least operator's Z_h = m_h s + b_h: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W
-    + C), h22 = Z_h C/(W + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
-
-    Parameters
-    ----------
-    case : one case of plain numbers; each float represents the decimal that Python prints
-    omega : frequency, rad/s, > 0
-
-    Returns
-    -------
-    ExactValues
-        mpmath numbers in SI units.
-    """
+    """Evaluate the definitions for one case at one frequency, with at least `DIGITS` digits."""
     with mp.workdps(DIGITS + GUARD):
         m, b, T, delay, K_v, K_p, b_c, m_c, b_0, m_h, b_h = _decimals(case)
         s = mp.mpc(0, mp.mpf(omega))
@@ -69,20 +45,7 @@ def exact(case: Case, omega: Any) -> ExactValues:
 
 
 def sensitivity(case: Case, omega: Any) -> Any:
-    """Return |S| of the sampled loop without a hand on the device.
-
-    S is the open-loop characteristic polynomial divided by the closed-loop one, at z = e^(j omega T).
-
-    Parameters
-    ----------
-    case : one case of plain numbers
-    omega : frequency, rad/s, > 0
-
-    Returns
-    -------
-    mpf
-        Dimensionless.
-    """
+    """Return |S| of the sampled loop without a hand on the device."""
     with mp.workdps(DIGITS + GUARD):
         _, _, T, _, K_v, K_p, *_ = _decimals(case)
         z = mp.expj(mp.mpf(omega) * T)
@@ -98,18 +61,7 @@ def stable(case: Case) -> bool:
 
 
 def characteristic(case: Case, law: Sequence[Any]) -> list[Any]:
-    """Return the characteristic polynomial of the sampled loop without a hand.
-
-    Parameters
-    ----------
-    case : one case; the polynomial has a higher order if K_p > 0
-    law : K_v and K_p, N s/m and N/m, which replace the gains of the case; both 0 for the open loop
-
-    Returns
-    -------
-    list of mpf
-        Coefficients, highest power of z first.
-    """
+    """Return the characteristic polynomial of the sampled loop without a hand."""
     m, b, T, delay, *_ = _decimals(case)
     K_v, K_p = law
     whole = int(mp.floor(delay / T + mp.mpf("1e-12")))
@@ -154,10 +106,7 @@ def _value(poly: list[Any], z: Any) -> Any:
 
 
 def _all_inside(poly: list[Any]) -> bool:
-    """Return whether every root lies inside the unit circle, by Jury's table.
-
-    Each row of the table is one entry shorter than the row above.
-    """
+    """Return whether every root lies inside the unit circle, by Jury's table."""
     while poly and poly[-1] == 0:
         poly = poly[:-1]
     while len(poly) > 1:

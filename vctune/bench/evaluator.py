@@ -1,12 +1,4 @@
-"""Implement the theory independently, in plain complex numbers, without any code of the model.
-
-The module covers admittance displays without parts and without uncertainty, and the conditions for any passive hand.
-The tests also judge many designs at once with this module.
-
-This module uses dense grids instead of a proof, and computes poles from matrix exponentials and eigenvalues. For one
-`Case`, a function of k frequencies (rad/s, not 0) returns k numbers in SI units; for n cases it returns n rows of k
-numbers.
-"""
+"""Implement the theory independently, in plain complex numbers, without any code of the model."""
 
 from __future__ import annotations
 
@@ -24,46 +16,32 @@ from vctune.model.problem import Problem
 
 Floats = NDArray[np.float64]
 
-POINTS = 20_001
-"""Number of frequencies in each grid. The number is odd, as Simpson's rule requires."""
+POINTS = 20_001  # Number of frequencies in each grid
+# If the stability band begins at 0, its grid begins at this number times the least of three frequencies: the edges of
+# the transparency band and the Nyquist frequency
 ENDLESS = 1e-6
-"""If the stability band begins at 0, its grid begins at this number times the least of three frequencies: the edges of
-the transparency band and the Nyquist frequency. If the stability band ends at inf, its grid ends at the greatest of
-these frequencies divided by this number."""
+# Greatest deviation of a delay from a whole number of samples, as a share of a sample, for the delay to count as whole
 WHOLE = 1e-12
-"""Greatest deviation of a delay from a whole number of samples, as a share of a sample, for the delay to count as
-whole."""
+# Argument x below which the code uses Taylor series for (1 - e^-x)/x and (x - 1 + e^-x)/x^2, because digits cancel in
+# the closed forms
 SERIES = 1e-2
-"""Argument x below which the code uses Taylor series for (1 - e^-x)/x and (x - 1 + e^-x)/x^2, because digits cancel in
-the closed forms."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """An admittance display without parts, with a design, or many of them, in SI units.
+    """An admittance display without parts, with a design, or many of them, in SI units."""
 
-    The fields `sample_time`, `hold`, `m_h` and `b_h` have one value for all cases. Each other field is one number, or
-    an array with one number for each case.
-
-    Attributes
-    ----------
-    mass, damping, sample_time, delay, hold : parameters of the device
-    K_v, K_p : gains of the velocity loop
-    b_c, m_c, b_0 : damping, mass and drag of the coupling; b_c must be finite
-    m_h, b_h : mass and damping of the least operator; 0 if the handle may be free
-    """
-
-    mass: Any
+    mass: Any  # parameters of the device
     damping: Any
     sample_time: float
     delay: Any
     hold: str
-    K_v: Any
+    K_v: Any  # gains of the velocity loop
     K_p: Any
-    b_c: Any = 1.0
+    b_c: Any = 1.0  # damping, mass and drag of the coupling; b_c must be finite
     m_c: Any = 1.0
     b_0: Any = 0.0
-    m_h: float = 0.0
+    m_h: float = 0.0  # mass and damping of the least operator; 0 if the handle may be free
     b_h: float = 0.0
 
     @property
@@ -86,37 +64,14 @@ class Case:
 
 
 def cases(device: Device, design: ArrayLike) -> Case:
-    """Return the cases of a device with one design or with many.
-
-    Parameters
-    ----------
-    device : admittance display with plain numbers, SI units; the function ignores its parts
-    design : K_v, K_p, b_c, m_c and b_0; shape (5,), or (5, n) for n designs
-
-    Returns
-    -------
-    Case
-        One case, or n cases.
-    """
+    """Return the cases of a device with one design or with many."""
     hand = (device.operator.mass, device.operator.damping) if device.operator else (0.0, 0.0)
     numbers = (device.mass, device.damping, device.sample_time, device.delay, device.hold)
     return Case(*numbers, *np.asarray(design, float), *hand)
 
 
 def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Case:
-    """Return the case of one design.
-
-    Parameters
-    ----------
-    device : admittance display with plain numbers, SI units; the function ignores its parts
-    gains : K_v and K_p, N s/m and N/m
-    coupling : coupling of an admittance display
-
-    Returns
-    -------
-    Case
-        One case of plain numbers.
-    """
+    """Return the case of one design."""
     return cases(device, (*astuple(gains), *astuple(series_coupling(coupling))))
 
 
@@ -126,17 +81,7 @@ def _column(number: Any) -> Any:
 
 
 def impedances(case: Case, s: Any) -> tuple[Any, Any]:
-    """Return Z_d = m s + b and C = (K_v + K_p/s) H(s) e^(-s delay) (paper eq. 9 for C), where H is the hold.
-
-    Parameters
-    ----------
-    case : one case or n
-    s : complex, not 0, 1/s, shape (k,)
-
-    Returns
-    -------
-    Z_d, C : N s/m, of shape (k,), or (n, k) for n cases
-    """
+    """Return Z_d = m s + b and C = (K_v + K_p/s) H(s) e^(-s delay) (paper eq. 9 for C), where H is the hold."""
     T = case.sample_time
     hold = -np.expm1(-s * T) / (s * T) if case.hold == "zoh" else 2 / (2 + s * T)
     law = _column(case.K_v) + _column(case.K_p) / s
@@ -144,40 +89,14 @@ def impedances(case: Case, s: Any) -> tuple[Any, Any]:
 
 
 def coupling_impedance(case: Case, s: Any) -> Any:
-    """Return Z_c = b_0 + b_c m_c s/(b_c + m_c s) (paper eq. 17): damper and mass in series, and the drag in parallel.
-
-    Parameters
-    ----------
-    case : one case or n
-    s : complex, 1/s, shape (k,)
-
-    Returns
-    -------
-    array of complex
-        N s/m, shape (k,), or (n, k) for n cases.
-    """
+    """Return Z_c = b_0 + b_c m_c s/(b_c + m_c s) (paper eq. 17): damper and mass in series, and the drag in
+    parallel."""
     damper, moving = _column(case.b_c), _column(case.m_c) * s
     return _column(case.b_0) + damper * moving / (damper + moving)
 
 
 def required(case: Case, omega: Any) -> Any:
-    """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least feasible Re Z_c (paper eq. 19).
-
-    The two-port includes the damping of the least operator: h11 = 1/(W + C), h22 = b_h C/(W + C), q = -h12 h21 = C (Z_d
-    + C)/(W + C)^2 with W = Z_d + b_h. Where Re q > 0, the code computes |q| - Re q as (Im q)^2/(|q| + Re q), and Im q
-    from 1 - q, so that no digits cancel. The operator's mass m_h has no effect, because the condition already covers
-    any reactance.
-
-    Parameters
-    ----------
-    case : one case or n
-    omega : frequency, rad/s, not 0, shape (k,)
-
-    Returns
-    -------
-    array of float
-        N s/m, shape (k,), or (n, k) for n cases; inf if Re h11 <= 0.
-    """
+    """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least feasible Re Z_c (paper eq. 19)."""
     Z_d, C = impedances(case, 1j * omega)
     W = Z_d + case.b_h
     D = W + C
@@ -189,18 +108,7 @@ def required(case: Case, omega: Any) -> Any:
 
 
 def stability_ratio(case: Case, omega: Any) -> Any:
-    """Return Re Z_c / R.
-
-    Parameters
-    ----------
-    case : one case or n
-    omega : frequency, rad/s, not 0, shape (k,)
-
-    Returns
-    -------
-    array of float
-        Shape (k,), or (n, k) for n cases; inf if R <= 0, -inf if Re h11 <= 0.
-    """
+    """Return Re Z_c / R."""
     R = required(case, omega)
     with np.errstate(divide="ignore"):
         ratio = np.where(R > 0, coupling_impedance(case, 1j * omega).real / R, inf)
@@ -208,22 +116,7 @@ def stability_ratio(case: Case, omega: Any) -> Any:
 
 
 def sensitivity(case: Case, omega: Any) -> Any:
-    """Return |S| = 1/|1 + K_v G_v + K_p G_x| of the sampled loop without a hand.
-
-    G_v and G_x are the sampled velocity and the sampled position, divided by the commanded force. The sampled loop
-    holds this force exactly, also if `hold` is "lag". A commanded force acts after `whole` samples plus `remainder`
-    seconds.
-
-    Parameters
-    ----------
-    case : one case or n
-    omega : frequency, rad/s, > 0, shape (k,)
-
-    Returns
-    -------
-    array of float
-        Shape (k,), or (n, k) for n cases.
-    """
+    """Return |S| = 1/|1 + K_v G_v + K_p G_x| of the sampled loop without a hand."""
     T, m, rate = case.sample_time, _column(case.mass), _column(case.damping) / _column(case.mass)
     whole, remainder = (_column(x) for x in _samples(case))
     back = np.exp(-1j * omega * T)  # 1/z
@@ -261,18 +154,7 @@ def spectral_radius(case: Case) -> Any:
 
 
 def by_kind(case: Case, evaluate: Callable[[Case], Floats]) -> Any:
-    """Evaluate a function of loops without a hand and a coupling, on groups of loops with the same number of states.
-
-    Parameters
-    ----------
-    case : one case or n
-    evaluate : function of a `Case` of m loops that returns an array of shape (m,)
-
-    Returns
-    -------
-    float or array of float
-        One number, or shape (n,) for n cases.
-    """
+    """Evaluate a function of loops without a hand and a coupling, on groups of loops with the same number of states."""
     names = ("mass", "damping", "delay", "K_v", "K_p")
     arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(getattr(case, name), float)) for name in names))
     loops: dict[str, Any] = dict(zip(names, arrays, strict=True))
@@ -285,12 +167,7 @@ def by_kind(case: Case, evaluate: Callable[[Case], Floats]) -> Any:
 
 
 def loop_matrices(case: Case) -> Floats:
-    """Return the matrices that advance v, x and the earlier commands by one sample, of shape (n, size, size).
-
-    The cases are arrays with the same number of whole samples of delay. Either all cases have K_p > 0, or no case has.
-    Without K_p, the state does not contain x. With w whole samples of delay, the state contains the last w + 1
-    commands, the newest first.
-    """
+    """Return the matrices that advance v, x and the earlier commands by one sample, of shape (n, size, size)."""
     order, whole = 2 if case.K_p[0] > 0 else 1, int(_samples(case)[0][0])
     remainder, n = _samples(case)[1], len(case.K_v)
     (A, full_sample), (_, newest_effect) = (
@@ -336,19 +213,7 @@ def _exponentials(A: Floats) -> Floats:
 
 
 def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
-    """Return the transparency error of each case on a dense grid (model/README.md, section 8).
-
-    Parameters
-    ----------
-    problem : problem, from which the function uses the transparency band, norm, weights and reference impedance
-    case : one case or n
-    points : number of frequencies; odd, because Simpson's rule integrates the norm "rms"
-
-    Returns
-    -------
-    float or array of float
-        One number, or shape (n,) for n cases.
-    """
+    """Return the transparency error of each case on a dense grid (model/README.md, section 8)."""
     band = problem.transparency.band
     square = squared_error(problem, case, np.geomspace(band.min, band.max, points))
     if problem.transparency.norm == "peak":
@@ -360,19 +225,7 @@ def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
 
 
 def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
-    """Return the square of the transparency error at frequencies (paper eq. 21), without the least operator.
-
-    Parameters
-    ----------
-    problem : problem, from which the function uses the weights and the reference impedance
-    case : one case or n
-    omega : frequency, rad/s, not 0, shape (k,)
-
-    Returns
-    -------
-    array of float
-        Shape (k,), or (n, k) for n cases.
-    """
+    """Return the square of the transparency error at frequencies (paper eq. 21), without the least operator."""
     objective, (Z_d, C) = problem.transparency, impedances(case, 1j * omega)
     D, Z_0, weights = Z_d + C, objective.reference_impedance, objective.weights
     square = (weights.admittance * Z_0 / np.abs(D)) ** 2 + (weights.tracking * np.abs(Z_d / D)) ** 2
@@ -380,22 +233,7 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
 
 
 def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:
-    """Return the logarithm of one case's greatest violation of the constraints on Re Z_c/R and |S|.
-
-    A violation is the ratio of the required to the reached Re Z_c/R, or of the reached to the permitted |S|. The
-    function evaluates dense grids and the extra frequencies. The function does not check the poles of the sampled loop.
-
-    Parameters
-    ----------
-    problem : problem with its constraints
-    case : one case with the problem's device
-    extra : more frequencies, rad/s; the function ignores 0, inf, and frequencies outside the band of a constraint
-
-    Returns
-    -------
-    float
-        Dimensionless: 0 if the case meets both constraints; inf if some Re Z_c/R is not positive.
-    """
+    """Return the logarithm of one case's greatest violation of the constraints on Re Z_c/R and |S|."""
     device, stability, nyquist = problem.device, problem.stability, pi / problem.device.sample_time
     middle = [problem.transparency.band.min, problem.transparency.band.max, nyquist]
     low = stability.band.min or ENDLESS * min(middle)

@@ -1,8 +1,4 @@
-"""List the reference problems, for any passive hand on a band.
-
-The problems cover free and fixed loops, both holds, delays, K_p = 0, active bounds, and a problem with two basins. All
-devices are admittance displays without parts.
-"""
+"""List the reference problems, for any passive hand on a band."""
 
 from __future__ import annotations
 
@@ -28,6 +24,7 @@ def _wheel(gains: dict[str, Any], edge: float, **device: Any) -> dict[str, Any]:
     }
 
 
+# The problems by name, in the form of files
 DOCUMENTS: dict[str, dict[str, Any]] = {
     "two-basins": {
         **_wheel(LIMITS, 30.0, mass=0.8, damping=1.5, delay=1e-3),
@@ -52,18 +49,10 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
     "at-bound": _wheel(LIMITS, 250.0, mass=1.0, delay=5e-4),
     "fixed-loop": _wheel({"velocity": 150.0, "position": 6000.0}, 100.0),
 }
-"""The problems by name, in the form of files. The first problem has two basins, and constraints that are active between
-the frequencies of a grid."""
 
 
 def posed(name: str, document: dict[str, Any]) -> Problem:
-    """Return the problem of a valid document.
-
-    Parameters
-    ----------
-    name : name of the problem
-    document : tables of the problem
-    """
+    """Return the problem of a valid document."""
     problem, faults = pose(document, name)
     assert problem is not None, faults
     return problem

@@ -26,81 +26,48 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.report.figures.benchmark_figures import Panel, Series
 
+# Number of frequencies of each kind in the grids of SLSQP and of the finest IPOPT: for Llewellyn's conditions, and
+# again for |S|
 GRID = 2000
-"""Number of frequencies of each kind in the grids of SLSQP and of the finest IPOPT: for Llewellyn's conditions, and
-again for |S|."""
-COARSE_GRIDS = (8, 32, 128, 512)
-"""Numbers of frequencies of each kind in the coarser grids for IPOPT. `TIGHTENING` tightens their constraints."""
-CONSTRAINT_RESERVE = 1e-5
-"""Relative tightening of the other solvers' constraints on `GRID`. The tightening is about the size of the violation
-between two grid points."""
+COARSE_GRIDS = (8, 32, 128, 512)  # Numbers of frequencies of each kind in the coarser grids for IPOPT
+CONSTRAINT_RESERVE = 1e-5  # Relative tightening of the other solvers' constraints on `GRID`
+# Greatest violation on the grid, the logarithm of a ratio, with which an answer of another solver counts as feasible
 MAX_VIOLATION = 1e-6
-"""Greatest violation on the grid, the logarithm of a ratio, with which an answer of another solver counts as
-feasible."""
+# Number of timed pairs of runs, one of another solver and one of vctune; and run time of the other solver, s, from
+# which the benchmark times only one pair. vctune's own row has `REPEATS` runs
 REPEATS, SLOW_SECONDS = 5, 1.0
-"""Number of timed pairs of runs, one of another solver and one of vctune; and run time of the other solver, s, from
-which the benchmark times only one pair. vctune's own row has `REPEATS` runs."""
 OURS, MULTISTART, IPOPT = "vctune", "SciPy SLSQP", "IPOPT, "
-AIMED_PACE = 1 / 3
-"""Largest share of the multi-start's time that vctune may take for a certified design."""
-LEAST_GAP = 1e-7
-"""Gap, or violation, at the dotted line of the picture. Errors with a smaller gap count as equal, because the solvers
-stop at this accuracy."""
-AS_GOOD_GAP = 1e-3
-"""Greatest gap with which an answer counts as equal to the best."""
-UNSTABLE_PENALTY = 1e3
-"""Penalty that ranks unstable answers behind all stable answers."""
-Solver = Callable[[DenseProblem], Stopped]
-"""Type of a function that solves a problem on its grid from one start."""
+AIMED_PACE = 1 / 3  # Largest share of the multi-start's time that vctune may take for a certified design
+LEAST_GAP = 1e-7  # Gap, or violation, at the dotted line of the picture
+AS_GOOD_GAP = 1e-3  # Greatest gap with which an answer counts as equal to the best
+UNSTABLE_PENALTY = 1e3  # Penalty that ranks unstable answers behind all stable answers
+Solver = Callable[[DenseProblem], Stopped]  # Type of a function that solves a problem on its grid from one start
 
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """A solver with which the benchmark compares vctune.
+    """A solver with which the benchmark compares vctune."""
 
-    Attributes
-    ----------
-    name : name of the solver
-    count : number of frequencies of each kind in its grid
-    solver : function that solves a problem from one start
-    reserve : relative tightening of the solver's constraints
-    """
-
-    name: str
-    count: int
-    solver: Solver
-    reserve: float = CONSTRAINT_RESERVE
+    name: str  # name of the solver
+    count: int  # number of frequencies of each kind in its grid
+    solver: Solver  # function that solves a problem from one start
+    reserve: float = CONSTRAINT_RESERVE  # relative tightening of the solver's constraints
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The result of one solver on one problem.
+    """The result of one solver on one problem."""
 
-    Attributes
-    ----------
-    grid : number of frequencies of each kind; 0 for vctune, which chooses its own frequencies
-    problem, solver : names
-    seconds : median processor time, s, without the compilation of the solver's functions. Only vctune's time includes
-        the proof and the scan for the starts
-    pace : vctune's time divided by the solver's time, the median over pairs of consecutive runs; 1 for vctune
-    starts : number of starts from which the solver ran; for vctune the number of its local optima
-    unstable : number of the solver's answers with an unstable sampled loop; 0 for vctune
-    succeeded : whether the solver reports success; True for vctune
-    gap : relative difference between the solver's error and the least proved error of all solvers, negative for an
-        unproved answer with a lower error; nan if no answer is proved
-    error, violation, stable, verdict, consistent : see `vctune.bench.judged.JudgedAnswer`
-    """
-
-    problem: str
+    problem: str  # names
     solver: str
-    grid: int
-    seconds: float
-    pace: float
-    starts: int
-    unstable: int
-    succeeded: bool
+    grid: int  # number of frequencies of each kind; 0 for vctune, which chooses its own frequencies
+    seconds: float  # median processor time, s, without the compilation of the solver's functions
+    pace: float  # vctune's time divided by the solver's time, the median over pairs of consecutive runs; 1 for vctune
+    starts: int  # number of starts from which the solver ran; for vctune the number of its local optima
+    unstable: int  # number of the solver's answers with an unstable sampled loop; 0 for vctune
+    succeeded: bool  # whether the solver reports success; True for vctune
     gap: float
-    error: float
+    error: float  # see `vctune.bench.judged.JudgedAnswer`
     violation: float
     stable: bool
     verdict: Status
@@ -116,24 +83,7 @@ PEERS = [
 
 
 def measure(quick: bool, seed: int, tick: Tick) -> Measured:
-    """Run every solver on the reference problems.
-
-    Parameters
-    ----------
-    quick : whether to run on the first problem only
-    seed : ignored, because nothing is random
-    tick : function that receives the name of the next stage
-
-    Returns
-    -------
-    Measured
-        One row for each solver and problem, and the findings.
-
-    Raises
-    ------
-    InputError
-        If SciPy is not installed.
-    """
+    """Run every solver on the reference problems."""
     peers.need("scipy")
     rows: list[Row] = []
     for name, problem in reference_problems(1 if quick else None).items():
@@ -174,10 +124,7 @@ def _vctune_row(name: str, problem: Problem) -> Row:
 
 
 def _peer_row(name: str, prepared: Prepared, scan_result: ScanResult, peer: Peer) -> Row:
-    """Return the row of another solver: its best answer, its time, and vctune's time relative to it.
-
-    The function first compiles the functions and IPOPT, so no measured time includes their compilation.
-    """
+    """Return the row of another solver: its best answer, its time, and vctune's time relative to it."""
     problem, dense_problems = (
         prepared.problem,
         [dense(prepared, start, peer.count, peer.reserve) for start in _starts(scan_result)],
@@ -208,30 +155,17 @@ def _starts(scan_result: ScanResult) -> list[Start]:
 
 @dataclass(frozen=True, slots=True)
 class _Answer:
-    """The answer of a solver from one start.
+    """The answer of a solver from one start."""
 
-    Attributes
-    ----------
-    design : gains and coupling, SI units
-    log_error : logarithm of the transparency error
-    violation : greatest violation of a constraint on the solver's own grid, the logarithm of a ratio; 0 without one
-    stable : whether the sampled loop without a hand is stable
-    converged : whether the solver reports success
-    """
-
-    design: tuple[Gains, AnyCoupling]
-    log_error: float
-    violation: float
-    stable: bool
-    converged: bool
+    design: tuple[Gains, AnyCoupling]  # gains and coupling, SI units
+    log_error: float  # logarithm of the transparency error
+    violation: float  # greatest violation of a constraint on the solver's own grid, the logarithm of a ratio
+    stable: bool  # whether the sampled loop without a hand is stable
+    converged: bool  # whether the solver reports success
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """Return the sort key of an answer.
-
-        First come answers with a stable loop that meet the constraints on their grid, by error; then all others, by
-        violation.
-        """
+        """Return the sort key of an answer."""
         good = self.violation <= MAX_VIOLATION and self.stable
         return (not good, self.log_error if good else self.violation + UNSTABLE_PENALTY * (not self.stable))
 

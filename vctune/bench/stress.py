@@ -24,72 +24,36 @@ from vctune.model.problem import Problem, Range
 from vctune.report.figures.benchmark_figures import Panel, Series
 from vctune.study.executors import available_cores, worker_pool
 
-QUICK, FULL = 40, 3000
-"""Number of devices of a quick run and of a full one."""
-PATIENCE = 20.0
-"""Processor time, s, after which the benchmark records a device as failed."""
+QUICK, FULL = 40, 3000  # Number of devices of a quick run and of a full one
+PATIENCE = 20.0  # Processor time, s, after which the benchmark records a device as failed
+# Number of frequencies, log-spaced over each band, at which the benchmark checks a design with 50 digits
 FREQUENCIES = 40
-"""Number of frequencies, log-spaced over each band, at which the benchmark checks a design with 50 digits."""
-BELOW_NYQUIST = 1e-3
-"""Least frequency of the grids for |S|, as a share of the Nyquist frequency."""
+BELOW_NYQUIST = 1e-3  # Least frequency of the grids for |S|, as a share of the Nyquist frequency
 FAILED = "failed"
+# Number of values of each gain, of values of b_c, and of frequencies of the scan that looks for a design
 SCAN_GAINS, SCAN_DAMPING, SCAN_FREQUENCIES = 28, 48, 120
-"""Number of values of each gain, of values of b_c, and of frequencies of the scan that looks for a design."""
-INSIDE_CIRCLE = 1 - 1e-9
-"""Spectral radius below which the scan regards a loop as stable. Rounding errors are smaller than the distance from
-1."""
+INSIDE_CIRCLE = 1 - 1e-9  # Spectral radius below which the scan regards a loop as stable
+# Least relative error in the picture, which also represents an error of 0 on the logarithmic axis
 LEAST_DRAWN_ERROR = 1e-17
-"""Least relative error in the picture, which also represents an error of 0 on the logarithmic axis."""
-LEAST_SHARE = 1e-9
-"""Least scanned value above 0 of a variable that may be 0, as a share of its upper bound."""
-SLOWEST = 8
-"""Number of the slowest devices that the findings name."""
+LEAST_SHARE = 1e-9  # Least scanned value above 0 of a variable that may be 0, as a share of its upper bound
+SLOWEST = 8  # Number of the slowest devices that the findings name
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The result for one device.
+    """The result for one device."""
 
-    Attributes
-    ----------
-    number : index of the device in the series
-    status : a value of `Status`, or "failed" after an exception, an error that is not finite, or no answer in time
-    seconds : processor time of the solve, s
-    wrong : contradiction between the verdict and the independent evaluation; "" if there is none
-    float_error : largest relative error of the float formulas against 50 digits, over Re Z_c/R, |G_hh|, |1 - G_he| and
-        |Z_c|; nan without a design
-    reason : remark on a device that is neither certified nor infeasible, or whose verdict is wrong; else ""
-    device : problem of such a device, as JSON; else ""
-    """
-
-    number: int
+    number: int  # index of the device in the series
     status: str
-    seconds: float
-    wrong: str
+    seconds: float  # processor time of the solve, s
+    wrong: str  # contradiction between the verdict and the independent evaluation; "" if there is none
     float_error: float
-    reason: str
-    device: str
+    reason: str  # remark on a device that is neither certified nor infeasible, or whose verdict is wrong; else ""
+    device: str  # problem of such a device, as JSON; else ""
 
 
 def measure(quick: bool, seed: int, tick: Tick) -> Measured:
-    """Solve and check random devices.
-
-    Parameters
-    ----------
-    quick : whether to test only `QUICK` devices
-    seed : seed of the devices
-    tick : function that receives the number of finished devices, in words
-
-    Returns
-    -------
-    Measured
-        One row for each device, and the findings.
-
-    Raises
-    ------
-    InputError
-        If mpmath is not installed.
-    """
+    """Solve and check random devices."""
     need("mpmath")
     count = QUICK if quick else FULL
     rows = []
@@ -108,18 +72,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
 
 def examined(seed: int, number: int) -> Row:
-    """Solve a device and check the result.
-
-    Parameters
-    ----------
-    seed, number : seed of the series, and index of the device in it
-
-    Returns
-    -------
-    Row
-        The device's status and time, and the contradiction with an independent evaluation. 50 digits check designs, and
-        a scan in double precision checks that a problem is infeasible.
-    """
+    """Solve a device and check the result."""
     document, problem = device(seed, number)
     device_text, began = json.dumps(document), process_time()
     try:
@@ -143,16 +96,7 @@ def examined(seed: int, number: int) -> Row:
 
 
 def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
-    """Check a design with 50 digits.
-
-    Return the contradiction ("" if there is none), and the largest relative error of the float formulas.
-
-    Parameters
-    ----------
-    problem : problem with its constraints
-    judgement : judgement of a design; the function contradicts only a certified design, by Re Z_c/R and |S| at the
-        checked frequencies, and by the poles of the sampled loop without a hand
-    """
+    """Check a design with 50 digits."""
     from vctune.bench import digits
 
     case = case_of(problem.device, judgement.gains, judgement.coupling)
@@ -192,15 +136,8 @@ def _in_double_precision(problem: Problem, judgement: Judgement, omega: float) -
 
 
 def feasible_design(problem: Problem) -> str | None:
-    """Search gains and couplings with the independent evaluator. Return a design that meets all constraints, as text.
-
-    Return None if the search finds no design. The scan varies the gains and b_c. m_c and b_0 stay at their upper
-    bounds, which ease the constraints.
-
-    Parameters
-    ----------
-    problem : problem with its bounds and constraints
-    """
+    """Search gains and couplings with the independent evaluator. Return a design that meets all constraints, as
+    text."""
     bounds, stability = problem.bounds, problem.stability
     omega = np.geomspace(*demands.sampled_span(problem), SCAN_FREQUENCIES)
     sensitivity_grid = np.geomspace(BELOW_NYQUIST * problem.nyquist, problem.nyquist, SCAN_FREQUENCIES)
@@ -218,10 +155,7 @@ def feasible_design(problem: Problem) -> str | None:
 
 
 def _log_spaced(bounds: Range, count: int) -> list[float]:
-    """Return `count` log-spaced values over a range, including its ends, and also 0 if the range begins there.
-
-    Return one value if the range is a single value.
-    """
+    """Return `count` log-spaced values over a range, including its ends, and also 0 if the range begins there."""
     if bounds.fixed:
         return [bounds.min]
     if bounds.min > 0:

@@ -30,13 +30,7 @@ def machine() -> str:
 
 
 def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
-    """Return the result of the work and its median processor time, s.
-
-    Parameters
-    ----------
-    work : function to measure
-    repeats : number of runs; the function returns the result of the last run
-    """
+    """Return the result of the work and its median processor time, s."""
     seconds = []
     for _ in range(repeats):
         began = process_time()
@@ -47,14 +41,7 @@ def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
 
 @contextmanager
 def patience(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in the block after a given processor time.
-
-    The function needs Unix signals, and works only in the main thread of a process.
-
-    Parameters
-    ----------
-    seconds : processor time, s
-    """
+    """Raise TimeoutError in the block after a given processor time."""
 
     def give_up(_signal: int, _frame: FrameType | None) -> None:
         raise TimeoutError(f"no answer within {seconds:g} s")

@@ -21,58 +21,32 @@ from vctune.model.problem import Problem
 from vctune.report.figures.benchmark_figures import Panel, Series
 from vctune.study.executors import available_cores, worker_pool
 
-QUICK, FULL = 7, 300
-"""Number of devices of a quick run and of a full one. A quick run has one device of each combination."""
-PATIENCE = 60.0
-"""Processor time, s, after which the benchmark records a device as late."""
+QUICK, FULL = 7, 300  # Number of devices of a quick run and of a full one
+PATIENCE = 60.0  # Processor time, s, after which the benchmark records a device as late
 LATE = "late"
-MAX_HALF_WIDTH = 0.9
-"""Greatest relative half-width of a parameter."""
-NUMBERS = "mass", "damping", "delay"
-"""Parameters that may be uncertain."""
+MAX_HALF_WIDTH = 0.9  # Greatest relative half-width of a parameter
+NUMBERS = "mass", "damping", "delay"  # Parameters that may be uncertain
+# The seven combinations of one to three uncertain parameters
 COMBINATIONS = tuple(some for count in (1, 2, 3) for some in combinations(NUMBERS, count))
-"""The seven combinations of one to three uncertain parameters."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The result for one device.
+    """The result for one device."""
 
-    Attributes
-    ----------
-    number : index of the device in the series
-    mass, damping, sample_time, delay : nominal parameters of the device, SI units
-    uncertain : the uncertain parameters with their relative half-widths, in words
-    status : a value of `Status`, or "late" if there is no answer within `PATIENCE`
-    seconds : processor time of the solve, s
-    error : greatest error of the design at the vertices of the box; nan if there is no design
-    """
-
-    number: int
-    mass: float
+    number: int  # index of the device in the series
+    mass: float  # nominal parameters of the device, SI units
     damping: float
     sample_time: float
     delay: float
-    uncertain: str
-    status: str
-    seconds: float
-    error: float
+    uncertain: str  # the uncertain parameters with their relative half-widths, in words
+    status: str  # a value of `Status`, or "late" if there is no answer within `PATIENCE`
+    seconds: float  # processor time of the solve, s
+    error: float  # greatest error of the design at the vertices of the box; nan if there is no design
 
 
 def measure(quick: bool, seed: int, tick: Tick) -> Measured:
-    """Solve random uncertain devices.
-
-    Parameters
-    ----------
-    quick : whether to solve only `QUICK` devices
-    seed : seed of the devices
-    tick : function that receives the number of finished devices, in words
-
-    Returns
-    -------
-    Measured
-        A row for each device, and findings on the times.
-    """
+    """Solve random uncertain devices."""
     count, rows = QUICK if quick else FULL, list[Row]()
     with worker_pool("processes", available_cores()) as pool:
         for future in [pool.executor.submit(solved, seed, number) for number in range(count)]:
@@ -88,15 +62,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
 
 def drawn(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
-    """Return the device with a given index in the series of a seed, as a document and as a problem.
-
-    The combinations of uncertain parameters take turns.
-
-    Parameters
-    ----------
-    seed : seed of the whole series
-    number : index of the device in the series
-    """
+    """Return the device with a given index in the series of a seed, as a document and as a problem."""
     rng = np.random.default_rng((seed, number))
 
     def between(low: float, high: float) -> float:
@@ -113,17 +79,7 @@ def drawn(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
 
 
 def solved(seed: int, number: int) -> Row:
-    """Solve a device.
-
-    Parameters
-    ----------
-    seed, number : seed of the series, and index of the device in it
-
-    Returns
-    -------
-    Row
-        The device's parameters, status, time and error.
-    """
+    """Solve a device."""
     document, problem = drawn(seed, number)
     uncertain = ", ".join(f"{key} {width:g}" for key, width in document["uncertainty"].items())
     status, error, began = LATE, nan, process_time()

@@ -1,7 +1,4 @@
-"""Provide the command line. Each command is one small file that reads input, calls a function and prints the result.
-
-Before this module can handle an interrupt, it imports nothing heavy.
-"""
+"""Provide the command line. Each command is one small file that reads input, calls a function and prints the result."""
 
 from __future__ import annotations
 

@@ -17,11 +17,11 @@ EPILOG = (
 )
 
 
+# Names of the commands
 COMMANDS = (
     "bench", "bound", "check", "compare", "example", "explain", "export", "front", "identify", "region", "report",
     "schema", "simulate", "solve", "sweep",
 )  # fmt: skip
-"""Names of the commands. Each command has a module of the same name in `vctune.cli.commands`."""
 
 
 class _Commands(click.Group):
@@ -61,10 +61,7 @@ def main() -> None:
 
 
 def execute() -> int:
-    """Run the command line and return one of the codes in `ExitCode`.
-
-    KeyboardInterrupt is the only exception that this function raises.
-    """
+    """Run the command line and return one of the codes in `ExitCode`."""
     try:
         code = main(standalone_mode=False)
     except InputError as error:

@@ -13,21 +13,13 @@ from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.storage.changing import examine_changing
 from vctune.running import OutOfTimeError
 
-EXAMINED = "the proof of changing hands"
-"""Name of a stage that a time limit may cut short."""
+EXAMINED = "the proof of changing hands"  # Name of a stage that a time limit may cut short
 
 
 @np.errstate(all="ignore")
 def with_changing(solved: Solved) -> Solved:
-    """Return a result that also states whether the damping of the hand may change, if the design is certified in hands.
-
-    The function does not examine impedance displays, uncertain devices or boxes of environments. No verdict depends on
-    its result.
-
-    Parameters
-    ----------
-    solved : the result of a problem
-    """
+    """Return a result that also states whether the damping of the hand may change, if the design is certified in
+    hands."""
     problem, judgement = solved.problem, solved.judgement
     hands, stated = problem.hands_met, problem.uncertainty or problem.worlds or problem.changing_hands
     if judgement is None or judgement.status is not Status.CERTIFIED or hands is None or stated is not None:

@@ -19,18 +19,11 @@ from vctune.proof.device_box import DeviceBox, device_box, in_longer_hands, move
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """The optimiser's units, in which Z_0 = T = 1 and the greatest weight is 1.
+    """The optimiser's units, in which Z_0 = T = 1 and the greatest weight is 1."""
 
-    Attributes
-    ----------
-    impedance : Z_0, N s/m
-    time : T, s
-    error : unit of the error: the greatest weight of a term that designs can change
-    """
-
-    impedance: float
-    time: float
-    error: float
+    impedance: float  # Z_0, N s/m
+    time: float  # T, s
+    error: float  # unit of the error: the greatest weight of a term that designs can change
 
     def to_si(self, values: Point) -> Point:
         """Return a design's variables in SI units."""
@@ -55,51 +48,24 @@ class Units:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posed:
-    """A problem, with the devices for which the search imposes its constraints.
+    """A problem, with the devices for which the search imposes its constraints."""
 
-    The search imposes the constraints at the vertices of an uncertain box; the prover checks every device of the box.
-    If the prover refutes a device inside the box, the exchange imposes the constraints for this device as well. Two
-    objects compare equal only if they are the same object, so functions can cache results by object.
-
-    Attributes
-    ----------
-    problem : problem in SI or in the optimiser's units
-    cases : one problem for each exactly known device: the nominal device, or the vertices of an uncertain box; also
-        copies of these problems with a delay just below or at a whole number of samples, if the constraints must hold
-        there
-    hand_cases : problems of the devices that the search evaluates in hands: `cases`, and for an uncertain delay also
-        devices with delays next to whole samples; empty if the problem has no claim in hands
-    objective : problems of the devices whose greatest error is the objective
-    box : box of all devices for which the prover must prove a design; None if the problem has one exactly known device
-    demands : the constraints on a design
-    span : the part of the stability band that a grid covers, rad/s
-    """
-
-    problem: Problem
+    problem: Problem  # problem in SI or in the optimiser's units
     cases: tuple[Problem, ...]
     hand_cases: tuple[Problem, ...]
-    objective: tuple[Problem, ...]
-    box: DeviceBox | None
-    demands: Demands
-    span: tuple[float, float]
+    objective: tuple[Problem, ...]  # problems of the devices whose greatest error is the objective
+    box: DeviceBox | None  # box of all devices for which the prover must prove a design
+    demands: Demands  # the constraints on a design
+    span: tuple[float, float]  # the part of the stability band that a grid covers, rad/s
 
     def error(self, gains: Gains, coupling: AnyCoupling) -> float:
-        """Return the objective of a design: its error, or the greatest error over the devices of the objective.
-
-        Parameters
-        ----------
-        gains, coupling : a design with plain floats, in the units of the problem
-        """
+        """Return the objective of a design: its error, or the greatest error over the devices of the objective."""
         return max(transparency_error(case, gains, coupling).error for case in self.objective)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """A problem in SI units, the same problem in the optimiser's units, and these units.
-
-    The weights of `scaled` are relative to the greatest weight that acts. A term that no design can change has weight
-    0.
-    """
+    """A problem in SI units, the same problem in the optimiser's units, and these units."""
 
     given: Posed
     scaled: Posed
@@ -111,10 +77,7 @@ class Prepared:
         return self.given.problem
 
     def on_device(self, device: Device) -> Device:
-        """Return a device of the given problem in the optimiser's units.
-
-        If the device has no unmodelled response, the result has the unmodelled response of the problem's own device.
-        """
+        """Return a device of the given problem in the optimiser's units."""
         disc = self.problem.device.unmodelled if device.unmodelled is None else device.unmodelled
         return _dimensionless(with_device(self.problem, replace(device, unmodelled=disc)), self.units).device
 
@@ -138,35 +101,18 @@ def pose(problem: Problem) -> Posed:
 
 
 def with_corner(posed: Posed, corner: float) -> Posed:
-    """Return a copy of a posed problem in which the multiplier for walls has a given corner frequency.
-
-    Parameters
-    ----------
-    posed : prepared problem with walls
-    corner : w_c, rad per unit of the problem's time
-    """
+    """Return a copy of a posed problem in which the multiplier for walls has a given corner frequency."""
 
     return in_worlds(posed, lambda worlds: replace(worlds, corner=corner))
 
 
 def by_resistance(posed: Posed) -> Posed:
-    """Return a copy of a posed problem whose environments require only a positive margin of the real part.
-
-    Parameters
-    ----------
-    posed : prepared problem with a box of environments
-    """
+    """Return a copy of a posed problem whose environments require only a positive margin of the real part."""
     return in_worlds(posed, lambda worlds: replace(worlds, resistive=True))
 
 
 def in_worlds(posed: Posed, change: Callable[[Worlds], Worlds]) -> Posed:
-    """Return a copy of a posed problem with other environments.
-
-    Parameters
-    ----------
-    posed : prepared problem with a box of environments
-    change : function from the environments of the problem to the other environments
-    """
+    """Return a copy of a posed problem with other environments."""
 
     def changed(problem: Problem) -> Problem:
         assert problem.worlds is not None
@@ -180,11 +126,7 @@ def in_worlds(posed: Posed, change: Callable[[Worlds], Worlds]) -> Posed:
 
 def problems_beside(problem: Problem) -> list[Problem]:
     """Return copies of a problem with a delay just below and at a whole number of samples, if its delay is near such a
-    number.
-
-    The list is empty without a claim in hands. It is also empty for an uncertain delay, because vctune instead extends
-    the range of an uncertain delay to the whole number.
-    """
+    number."""
     delays = () if problem.uncertainty is None else dict(problem.uncertainty.half_widths)
     if problem.hands_met is None or any(problem.device.number(key) for key in DELAYS if key in delays):
         return []
@@ -217,13 +159,7 @@ def with_acting_terms(posed: Posed) -> Posed:
 
 
 def acting_terms(problem: Problem) -> tuple[TermName, ...]:
-    """Return the terms of the error that have a weight and can differ between designs.
-
-    On an admittance display every term can differ. A rigid impedance display follows the commanded force equally well
-    with any K_v. If K_v is fixed, as on every servo, the terms of free motion and of tracking are the same for every
-    design. With the norm "rms" and a weight of the coupling's term, constant terms would hide the effect of the
-    coupling, so the function omits them. In all other cases it omits only terms without a weight.
-    """
+    """Return the terms of the error that have a weight and can differ between designs."""
     objective, device, fixed = problem.transparency, problem.device, set[str]()
     if not device.kind.banded and objective.norm == "rms" and objective.weights.coupling > 0:
         alike = problem.bounds.velocity.fixed
@@ -232,11 +168,7 @@ def acting_terms(problem: Problem) -> tuple[TermName, ...]:
 
 
 def of_one_device(problem: Problem) -> Problem | None:
-    """Return a problem of an exactly known device with the same feasible couplings; None if there is none.
-
-    An uncertain device has such a counterpart if each of its uncertain parameters matters only in sum with the same
-    parameter of the hand (`vctune.proof.device_box`), and if K_v is 0.
-    """
+    """Return a problem of an exactly known device with the same feasible couplings; None if there is none."""
     box = pose(problem).box
     if box is None:
         return problem
@@ -247,13 +179,7 @@ def of_one_device(problem: Problem) -> Problem | None:
 
 
 def with_device(problem: Problem, device: Device) -> Problem:
-    """Return the problem of another device with exactly known parameters.
-
-    Parameters
-    ----------
-    problem : problem; the result has the other device and no uncertainty
-    device : device in the problem's units
-    """
+    """Return the problem of another device with exactly known parameters."""
     return replace(problem, device=device, uncertainty=None)
 
 

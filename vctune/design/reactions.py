@@ -1,9 +1,4 @@
-"""Find the environments that put a pole of the loop on the unit circle: a curve for each hand, in double precision.
-
-Consider one angle theta = omega T, one hand and one share of the coupling. Exactly one impedance Z_e = damping + j
-reactance of the environment puts a pole at e^(j theta): Z_e = -Y, or Z_e = -1/Y for an impedance display
-(model/README.md, section 18).
-"""
+"""Find the environments that put a pole of the loop on the unit circle: a curve for each hand, in double precision."""
 
 from __future__ import annotations
 
@@ -30,37 +25,25 @@ from vctune.running import check_time
 Numbers = NDArray[np.intp]
 Marks = NDArray[np.bool_]
 
+# Positions in the range of each parameter of a hand at which the search evaluates hands: 0 is the least value, 1 the
+# greatest
 SHARES = (0.0, 0.001, 0.01, 0.04, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Positions in the range of each parameter of a hand at which the search evaluates hands: 0 is the least value, 1 the
-greatest."""
-INWARDS = 1e-9
-"""Relative distance of the least evaluated share of the coupling from the end 1/g of its range. With this distance, the
-share stays within the range in spite of rounding errors."""
-LOWEST, NEAR = 1e-4, 1e-3
-"""Least angle theta, and distance of the greatest angle from pi, rad."""
+INWARDS = 1e-9  # Relative distance of the least evaluated share of the coupling from the end 1/g of its range
+LOWEST, NEAR = 1e-4, 1e-3  # Least angle theta, and distance of the greatest angle from pi, rad
+# Number of angles of the first grid, and number of angles of the fine grid where some environment puts a pole
 COARSE, FINE = 160, 400
-"""Number of angles of the first grid, and number of angles of the fine grid where some environment puts a pole."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reactions:
-    """The environments that put a pole on the unit circle, as curves with the angle as parameter.
+    """The environments that put a pole on the unit circle, as curves with the angle as parameter."""
 
-    Attributes
-    ----------
-    theta, u : omega T, rad, and (2/T) tan(theta/2), rad/s, shape (n,)
-    device : index of the device for each curve, shape (curves,)
-    hands : hand of each curve, with parameters of shape (curves,)
-    share : share of the coupling for each curve
-    damping, reactance : damping and reactance of the environment, N s/m, shape (curves, n)
-    """
-
-    theta: Floats
+    theta: Floats  # omega T, rad, and (2/T) tan(theta/2), rad/s, shape (n,)
     u: Floats
-    device: Floats
-    hands: Hand
-    share: Floats
-    damping: Floats
+    device: Floats  # index of the device for each curve, shape (curves,)
+    hands: Hand  # hand of each curve, with parameters of shape (curves,)
+    share: Floats  # share of the coupling for each curve
+    damping: Floats  # damping and reactance of the environment, N s/m, shape (curves, n)
     reactance: Floats
 
     def curves(self, at: Numbers) -> Reactions:
@@ -79,16 +62,7 @@ def reactions(
     factor: float,
     shares: tuple[float, ...] = SHARES,
 ) -> Reactions:
-    """Return the outermost curves, at the angles where an environment with damping >= 0 puts a pole.
-
-    Parameters
-    ----------
-    devices : devices with plain numbers and one sample time
-    hands : the box of hands
-    gains, coupling : a design with plain numbers
-    factor : safety factor g; the function evaluates the shares 1/g and 1 of the coupling, and the share halfway between
-    shares : positions in each range of the hands, from 0 to 1
-    """
+    """Return the outermost curves, at the angles where an environment with damping >= 0 puts a pole."""
     theta = np.geomspace(LOWEST, pi - NEAR, COARSE)
     coarse = _over(devices, hands, gains, coupling, factor, shares, theta)
     with_pole = np.any(coarse.damping >= 0, axis=0)
@@ -157,31 +131,18 @@ def _along(
 
 @dataclass(frozen=True, slots=True)
 class LimitPoints:
-    """The points of curves whose damping exceeds a limit, in runs of neighbouring angles on one curve.
+    """The points of curves whose damping exceeds a limit, in runs of neighbouring angles on one curve."""
 
-    Attributes
-    ----------
-    curve, angle : indices of the curve and of the angle, shape (n,)
-    u, damping, reactance : (2/T) tan(theta/2), rad/s, and the environment's damping and reactance, N s/m
-    starts : indices of the points at which a new run begins
-    """
-
-    curve: Numbers
+    curve: Numbers  # indices of the curve and of the angle, shape (n,)
     angle: Numbers
-    u: Floats
+    u: Floats  # (2/T) tan(theta/2), rad/s, and the environment's damping and reactance, N s/m
     damping: Floats
     reactance: Floats
-    starts: Numbers
+    starts: Numbers  # indices of the points at which a new run begins
 
     @classmethod
     def of(cls, curves: Reactions, least: float) -> LimitPoints:
-        """Return the points whose damping exceeds a limit.
-
-        Parameters
-        ----------
-        curves : curves on which the points lie
-        least : the limit, N s/m
-        """
+        """Return the points whose damping exceeds a limit."""
         curve, angle = np.nonzero(curves.damping > least)
         new = np.ones(curve.size, bool)
         new[1:] = (np.diff(curve) != 0) | (np.diff(angle) != 1)
@@ -190,12 +151,8 @@ class LimitPoints:
 
     @classmethod
     def with_edges(cls, curves: Reactions, least: float) -> LimitPoints:
-        """Return the points of `of`, and the points between two angles where the damping of a curve equals the limit.
-
-        Parameters
-        ----------
-        curves, least : see `of`
-        """
+        """Return the points of `of`, and the points between two angles where the damping of a curve equals the
+        limit."""
         points, exceeds = cls.of(curves, least), curves.damping > least
         curve, angle = np.nonzero(exceeds[:, 1:] != exceeds[:, :-1])
         first, last = curves.damping[curve, angle], curves.damping[curve, angle + 1]
@@ -225,24 +182,14 @@ class LimitPoints:
 
     def hit(self, low: Floats, high: Floats) -> Marks:
         """Return a flag for each box of environments: whether it contains an environment with a pole at one of the
-        points.
-
-        Parameters
-        ----------
-        low, high : least and greatest mass, damping and stiffness, shape (3, n)
-        """
+        points."""
         least, most = self._reactances(low, high)
         enough = self.damping >= low[1][:, None]
         return np.any(enough & (self.reactance >= least) & (self.reactance <= most), axis=1)
 
     def between(self, low: Floats, high: Floats) -> list[tuple[int, int, int] | None]:
         """Return for each box a curve and two of its angles between which every environment of the box has a pole; None
-        if there are none.
-
-        Parameters
-        ----------
-        low, high : least and greatest mass, damping and stiffness of the boxes, shape (3, n)
-        """
+        if there are none."""
         if not self.starts.size:
             return [None] * low.shape[1]
         below, above = self._reactances(low, high)
@@ -252,10 +199,7 @@ class LimitPoints:
         return [self._nearest(over[cell], under[cell], runs[both[cell]].tolist()) for cell in range(low.shape[1])]
 
     def _nearest(self, over: Marks, under: Marks, runs: Sequence[Sequence[int]]) -> tuple[int, int, int] | None:
-        """Return the curve and the angles of two points of a run on opposite sides of a box; None if there are none.
-
-        Among all such pairs of points, the function chooses the pair between which the least damping is greatest.
-        """
+        """Return the curve and the angles of two points of a run on opposite sides of a box; None if there are none."""
         best, found = -inf, None
         for start, end in runs:
             flagged = start + np.flatnonzero(over[start:end] | under[start:end])
@@ -267,24 +211,12 @@ class LimitPoints:
         return found
 
     def stiffest(self, low: Floats, high: Floats) -> float:
-        """Return the greatest stiffness up to which no environment of a box has a pole; inf if there is no limit.
-
-        Parameters
-        ----------
-        low, high : least and greatest mass, damping and stiffness of the box, shape (3,); the function ignores the
-            greatest stiffness
-        """
+        """Return the greatest stiffness up to which no environment of a box has a pole; inf if there is no limit."""
         with_pole = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
         return float(np.min((low[0] * self.u - self.reactance)[with_pole] * self.u[with_pole], initial=inf))
 
     def lightest(self, low: Floats, high: Floats) -> float:
-        """Return the least mass above which no environment of a box has a pole.
-
-        Parameters
-        ----------
-        low, high : least and greatest mass, damping and stiffness of the box, shape (3,); the function ignores the
-            least mass
-        """
+        """Return the least mass above which no environment of a box has a pole."""
         with_pole = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
         return float(np.max((self.reactance + high[2] / self.u)[with_pole] / self.u[with_pole], initial=0.0))
 

@@ -22,22 +22,19 @@ from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Integers
 from vctune.running import OutOfTimeError
 
-AT_ONCE = 64
-"""Number of cells that the search compares with all curves at once, so that the arrays fit into memory."""
+AT_ONCE = 64  # Number of cells that the search compares with all curves at once, so that the arrays fit into memory
 
+# Relative distances between the value to prove and the limit in double precision. vctune tries the next distance if the
+# proof fails with the one before
 RESERVES = (5e-3, 0.03, 0.1)
-"""Relative distances between the value to prove and the limit in double precision. vctune tries the next distance if
-the proof fails with the one before. A smaller distance needs more boxes."""
-DIGITS = 3
-"""Number of significant digits of a stated limit."""
+DIGITS = 3  # Number of significant digits of a stated limit
+# Relative distance by which a limit must be better than the value that is already proved; otherwise vctune does not
+# prove the limit
 WORTH = 0.01
-"""Relative distance by which a limit must be better than the value that is already proved; otherwise vctune does not
-prove the limit."""
 MASS, STIFFNESS = 0, 2
 
 
-Between = tuple[int, int, int]
-"""Index of a curve, and indices of two of its angles."""
+Between = tuple[int, int, int]  # Index of a curve, and indices of two of its angles
 
 
 def in_hands(problem: Problem) -> Problem:
@@ -47,24 +44,14 @@ def in_hands(problem: Problem) -> Problem:
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """A design, prepared for proofs of its stability with boxes of environments in every hand of its problem.
+    """A design, prepared for proofs of its stability with boxes of environments in every hand of its problem."""
 
-    Attributes
-    ----------
-    gains, coupling : the design
-    demands : constraints for the device itself
-    loops : boxes of hands in which stability depends on the environment, for the problem and for its copies with a
-        delay next to a whole sample
-    devices : devices on which the search looks for witnesses
-    curves : curves along which environments have poles, in double precision
-    """
-
-    gains: Gains
+    gains: Gains  # the design
     coupling: AnyCoupling
-    demands: Demands
+    demands: Demands  # constraints for the device itself
     loops: tuple[OpenInHands, ...]
-    devices: tuple[Device, ...]
-    curves: Reactions
+    devices: tuple[Device, ...]  # devices on which the search looks for witnesses
+    curves: Reactions  # curves along which environments have poles, in double precision
 
     @property
     def every(self) -> bool:
@@ -72,12 +59,7 @@ class Rendered:
         return all(loop.nothing for loop in self.loops)
 
     def proves(self, low: Floats, high: Floats) -> bool:
-        """Return whether the design is proved stable with each environment of one box.
-
-        Parameters
-        ----------
-        low, high : least and greatest mass, damping and stiffness, shape (3,)
-        """
+        """Return whether the design is proved stable with each environment of one box."""
         return self.every or bool(self.proved(met(low[:, None], high[:, None]))[0])
 
     def proved(self, cells: WorldCells) -> Flags:
@@ -90,13 +72,7 @@ class Rendered:
 
     def refuted(self, missed: WorldCells, found: Sequence[Between]) -> Flags:
         """Return a flag for each box: whether its curve and its two angles provably refute every environment of the
-        box.
-
-        Parameters
-        ----------
-        missed : boxes of environments; see `refuted_in_worlds`
-        found : a curve and two angles for each box, from `estimated`
-        """
+        box."""
         refuted = np.zeros(len(missed), bool)
         which = np.array(found, np.intp).reshape(-1, 3).T
         for k, device in enumerate(self.devices):
@@ -111,18 +87,7 @@ class Rendered:
         return refuted
 
     def estimated(self, cells: WorldCells, missed: WorldCells) -> tuple[Flags, Integers, list[Between]]:
-        """Look for curves and angles that refute boxes of environments, in double precision.
-
-        Parameters
-        ----------
-        cells, missed : n boxes; see `OpenInHands.proved` and `refuted_in_worlds`
-
-        Returns
-        -------
-        hopeful : flags of the boxes in which no point of a curve lies, shape (n,)
-        lost : indices of the boxes in which a curve seems to refute every environment
-        between : the curve and the two angles, for each box of `lost`
-        """
+        """Look for curves and angles that refute boxes of environments, in double precision."""
         hopeful, found = np.ones(len(cells), bool), dict[int, Between]()
         points = LimitPoints.of(self.curves, float(cells.low[1].min(initial=inf)))
         for i in range(0, len(cells), AT_ONCE):
@@ -139,14 +104,7 @@ class Rendered:
 
 
 def rendered(problem: Problem, gains: Gains, coupling: AnyCoupling, damping: float = 0.0) -> Rendered:
-    """Return a design, prepared for proofs of its stability with boxes of environments in every hand of its problem.
-
-    Parameters
-    ----------
-    problem : problem with device, hands, uncertainty and safety factor; SI units
-    gains, coupling : the design
-    damping : least damping of the environments, N s/m
-    """
+    """Return a design, prepared for proofs of its stability with boxes of environments in every hand of its problem."""
     posed = _posed(problem)
     devices, curves = _curves(posed[0], gains, coupling)
     loops = tuple(
@@ -167,31 +125,14 @@ def _curves(posed: Posed, gains: Gains, coupling: AnyCoupling) -> tuple[tuple[De
 
 
 def met(low: Floats, high: Floats) -> WorldCells:
-    """Return boxes of environments whose damping has no upper limit.
-
-    Parameters
-    ----------
-    low, high : least and greatest mass, damping and stiffness, shape (3, n); the function ignores the greatest damping
-    """
+    """Return boxes of environments whose damping has no upper limit."""
     most = high.copy()
     most[1] = inf
     return WorldCells(low, most)
 
 
 def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | None:
-    """Return the stiffest spring and the lightest tool with which a design is proved stable in every hand.
-
-    Parameters
-    ----------
-    problem : problem with all defaults filled in, SI units
-    judgement : judgement of the design
-
-    Returns
-    -------
-    RenderedRecord or None
-        None if the problem states no environments, if its environments run late or by Euler's rules, or if the time
-        limit ends the proof.
-    """
+    """Return the stiffest spring and the lightest tool with which a design is proved stable in every hand."""
     worlds, certified = problem.worlds, judgement.status is Status.CERTIFIED
     if problem.hands_met is None or worlds is None or not worlds.lossless:
         return None
@@ -219,15 +160,7 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
 def _ends_beyond(
     points: LimitPoints, low: Floats, high: Floats, number: int, known: float | None
 ) -> list[tuple[float, Floats, Floats]]:
-    """Return the stiffnesses or the masses to prove, one for each reserve, each with the box whose range ends there.
-
-    Parameters
-    ----------
-    points : points at which environments have poles, in double precision
-    low, high : least and greatest mass, damping and stiffness of the problem's box, shape (3,)
-    number : `STIFFNESS` or `MASS`
-    known : value that is already proved; the function returns only better values. None if no value is proved
-    """
+    """Return the stiffnesses or the masses to prove, one for each reserve, each with the box whose range ends there."""
     stiff, found = number == STIFFNESS, []
     if not stiff and high[MASS] == 0:
         high = np.array([inf, *high[1:]])

@@ -26,93 +26,51 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """The point at which IPOPT stopped.
+    """The point at which IPOPT stopped."""
 
-    Attributes
-    ----------
-    z : coordinates of the free variables
-    error : objective at this point
-    converged : whether IPOPT reports convergence, which proves nothing
-    peak_tracked : whether the tracked peak of |S| stayed within its limits
-    iterations : number of IPOPT iterations
-    others : the other unknowns: log frequencies of tracked peaks, and the epigraph variable if there is one
-    multipliers : Lagrange multipliers of the constraints that the working set uses, in the order of the NLP; negative
-        if a lower bound is active
-    """
-
-    z: Floats
-    error: float
-    converged: bool
-    peak_tracked: bool
-    iterations: int
-    others: Floats
-    multipliers: Floats
+    z: Floats  # coordinates of the free variables
+    error: float  # objective at this point
+    converged: bool  # whether IPOPT reports convergence, which proves nothing
+    peak_tracked: bool  # whether the tracked peak of |S| stayed within its limits
+    iterations: int  # number of IPOPT iterations
+    others: Floats  # the other unknowns: log frequencies of tracked peaks, and the epigraph variable if there is one
+    multipliers: Floats  # Lagrange multipliers of the constraints that the working set uses, in the order of the NLP
 
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """One NLP of an exchange.
-
-    Attributes
-    ----------
-    constraints : number of its constraints, which are points of the working set and tangents of the stability boundary
-    solution : point at which IPOPT stopped
-    """
+    """One NLP of an exchange."""
 
     constraints: int
-    solution: Solution
+    solution: Solution  # point at which IPOPT stopped
 
 
 @dataclass(frozen=True, slots=True)
 class Polished:
     """A local optimum in dimensionless units, which meets the constraints at every frequency in double precision,
-    without proof.
+    without proof."""
 
-    Attributes
-    ----------
-    start : the start from which the exchange reached the optimum
-    values : the variables of the design
-    error : transparency error
-    structure, working_set, solution : the NLP whose answer this is, its working set, and the point at which IPOPT
-        stopped
-    tightening : relative tightening of the constraints
-    rounds : the NLPs of the exchange
-    """
-
-    start: Start
-    values: Point
-    error: float
-    structure: NlpStructure
+    start: Start  # the start from which the exchange reached the optimum
+    values: Point  # the variables of the design
+    error: float  # transparency error
+    structure: NlpStructure  # the NLP whose answer this is, its working set, and the point at which IPOPT stopped
     working_set: WorkingSet
     solution: Solution
-    tightening: float
-    rounds: list[Round]
+    tightening: float  # relative tightening of the constraints
+    rounds: list[Round]  # the NLPs of the exchange
 
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """A change of one value of the problem file that makes a design possible, although 90 % of the change does not.
+    """A change of one value of the problem file that makes a design possible, although 90 % of the change does not."""
 
-    If the old value is 0, any other value may suffice, and the repair is then a small value. For a gain of a given
-    design, the repair is not the least change: it is the value with the least error, or the value of the solved design.
-
-    Attributes
-    ----------
-    key : dotted key
-    old, new : old and new value, in the unit of the file; 1 and 0 for true and false
-    change : meaning of the change, in words
-    needs : the new line of the file, in TOML
-    size : change relative to the greater of the two values, by which repairs with the same error are ordered
-    error : transparency error of the repaired design
-    """
-
-    key: str
-    old: float
+    key: str  # dotted key
+    old: float  # old and new value, in the unit of the file; 1 and 0 for true and false
     new: float
-    change: str
-    needs: str
-    size: float
-    error: float
+    change: str  # meaning of the change, in words
+    needs: str  # the new line of the file, in TOML
+    size: float  # change relative to the greater of the two values, by which repairs with the same error are ordered
+    error: float  # transparency error of the repaired design
 
     def __str__(self) -> str:
         if self.needs == f"{self.key} = false":
@@ -128,37 +86,22 @@ class Repair:
 @dataclass(frozen=True, slots=True)
 class Price:
     """The effect on the least error of improving one parameter of the device while the rest of the problem stays the
-    same.
+    same."""
 
-    Attributes
-    ----------
-    key : key of the parameter in the problem file
-    old, new : the value, and a value that is better by 1 %, in SI units and hertz
-    change : first-order change of the least error as a share of this error; at most 0
-    """
-
-    key: str
-    old: float
+    key: str  # key of the parameter in the problem file
+    old: float  # the value, and a value that is better by 1 %, in SI units and hertz
     new: float
-    change: float
+    change: float  # first-order change of the least error as a share of this error; at most 0
 
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """The error of a design under only one criterion, from the optimiser and without proof.
+    """The error of a design under only one criterion, from the optimiser and without proof."""
 
-    Attributes
-    ----------
-    criterion : "hands" or "passive"
-    error : error of the best design under this criterion
-    stiffness : stiffness of an impedance display's coupling, N/m
-    drag : drag of an admittance display's coupling, N s/m
-    """
-
-    criterion: Criterion
-    error: float
-    stiffness: float | None = None
-    drag: float | None = None
+    criterion: Criterion  # "hands" or "passive"
+    error: float  # error of the best design under this criterion
+    stiffness: float | None = None  # stiffness of an impedance display's coupling, N/m
+    drag: float | None = None  # drag of an admittance display's coupling, N s/m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

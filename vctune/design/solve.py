@@ -26,30 +26,14 @@ if TYPE_CHECKING:
     from vctune.design.bound.resume import ResumeState
     from vctune.design.bound.search import Optimality, SearchState
 
-BOUND = "the search of every box"
-"""Name of the search of every box among the stages that a time limit may cut short."""
+BOUND = "the search of every box"  # Name of the search of every box among the stages that a time limit may cut short
+# SEARCH_BOXES is the greatest number of boxes in the search of all designs, which runs if the optimiser finds no design
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
-"""SEARCH_BOXES is the greatest number of boxes in the search of all designs, which runs if the optimiser finds no
-design.
-
-If the search evaluates each box on several devices, it divides this number by the number of devices; the first, short
-search does not. The search then takes about as long as a user would wait for an answer. With half as many boxes it
-proves fewer problems infeasible; with twice as many it proves only a few more. SEARCH_GAP is the gap at which the
-search accepts a design: 1 %.
-"""
-STABILITY_BOXES = 1_500_000
-"""Greatest number of boxes in the proofs that loops are stable or unstable. Each of these boxes takes a tenth of the
-time of a box with a lower bound. The problems of problems/ need about as many stability boxes as boxes with a lower
-bound. A loop with a sample time of half an hour needs more than a hundred times as many. With half or twice this
-number, a search without a result takes half or twice the time."""
+STABILITY_BOXES = 1_500_000  # Greatest number of boxes in the proofs that loops are stable or unstable
+# Greatest number of boxes in a first search, which tries to prove that there is no design before the optimiser runs
 EARLY_BOXES = 20_000
-"""Greatest number of boxes in a first search, which tries to prove that there is no design before the optimiser runs.
-This number is a small share of `SEARCH_BOXES`. The later search continues where the first one ended, so no work is
-lost.
-"""
+# Greatest number of boxes in the search for a bound that the user requested; in practice there is no limit
 BOUND_BOXES = 20_000_000
-"""Greatest number of boxes in the search for a bound that the user requested; in practice there is no limit. If Ctrl-C
-or a time limit ends the search earlier, the result has the bound reached so far."""
 
 
 @np.errstate(all="ignore")
@@ -57,28 +41,7 @@ def solve(
     problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None, exhaustive: bool = True
 ) -> Solved:
     """Find the most transparent feasible design and prove it. If the problem fixes every variable, judge the given
-    design.
-
-    If the optimiser finds no design, a search over all designs (`vctune.design.bound`) finds one, proves that there is
-    none, or ends without a result. If the device is uncertain, the function also solves the problem for only the
-    nominal device. This nominal design is one more start, and its error shows the cost of robustness.
-
-    Parameters
-    ----------
-    problem : problem in SI units
-    progress : function that receives the current stage
-    gap : relative gap; the function proves that no design has an error that is lower than the result's by more than
-        this share. None for no such proof
-    exhaustive : whether to search every box if the optimiser finds no design, or if `gap` is given; with a box of
-        environments the function searches every box only if `gap` is given
-
-    Returns
-    -------
-    Solved
-        The design with its certificate, or the reason why there is none, in SI units. The function does not search for
-        repairs. If the time limit ends the work, the result is the best design so far with its proved claims, and `cut`
-        names the stages that the time limit cut short.
-    """
+    design."""
     began = perf_counter()
     if problem.bounds.fixed:
         fixed = judge(problem, *problem.fixed_design)
@@ -94,13 +57,7 @@ def solve(
 
 
 def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustive: bool) -> Solved:
-    """Search for a design.
-
-    Raises
-    ------
-    OutOfTimeError
-        If the time limit ends the work before the search has any result.
-    """
+    """Search for a design."""
     began = perf_counter()
     progress("scanning")
     prepared = prepare(problem)

@@ -11,14 +11,8 @@ from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Problem, Range
 
-Point = tuple[float, ...]
-"""The variables of a design in their order.
-
-For an admittance display or a servo they are K_v, K_p, b_c, m_c and b_0. With walls, the corner frequency w_c of the
-multiplier follows. For an impedance display they are K_v, K_p (always 0), b_c and k_c.
-"""
-CORNER = 5
-"""Index of the corner frequency w_c in a `Point`."""
+Point = tuple[float, ...]  # The variables of a design in their order
+CORNER = 5  # Index of the corner frequency w_c in a `Point`
 
 
 def keys_for(problem: Problem) -> tuple[str, ...]:
@@ -28,12 +22,7 @@ def keys_for(problem: Problem) -> tuple[str, ...]:
 
 
 def point(gains: Gains, coupling: AnyCoupling) -> Point:
-    """Return the variables of a design in the order of `Point`.
-
-    Parameters
-    ----------
-    gains, coupling : a design in any units; the result has the same units
-    """
+    """Return the variables of a design in the order of `Point`."""
     return (*astuple(gains), *astuple(coupling))
 
 
@@ -54,20 +43,12 @@ def ranges(problem: Problem) -> tuple[Range, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """One free variable x in the coordinate z = log x (scale 0) or z = log(1 + x/scale).
+    """One free variable x in the coordinate z = log x (scale 0) or z = log(1 + x/scale)."""
 
-    Attributes
-    ----------
-    index : index of the variable among a design's variables
-    name : name of the variable
-    scale : 0, or the size below which changes of x hardly affect a design; with a scale > 0, x = 0 has a finite z
-    low, high : bounds of z
-    """
-
-    index: int
-    name: str
-    scale: float
-    low: float
+    index: int  # index of the variable among a design's variables
+    name: str  # name of the variable
+    scale: float  # 0, or the size below which changes of x hardly affect a design
+    low: float  # bounds of z
     high: float
 
     def to_z(self, x: float) -> float:
@@ -80,18 +61,8 @@ class Coordinate:
 
 
 def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]:
-    """Return the coordinates of the free variables of a dimensionless problem, with K_p only if there is an integrator.
-
-    Parameters
-    ----------
-    problem : problem, dimensionless
-    integrator : whether the law has the term K_p/s
-
-    Returns
-    -------
-    tuple of Coordinate
-        The coordinates in the order of `Point`, without fixed variables.
-    """
+    """Return the coordinates of the free variables of a dimensionless problem, with K_p only if there is an
+    integrator."""
     device = problem.device
     loop_impedance = device.mass / device.loop_lag + device.damping
     scales = dict.fromkeys(("velocity", "damping"), 0.0001 * loop_impedance)

@@ -28,10 +28,9 @@ from vctune.model.hands import Hand
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
 
+# A problem: the path of its file, the file's tables, or the problem itself
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
-"""A problem: the path of its file, the file's tables, or the problem itself."""
-DesignSource = Gains | GainsFile | str | Path
-"""A design: the path of a gains file, the file itself, or gains. A function takes the coupling of gains separately."""
+DesignSource = Gains | GainsFile | str | Path  # A design: the path of a gains file, the file itself, or gains
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -118,21 +117,7 @@ def problem(source: ProblemSource) -> ProblemFile:
 
 
 def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Display = ADMITTANCE) -> GainsFile:
-    """Return a design, read from a file or built from gains and coupling.
-
-    Parameters
-    ----------
-    gains : a gains file or its path, or gains together with `coupling`
-    coupling : coupling of the design; None for a gains file
-    kind : kind of display of the gains. If the coupling is of another type, the first kind with this type of coupling
-        replaces it. A gains file states its own kind
-
-    Raises
-    ------
-    InputError
-        If the design is invalid; the error lists the mistakes (`refusal`) with dotted key, value and remedy, and with
-        the line if there is a file.
-    """
+    """Return a design, read from a file or built from gains and coupling."""
     if isinstance(gains, GainsFile) and coupling is None:
         return gains
     if isinstance(gains, str | Path) and coupling is None:
@@ -157,18 +142,7 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
 
 
 def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | None = None) -> GainsFile:
-    """Return a design for a problem, read from a file or built from gains and coupling.
-
-    Parameters
-    ----------
-    file : the problem
-    gains, coupling : see `design`
-
-    Raises
-    ------
-    InputError
-        See `design`; also if the design is for another kind of device than the problem's.
-    """
+    """Return a design for a problem, read from a file or built from gains and coupling."""
     stated = design(gains, coupling, file.problem.device.kind)
     require_gains_of(file, stated)
     return stated

@@ -12,13 +12,7 @@ from vctune.document.text.codes import Note
 
 
 def file_doubts(file: ProblemFile, source: str | None = None) -> Iterator[Note]:
-    """Yield notes on values that are probably not intended, with the place of the key if a note is about one key.
-
-    Parameters
-    ----------
-    file : the problem and its text
-    source : name of the file in messages; None for its path
-    """
+    """Yield notes on values that are probably not intended, with the place of the key if a note is about one key."""
     for note in doubts(file.problem):
         if not note.path:
             yield note

@@ -1,8 +1,5 @@
 """Write the gains file. The user can paste its tables [gains] and [coupling] into a problem; [design] states their
-origin.
-
-See document/README.md, section 2.
-"""
+origin. See document/README.md, section 2."""
 
 from __future__ import annotations
 
@@ -17,25 +14,13 @@ from vctune.model.numbers.units import UNITS, UnitSystem
 
 
 def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
-    """Return the gains and coupling parameters that the display of a design has, by key and in order.
-
-    Parameters
-    ----------
-    kind : kind of the device
-    gains, coupling : a design with plain floats
-    """
+    """Return the gains and coupling parameters that the display of a design has, by key and in order."""
     numbers = zip(kind.keys, astuple(gains) + astuple(coupling), strict=True)
     return {key: number for key, number in numbers if key not in kind.absent}
 
 
 def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, float]]:
-    """Return the tables [gains] and [coupling] of a design; a servo has only [coupling].
-
-    Parameters
-    ----------
-    kind : kind of the device
-    gains, coupling : a design with plain floats
-    """
+    """Return the tables [gains] and [coupling] of a design; a servo has only [coupling]."""
     tables: dict[str, dict[str, float]] = {}
     for key, number in design_numbers(kind, gains, coupling).items():
         table, name = key.split(".")
@@ -44,26 +29,13 @@ def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[st
 
 
 def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the values of a design as one line of text. The line keeps the solved values when a user edits the gains.
-
-    Parameters
-    ----------
-    kind : kind of the device
-    gains, coupling : a design with plain floats
-    """
+    """Return the values of a design as one line of text. The line keeps the solved values when a user edits the
+    gains."""
     return " ".join(repr(number) for number in design_numbers(kind, gains, coupling).values())
 
 
 def numbers_in(text: str, kind: Display) -> dict[str, float]:
-    """Return the values that `numbers_text` wrote, by key.
-
-    The result is empty if the text does not contain the values of this kind of display.
-
-    Parameters
-    ----------
-    text : text from `numbers_text`
-    kind : kind of the device
-    """
+    """Return the values that `numbers_text` wrote, by key."""
     try:
         return dict(zip(kind.stated, map(float, text.split()), strict=True))
     except ValueError:
@@ -77,15 +49,7 @@ def gains_text(
     origin: Mapping[str, str | float],
     units: UnitSystem = "linear",
 ) -> str:
-    """Return the text of a gains file.
-
-    Parameters
-    ----------
-    kind : kind of the device
-    gains, coupling : a design with plain floats, which the function writes in their shortest exact decimals
-    origin : keys of the [design] table with texts or numbers, in addition to the display and the units
-    units : units of the device
-    """
+    """Return the text of a gains file."""
     stated, tables = {**origin, "display": kind.name, "units": units}, design_tables(kind, gains, coupling)
     written = [
         [

@@ -14,37 +14,29 @@ from vctune.document.schema.validation import Contradiction, shown, validated
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake
 
+# Units that a column may have, by its role
 KINDS = {
     "time": ("s", "ms", "us"),
     "position": ("m", "mm", "um", "rad", "mrad", "deg"),
     "command": ("N", "mN", "kN", "Nm", "mNm"),
     "velocity_command": ("m/s", "mm/s", "rad/s", "deg/s"),
 }
-"""Units that a column may have, by its role. `KIND_OF` names the roles with the same units as one of these."""
+# Roles that have the same units as another role
 KIND_OF = {
     "force": "command", "hand": "command", "handle": "position", "reference": "position", "position_command": "position"
 }  # fmt: skip
-"""Roles that have the same units as another role."""
+# Units of angles, torques and angular velocities, which only the log of a rotary device has
 ANGLES = ("rad", "mrad", "deg", "Nm", "mNm", "rad/s", "deg/s")
-"""Units of angles, torques and angular velocities, which only the log of a rotary device has."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogMap:
-    """The content of a log.toml.
+    """The content of a log.toml."""
 
-    Attributes
-    ----------
-    document : the checked document
-    source : path of the file; "log.toml" without a file
-    text : text of the file; "" without a file
-    servo : whether the logs show a servo and its command
-    """
-
-    document: LogDocument
-    source: str = "log.toml"
-    text: str = ""
-    servo: bool = False
+    document: LogDocument  # the checked document
+    source: str = "log.toml"  # path of the file; "log.toml" without a file
+    text: str = ""  # text of the file; "" without a file
+    servo: bool = False  # whether the logs show a servo and its command
 
     @property
     def roles(self) -> tuple[str, ...]:
@@ -53,23 +45,7 @@ class LogMap:
 
 
 def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
-    """Read a log.toml. Without a file, return the map for logs whose headers state their roles.
-
-    Parameters
-    ----------
-    path : path of the file; None for logs whose headers state their roles
-    servo : whether the logs show a servo and its command
-
-    Returns
-    -------
-    LogMap
-        The checked map.
-
-    Raises
-    ------
-    InputError
-        If the text is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value and remedy.
-    """
+    """Read a log.toml. Without a file, return the map for logs whose headers state their roles."""
     if path is None:
         return LogMap(LogDocument.model_validate({}), servo=servo)
     text = toml.read_text(path)
@@ -77,24 +53,7 @@ def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
 
 
 def read_log(path: Path, log_map: LogMap) -> Recording:
-    """Read a log.
-
-    Parameters
-    ----------
-    path : path of a CSV file, plain or gzipped, with commas, semicolons or tabs and a line of headers
-    log_map : roles of the columns
-
-    Returns
-    -------
-    Recording
-        Columns in SI units, by their roles.
-
-    Raises
-    ------
-    InputError
-        If the log cannot be read; a fault in a row names its line and column. Also if the log lacks a column that the
-        map names or that vctune needs, or if the unit of a column is not known; each fault names a key of the map.
-    """
+    """Read a log."""
     table = read_table(path)
     headers = table.headers
     columns = _columns(path, headers, log_map)
@@ -142,10 +101,7 @@ def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, Colum
 
 
 def _roles_only_by_map(stated: Mapping[str, ColumnTable]) -> tuple[str, ...]:
-    """Return the roles that no header gives to a column.
-
-    A servo receives only one of the two commands. If the map states one, a header does not add the other.
-    """
+    """Return the roles that no header gives to a column."""
     return SERVO_COMMANDS if set(SERVO_COMMANDS) & set(stated) else ()
 
 
@@ -154,10 +110,7 @@ def _table(entry: str | ColumnTable) -> ColumnTable:
 
 
 def _column_by_header(role: str, headers: list[str], used_headers: set[str]) -> ColumnTable | None:
-    """Return the first column whose header states the role and a unit, as in position_mm; None if there is none.
-
-    The map has not given another role to this column.
-    """
+    """Return the first column whose header states the role and a unit, as in position_mm; None if there is none."""
     ends = [f"{role}_{_in_header(unit)}" for unit in KINDS[KIND_OF.get(role, role)]]
     return next(
         (ColumnTable(column=header) for header in headers if header in ends and header not in used_headers), None
@@ -169,10 +122,7 @@ def _in_header(unit: str) -> str:
 
 
 def _check_needed(path: Path, headers: list[str], columns: dict[str, ColumnTable], log_map: LogMap) -> None:
-    """Refuse a log without a position, without times and sample time, or without what moves the device.
-
-    A device needs a command, a force of the motor or a force of the hand. A servo needs exactly one of its commands.
-    """
+    """Refuse a log without a position, without times and sample time, or without what moves the device."""
     missing = []
     if "position" not in columns:
         missing.append(("columns.position", "without a position nothing can be identified; name its column"))
@@ -211,13 +161,7 @@ def _channel(values: Floats, stated: ColumnTable, log_map: LogMap, role: str) ->
 
 
 def _unit(stated: ColumnTable, log_map: LogMap, role: str) -> str:
-    """Return the unit of a column: the stated unit, or the end of its header.
-
-    Raises
-    ------
-    InputError
-        If this is no unit of the role, for a linear or a rotary device as the map states.
-    """
+    """Return the unit of a column: the stated unit, or the end of its header."""
     fitting = KINDS[KIND_OF.get(role, role)]
     if role != "time":
         fitting = tuple(unit for unit in fitting if (unit in ANGLES) == log_map.document.rotary)

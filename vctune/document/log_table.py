@@ -16,53 +16,28 @@ from vctune.document.recording import Floats
 from vctune.document.schema.validation import MAX_MISTAKES, shown
 from vctune.document.text.errors import InputError, Mistake
 
-MAX_BYTES = 400_000_000
-"""Greatest size of a log, bytes. The limit is four times the size of a log of a million samples with ten columns."""
+MAX_BYTES = 400_000_000  # Greatest size of a log, bytes
+# First bytes of gzipped files, of new workbooks, and of old workbooks
 GZIP, ZIP, OLE = b"\x1f\x8b", b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
-"""First bytes of gzipped files, of new workbooks, and of old workbooks."""
-SEPARATORS = (",", ";", "\t")
-"""Separators of columns. The first of them that the line of headers contains separates the columns."""
-LOOKED_AT = 10
-"""Number of rows in which the reader looks for decimal commas."""
+SEPARATORS = (",", ";", "\t")  # Separators of columns
+LOOKED_AT = 10  # Number of rows in which the reader looks for decimal commas
 WHOLE = re.compile(r'"?[+-]?\d+(e[+-]?\d+)?"?', re.IGNORECASE)
+# A whole number, and a number with a decimal comma, both also in quotes
 COMMA = re.compile(r'"?[+-]?\d+,\d+(e[+-]?\d+)?"?', re.IGNORECASE)
-"""A whole number, and a number with a decimal comma, both also in quotes."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogTable:
-    """The table of a log, before its columns have roles.
+    """The table of a log, before its columns have roles."""
 
-    Attributes
-    ----------
-    headers : headers of the columns
-    numbers : finite numbers, shape (rows, columns)
-    first_line : line of the file that contains the first row of numbers, from 1
-    sha256 : SHA-256 digest of the file, in hexadecimal
-    """
-
-    headers: list[str]
-    numbers: Floats
-    first_line: int
-    sha256: str
+    headers: list[str]  # headers of the columns
+    numbers: Floats  # finite numbers, shape (rows, columns)
+    first_line: int  # line of the file that contains the first row of numbers, from 1
+    sha256: str  # SHA-256 digest of the file, in hexadecimal
 
 
 def read_table(path: Path) -> LogTable:
-    """Read a table of numbers.
-
-    Parameters
-    ----------
-    path : path of a CSV file, plain or gzipped. Empty lines and lines that begin with # may precede the headers
-
-    Returns
-    -------
-    LogTable
-
-    Raises
-    ------
-    InputError
-        If the log cannot be read. A fault in a cell names its line and column; the error lists up to `MAX_MISTAKES`.
-    """
+    """Read a table of numbers."""
     packed = _bytes(path)
     _check_text(path, packed)
     data = _unpacked(path, packed) if packed.startswith(GZIP) else packed
@@ -157,10 +132,7 @@ def _is_number(text: str) -> bool:
 
 
 def _at_once(data: bytes, separator: str, columns: int, first_line: int) -> Floats | None:
-    """Return the samples of a table without faults; None if the table has a fault.
-
-    The function makes no list of lines, to save memory.
-    """
+    """Return the samples of a table without faults; None if the table has a fault."""
     stream = _stream(data)
     try:
         for _ in range(first_line - 1):
@@ -190,11 +162,7 @@ def _row_by_row(path: Path, data: bytes, separator: str, headers: list[str], fir
 
 
 def _check_point(path: Path, lines: list[str], separator: str, columns: int, first_line: int) -> None:
-    """Raise one error for decimal commas.
-
-    If commas also separate columns, decimal commas split the numbers of a row into two whole numbers each. Most rows
-    then have more cells than headers, up to twice as many.
-    """
+    """Raise one error for decimal commas."""
     rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
     whole = separator == "," and all(WHOLE.fullmatch(cell) for cells in rows for cell in cells)
     torn = whole and 2 * sum(columns < len(cells) <= 2 * columns for cells in rows) > len(rows)

@@ -1,7 +1,4 @@
-"""Read problem files with several uncoupled axes.
-
-Each [[axis]] states a problem: the tables of the file, in which the keys of the axis replace the keys of the file.
-"""
+"""Read problem files with several uncoupled axes."""
 
 from __future__ import annotations
 
@@ -19,24 +16,16 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
-NOT_OVERRIDDEN = ("name", "description", "experiment", "axis")
-"""Keys that an axis cannot override. An axis has a `name`, which is its own."""
+NOT_OVERRIDDEN = ("name", "description", "experiment", "axis")  # Keys that an axis cannot override
 
 
 @dataclass(frozen=True, slots=True)
 class AxisProblem:
-    """An axis of a problem file.
+    """An axis of a problem file."""
 
-    Attributes
-    ----------
-    name : name of the axis
-    file : problem of the axis, named after the file and the axis; `text` states the merged tables
-    line : line of its name
-    """
-
-    name: str
-    file: ProblemFile
-    line: int
+    name: str  # name of the axis
+    file: ProblemFile  # problem of the axis, named after the file and the axis; `text` states the merged tables
+    line: int  # line of its name
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,23 +93,7 @@ def read_problem_or_axes(path: str | Path) -> ProblemFile | AxesFile:
 
 
 def axes_file(text: str, path: Path) -> AxesFile | None:
-    """Return the axes that the text of a file states.
-
-    Parameters
-    ----------
-    text : text in TOML
-    path : path of the file; its stem is the problem's name unless the text states one
-
-    Returns
-    -------
-    AxesFile
-        None if the text has no [[axis]].
-
-    Raises
-    ------
-    InputError
-        If the text is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value and remedy.
-    """
+    """Return the axes that the text of a file states."""
     path = toml.called(path)
     raw, source = toml.parse(text, str(path)), str(path)
     if "axis" not in raw:
@@ -149,15 +122,7 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
 
 
 def merged(shared: Mapping[str, Any], axis_tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the shared tables with the tables of an axis merged into them.
-
-    Tables merge key by key; the axis replaces all other values.
-
-    Parameters
-    ----------
-    shared : tables of the file that its axes share
-    axis_tables : tables of one axis
-    """
+    """Return the shared tables with the tables of an axis merged into them."""
     tables = deepcopy(dict(shared))
     for key, value in axis_tables.items():
         both = isinstance(value, Mapping) and isinstance(tables.get(key), Mapping)
@@ -213,10 +178,7 @@ def _has(tables: Any, path: KeyPath) -> bool:
 def _with_axis_names(
     faults_of_axes: Sequence[Sequence[Fault]], names: Sequence[str], common_faults: set[Fault]
 ) -> list[Fault]:
-    """Return the faults of all axes without duplicates.
-
-    If one axis causes a fault in a shared table, the message names the axis.
-    """
+    """Return the faults of all axes without duplicates."""
     named_faults = []
     for faults, name in zip(faults_of_axes, names, strict=True):
         for fault in faults:

@@ -90,37 +90,14 @@ def read_problem(path: str | Path) -> ProblemFile:
 
 
 def problem_file(text: str, path: Path) -> ProblemFile:
-    """Return the problem that the text of a file states.
-
-    Parameters
-    ----------
-    text : text in TOML
-    path : path of the file; its stem is the problem's name unless the text states one
-
-    Raises
-    ------
-    InputError
-        If the text is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value and remedy.
-    """
+    """Return the problem that the text of a file states."""
     path = toml.called(path)
     name = path.stem.encode("utf-8", "replace").decode()
     return ProblemFile(parse_problem(text, str(path), name), text, str(path))
 
 
 def parse_problem(text: str, source: str, default_name: str) -> Problem:
-    """Return the problem that a TOML text states.
-
-    Parameters
-    ----------
-    text : text in TOML
-    source : name of the file in messages
-    default_name : name of the problem if the text states none
-
-    Raises
-    ------
-    InputError
-        If the text is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value and remedy.
-    """
+    """Return the problem that a TOML text states."""
     problem, faults = pose(toml.parse(text, source), default_name)
     if problem is None:
         raise refusal(faults, text, source)
@@ -130,20 +107,7 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
 def pose(
     raw: dict[str, Any], default_name: str, yardstick: Problem | None = None
 ) -> tuple[Problem | None, list[Fault]]:
-    """Return the problem that parsed TOML states and no faults, or None and all faults.
-
-    Parameters
-    ----------
-    raw : tables of the document
-    default_name : name of the problem if the tables state none
-    yardstick : problem whose bands and Z_0 apply where the tables state none (`resolve`); None for the problem's own
-        defaults
-
-    Returns
-    -------
-    problem : problem with all defaults filled in; None if there are faults
-    faults : faults, each with the path of its key
-    """
+    """Return the problem that parsed TOML states and no faults, or None and all faults."""
     document, faults = examined(ProblemDocument, raw, contradictions)
     if document is None or faults:
         return None, [_told(fault, units_stated(raw)) for fault in faults]
@@ -155,14 +119,7 @@ def pose(
 
 
 def on_yardstick(file: ProblemFile, yardstick: Problem) -> ProblemFile:
-    """Return a problem in which another problem's bands and Z_0 apply where its file states none.
-
-    Parameters
-    ----------
-    file : the problem
-    yardstick : the other problem; ignored if the problem is not valid with its bands, for example because one of them
-        ends above the Nyquist frequency of the device
-    """
+    """Return a problem in which another problem's bands and Z_0 apply where its file states none."""
     problem, _ = pose(file.document, file.problem.name, yardstick)
     return file if problem is None else replace(file, problem=problem)
 
@@ -174,29 +131,17 @@ def _told(fault: Fault, units: Units) -> Fault:
 
 @dataclass(frozen=True, slots=True)
 class GainsFile:
-    """Gains and coupling as a gains file states them.
+    """Gains and coupling as a gains file states them."""
 
-    Attributes
-    ----------
-    kind : kind of display of the design
-    gains, coupling : the design; the gains that a kind of display lacks are 0
-    sha256 : digest of the problem for which the design was made; None if the file does not state it
-    units : units of the numbers; None if the file does not state them
-    text : the file's text
-    source : path of the file; "design" without a file
-    solved : numbers of the original design by their keys; empty if the file does not state them
-    corner : corner of the multiplier that proves the design's walls, rad/s; None if the file does not state it
-    """
-
-    kind: Display
-    gains: Gains
+    kind: Display  # kind of display of the design
+    gains: Gains  # the design; the gains that a kind of display lacks are 0
     coupling: AnyCoupling
-    sha256: str | None
-    units: UnitSystem | None
-    text: str
-    source: str = "design"
-    solved: Mapping[str, float] = field(default_factory=dict)
-    corner: float | None = None
+    sha256: str | None  # digest of the problem for which the design was made; None if the file does not state it
+    units: UnitSystem | None  # units of the numbers; None if the file does not state them
+    text: str  # the file's text
+    source: str = "design"  # path of the file; "design" without a file
+    solved: Mapping[str, float] = field(default_factory=dict)  # numbers of the original design by their keys
+    corner: float | None = None  # corner of the multiplier that proves the design's walls, rad/s
 
 
 def read_gains(path: str | Path) -> GainsFile:
@@ -205,18 +150,7 @@ def read_gains(path: str | Path) -> GainsFile:
 
 
 def gains_file(text: str, path: Path) -> GainsFile:
-    """Return the gains that the text of a file states.
-
-    Parameters
-    ----------
-    text : text in TOML
-    path : path of the file, for messages
-
-    Raises
-    ------
-    InputError
-        If the text is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value and remedy.
-    """
+    """Return the gains that the text of a file states."""
     path = toml.called(path)
     kind = _kind_of(toml.parse(text, str(path)))
     document = validated(GAINS_DOCUMENTS[kind.name], text, str(path), _other_display)
@@ -228,20 +162,16 @@ def gains_file(text: str, path: Path) -> GainsFile:
     return GainsFile(kind, gains, coupling, origin.sha256, origin.units, text, str(path), solved, corner)
 
 
+# Schema of a gains file for each kind of display
 GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | ServoGainsDocument]] = {
     "admittance": GainsDocument,
     "impedance": SpringGainsDocument,
     "servo": ServoGainsDocument,
 }
-"""Schema of a gains file for each kind of display."""
 
 
 def _kind_of(raw: dict[str, Any]) -> Display:
-    """Return the kind of display of a gains file.
-
-    A stiffness in [coupling] means an impedance display. A file without [gains] is of a servo, unless [design] states
-    another display. Every other file is of an admittance display.
-    """
+    """Return the kind of display of a gains file."""
     coupling, origin = raw.get("coupling"), raw.get("design")
     if isinstance(coupling, dict) and "stiffness" in coupling:
         return IMPEDANCE
@@ -273,11 +203,8 @@ def _empty_default_band(problem: Problem) -> Fault:
 
 
 def _beyond_nyquist(problem: Problem) -> list[Fault]:
-    """Return a fault for each band of a problem that ends above its Nyquist frequency, because a yardstick states it.
-
-    The stability band matters only for any passive hand on an admittance display. It may end at inf if the device has
-    no parts, hold "lag" and no delay.
-    """
+    """Return a fault for each band of a problem that ends above its Nyquist frequency, because a yardstick states
+    it."""
     compared = {"transparency": ("the errors are compared", problem.transparency.band.max)}
     endless = problem.device.ideal and problem.device.hold == "lag" and problem.device.delay == 0
     if problem.passive and not (problem.stability.band.max == inf and endless):

@@ -12,54 +12,33 @@ from numpy.typing import NDArray
 from vctune.model.numbers.units import UNITS, Units
 
 Floats = NDArray[np.float64]
+# Roles of the columns in a device's log
 ROLES = ("time", "position", "command", "force", "hand", "handle", "reference")
-"""Roles of the columns in a device's log."""
-SERVO_COMMANDS = ("velocity_command", "position_command")
-"""Roles of a servo's command. A log has one of them."""
-SERVO_ROLES = ("time", "position", *SERVO_COMMANDS, "force", "hand")
-"""Roles of the columns in a servo's log."""
+SERVO_COMMANDS = ("velocity_command", "position_command")  # Roles of a servo's command
+SERVO_ROLES = ("time", "position", *SERVO_COMMANDS, "force", "hand")  # Roles of the columns in a servo's log
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One column of a recording.
+    """One column of a recording."""
 
-    Attributes
-    ----------
-    header : header of the column in the file
-    values : numbers in SI units, shape (n,)
-    scale : SI units per unit of the column; negative if the column has the opposite sign
-    quantum : resolution that the map states, SI units; None if it states none
-    limit : value at which the column saturates, SI units; None if it is not known
-    """
-
-    header: str
-    values: Floats
-    scale: float
-    quantum: float | None
-    limit: float | None
+    header: str  # header of the column in the file
+    values: Floats  # numbers in SI units, shape (n,)
+    scale: float  # SI units per unit of the column; negative if the column has the opposite sign
+    quantum: float | None  # resolution that the map states, SI units; None if it states none
+    limit: float | None  # value at which the column saturates, SI units; None if it is not known
 
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """One log as columns.
+    """One log as columns."""
 
-    Attributes
-    ----------
-    source : path of its file
-    sha256 : SHA-256 digest of the file, in hexadecimal
-    first_line : line of the file that contains the first sample
-    channels : columns by their role, one of `ROLES` or `SERVO_ROLES`
-    ignored : headers of unused columns
-    rotary : whether positions are angles
-    """
-
-    source: str
-    sha256: str
-    first_line: int
-    channels: Mapping[str, Channel]
-    ignored: tuple[str, ...]
-    rotary: bool
+    source: str  # path of its file
+    sha256: str  # SHA-256 digest of the file, in hexadecimal
+    first_line: int  # line of the file that contains the first sample
+    channels: Mapping[str, Channel]  # columns by their role, one of `ROLES` or `SERVO_ROLES`
+    ignored: tuple[str, ...]  # headers of unused columns
+    rotary: bool  # whether positions are angles
 
     @property
     def name(self) -> str:

@@ -11,43 +11,31 @@ from typing import Any
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake
 
+# Axes in the order of the lists of the file: three translations, then three rotations
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-"""Axes in the order of the lists of the file: three translations, then three rotations."""
-COEFFICIENT, JOINT_DAMPING = 0.05, 5.0
-"""Default values of filter_coefficient and joint_damping in the controller."""
+COEFFICIENT, JOINT_DAMPING = 0.05, 5.0  # Default values of filter_coefficient and joint_damping in the controller
+# Least mass, greatest mass and greatest stiffness that the controller accepts
 LIGHTEST, HEAVIEST, STIFFEST = 1e-4, 1e6, 1e8
-"""Least mass, greatest mass and greatest stiffness that the controller accepts."""
 SUFFIXES = (".yaml", ".yml")
+# Keys of the numbers that a user tunes for stability
 TUNED = (
     "admittance.mass",
     "admittance.damping_ratio",
     "admittance.joint_damping",
     "ft_sensor.filter_coefficient",
 )
-"""Keys of the numbers that a user tunes for stability. The stiffness is not among them: it belongs to the intended
-feel."""
 
 
 @dataclass(frozen=True, slots=True)
 class Admittance:
-    """The admittance that the controller renders on one axis.
+    """The admittance that the controller renders on one axis."""
 
-    Attributes
-    ----------
-    axis : name of the axis, one of `AXES`
-    mass : M, kg; for a rotation kg m^2
-    damping_ratio : zeta, dimensionless
-    stiffness : S, N/m; for a rotation N m/rad
-    joint_damping : rate at which each joint loses velocity in addition to D, 1/s
-    line : line of the file that states the masses
-    """
-
-    axis: str
-    mass: float
-    damping_ratio: float
-    stiffness: float
-    joint_damping: float
-    line: int
+    axis: str  # name of the axis, one of `AXES`
+    mass: float  # M, kg; for a rotation kg m^2
+    damping_ratio: float  # zeta, dimensionless
+    stiffness: float  # S, N/m; for a rotation N m/rad
+    joint_damping: float  # rate at which each joint loses velocity in addition to D, 1/s
+    line: int  # line of the file that states the masses
 
     @property
     def turns(self) -> bool:
@@ -68,28 +56,20 @@ class Admittance:
 
 @dataclass(frozen=True, slots=True)
 class AdmittanceFile:
-    """The selected axes of a parameter file.
+    """The selected axes of a parameter file."""
 
-    Attributes
-    ----------
-    axes : selected axes in the order of `AXES`, at least one
-    filter_coefficient : weight of each new sample in the filter of the force, in (0, 1]
-    line : line of the file that selects the axes
-    lines : lines of the file by the dotted keys of `TUNED`; if a key is absent, the line of the nearest table above it
-    """
-
-    axes: tuple[Admittance, ...]
-    filter_coefficient: float
-    line: int
-    lines: Mapping[str, int]
+    axes: tuple[Admittance, ...]  # selected axes in the order of `AXES`, at least one
+    filter_coefficient: float  # weight of each new sample in the filter of the force, in (0, 1]
+    line: int  # line of the file that selects the axes
+    lines: Mapping[str, int]  # lines of the file by the dotted keys of `TUNED`
 
 
+# Message about a controller that does not render a mass with drag
 FORWARD_DYNAMICS = (
     "states pd_gains, those of FZI's cartesian_controllers; their law solves a virtual arm's dynamics from rest in "
     "every cycle, has no mass, and acts on the rate of the force; vctune does not prove it; name the parameters of an "
     "admittance_controller"
 )
-"""Message about a controller that does not render a mass with drag."""
 
 
 def is_admittance(path: Path) -> bool:
@@ -98,18 +78,7 @@ def is_admittance(path: Path) -> bool:
 
 
 def read_admittance(path: Path) -> AdmittanceFile:
-    """Read the parameter file of one admittance_controller.
-
-    Parameters
-    ----------
-    path : path of a YAML file with `NAME: ros__parameters: admittance: ...`
-
-    Raises
-    ------
-    InputError
-        If PyYAML is not installed, if the file is not YAML, or if it does not state exactly one such controller. Also
-        if a parameter is invalid; the error then lists every mistake with its line, dotted key, value and remedy.
-    """
+    """Read the parameter file of one admittance_controller."""
     source = str(path)
     try:
         import yaml
@@ -138,10 +107,7 @@ def read_admittance(path: Path) -> AdmittanceFile:
 def _controllers(
     value: Any, place: tuple[str, ...], table: str = "admittance"
 ) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any]]]:
-    """Yield the place and the parameters of every controller that states a given table.
-
-    The key ros__parameters may stand below up to six other keys.
-    """
+    """Yield the place and the parameters of every controller that states a given table."""
     # the limit on the depth has nothing to do with the axes: it ends the search in deeply nested files
     if not isinstance(value, Mapping) or len(place) > len(AXES):
         return
@@ -160,13 +126,7 @@ class _Reader:
         self._mistakes: list[Mistake] = []
 
     def read(self) -> AdmittanceFile:
-        """Return the content of the file.
-
-        Raises
-        ------
-        InputError
-            If the parameters are invalid; the error lists all faults.
-        """
+        """Return the content of the file."""
         selected = self._list("selected_axes", flags=True)
         masses = self._list("mass", least=LIGHTEST, most=HEAVIEST)
         ratios, stiffnesses = self._list("damping_ratio"), self._list("stiffness", most=STIFFEST)

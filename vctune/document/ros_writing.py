@@ -6,18 +6,11 @@ from collections.abc import Sequence
 
 from vctune.document.ros import AXES, AdmittanceFile
 
-CONTROLLER = "admittance_controller"
-"""Name of the controller in the file. The user may replace this name."""
+CONTROLLER = "admittance_controller"  # Name of the controller in the file
 
 
 def admittance_text(given: AdmittanceFile, comments: Sequence[str]) -> str:
-    """Return the YAML text of a parameter file.
-
-    Parameters
-    ----------
-    given : the selected axes; the other axes, which the controller does not use, get the numbers of the first
-    comments : comments at the top, one line each
-    """
+    """Return the YAML text of a parameter file."""
     first, named = given.axes[0], {axis.axis: axis for axis in given.axes}
     axes = [named.get(name, first) for name in AXES]
     selected = ", ".join(str(name in named).lower() for name in AXES)
@@ -32,10 +25,7 @@ def admittance_text(given: AdmittanceFile, comments: Sequence[str]) -> str:
 
 
 def _number(value: float) -> str:
-    """Return a number in its shortest exact decimals, with a decimal point.
-
-    Without the point, YAML and ROS 2 would read an integer.
-    """
+    """Return a number in its shortest exact decimals, with a decimal point."""
     text = repr(float(value))
     mantissa, exponent, power = text.partition("e")
     return text if "." in mantissa else f"{mantissa}.0{exponent}{power}"

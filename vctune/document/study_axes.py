@@ -15,32 +15,20 @@ from vctune.document.schema.study_schema import MOST_VALUES
 from vctune.document.schema.validation import Contradiction, KeyPath, dotted, shown
 
 Scale = Literal["list", "linear", "log"]
-SPANS: tuple[Scale, ...] = ("linear", "log")
-"""Rules that divide a range."""
-MOST = 1e300
-"""Greatest finite magnitude of a value."""
+SPANS: tuple[Scale, ...] = ("linear", "log")  # Rules that divide a range
+MOST = 1e300  # Greatest finite magnitude of a value
 FORMS = "write a list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }"
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """One number of the problem that varies.
+    """One number of the problem that varies."""
 
-    Attributes
-    ----------
-    key : dotted key
-    path : path of the key in the problem
-    scale : "list", or the rule that divides a range
-    values : values of a list, or the two ends of a range, in the unit of the problem file; the values of a whole number
-        have the type int
-    n : number of values; None for a range that is only sampled
-    """
-
-    key: str
-    path: KeyPath
-    scale: Scale
-    values: tuple[float, ...]
-    n: int | None
+    key: str  # dotted key
+    path: KeyPath  # path of the key in the problem
+    scale: Scale  # "list", or the rule that divides a range
+    values: tuple[float, ...]  # values of a list, or the two ends of a range, in the unit of the problem file
+    n: int | None  # number of values; None for a range that is only sampled
 
 
 def number_keys() -> dict[str, KeyPath]:
@@ -74,13 +62,7 @@ def _keys_of(kind: str) -> dict[str, KeyPath]:
 
 
 def read_axis(key: str, value: Any, *, sampled: bool) -> tuple[Axis | None, list[Contradiction]]:
-    """Return the axis that a study states under a key and no faults, or None and its faults.
-
-    Parameters
-    ----------
-    key, value : key in the [axes] table, and its value
-    sampled : whether a range is sampled, so that it needs no n
-    """
+    """Return the axis that a study states under a key and no faults, or None and its faults."""
     at: KeyPath = ("axes", key)
     path = number_keys().get(re.sub(r"\s", "", key))
     faults = [] if path is not None else [(at, _unknown(key, value))]

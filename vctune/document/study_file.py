@@ -23,44 +23,28 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.raw import placed
 from vctune.model.problem import Problem
 
+# Written form that the problem must use for a key so that one of its elements or ends can vary
 FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
-"""Written form that the problem must use for a key so that one of its elements or ends can vary."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The rule by which the axes form points.
-
-    Attributes
-    ----------
-    kind : kind of sample: every combination, a Latin hypercube, or the axes' lists in parallel
-    n, seed : number of points and seed of a Latin hypercube; 0 for the other kinds
-    """
+    """The rule by which the axes form points."""
 
     kind: Literal["grid", "lhs", "list"] = "grid"
-    n: int = 0
+    n: int = 0  # number of points and seed of a Latin hypercube; 0 for the other kinds
     seed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A problem solved at many points.
+    """A problem solved at many points."""
 
-    Attributes
-    ----------
-    name : name of the study
-    document : parsed problem file
-    axes : axes that vary
-    yardstick : problem whose transparency band and Z_0 every point uses unless the file or an axis states others; its
-        stability band likewise, for any passive hand on an admittance display
-    sample : how the axes form points
-    """
-
-    name: str
-    document: dict[str, Any]
-    axes: tuple[Axis, ...]
+    name: str  # name of the study
+    document: dict[str, Any]  # parsed problem file
+    axes: tuple[Axis, ...]  # axes that vary
     yardstick: Problem
-    sample: Sample = Sample()
+    sample: Sample = Sample()  # how the axes form points
 
     @property
     def count(self) -> int:
@@ -72,22 +56,13 @@ class Study:
 
     @property
     def sha256(self) -> str:
-        """The digest that ties rows to their study.
-
-        The digest covers the parsed problem file without name and description, and the keys that vary. It does not
-        cover the values of the axes, nor how they form points.
-        """
+        """The digest that ties rows to their study."""
         content = {key: value for key, value in self.document.items() if key not in ("name", "description")}
         text = json.dumps([content, [axis.key for axis in self.axes]], sort_keys=True, default=str)
         return sha256(text.encode()).hexdigest()
 
     def posed(self, values: Iterable[float]) -> dict[str, Any]:
-        """Return the document of the problem at a point. The document may be invalid.
-
-        An axis may vary one end of a band or range that the document leaves at its default. The other end is then the
-        default at this point, or the yardstick's. If there is no such default because the rest of the document is
-        invalid, the band or range is left out.
-        """
+        """Return the document of the problem at a point. The document may be invalid."""
         return _posed(self.document, self.axes, values, self.yardstick)
 
     def extremes(self) -> Iterator[Problem]:
@@ -105,14 +80,7 @@ class Study:
 
 
 def read_study(path: Path) -> Study:
-    """Read a study file and the problem file that it names.
-
-    Raises
-    ------
-    InputError
-        If study or problem is invalid; the error lists the mistakes of the first invalid one of the two files, with
-        line, dotted key, value and remedy.
-    """
+    """Read a study file and the problem file that it names."""
     text = toml.read_text(path)
     document, faults = examined(StudyDocument, toml.parse(text, str(path)), _contradictions)
     if document is None or faults:
@@ -140,20 +108,7 @@ def read_study(path: Path) -> Study:
 def build_study(
     problem: ProblemFile, axes: Mapping[str, Any], sample: Mapping[str, Any] | None = None, name: str = "study"
 ) -> Study:
-    """Return the study of a problem. Axes and sample have the form of a study file's tables.
-
-    Parameters
-    ----------
-    problem : problem of the study
-    axes : axes by dotted key: a list of values, `{"linear": [a, b], "n": n}`, or `{"log": [a, b], "n": n}`
-    sample : `kind`, with `n` and `seed` if it needs them; None for every combination
-    name : name of the study
-
-    Raises
-    ------
-    InputError
-        If axes or sample are invalid; the error lists the mistakes with dotted key, value and remedy.
-    """
+    """Return the study of a problem. Axes and sample have the form of a study file's tables."""
     raw = {"problem": problem.problem.name, "axes": plain(axes), "sample": plain(sample or {})}
     document, faults = examined(StudyDocument, raw, _contradictions)
     if document is None or faults:
@@ -229,10 +184,7 @@ def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
 
 
 def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
-    """Return why the problem has no place for an axis; empty if it has.
-
-    An element of a list or an end of a range needs the list or the range in the problem, or its default.
-    """
+    """Return why the problem has no place for an axis; empty if it has."""
     node: Any = problem
     for i, (step, inner) in enumerate(pairwise(axis.path), 1):
         owner, form = dotted(axis.path[:i]), FORM_OF.get(inner, "a table")
@@ -270,10 +222,7 @@ def _first(problem: dict[str, Any], axes: Sequence[Axis]) -> dict[str, Any]:
 
 
 def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Problem | None, list[Fault]]:
-    """Return the problem without axes or, if it is invalid, the problem at the first value of each axis.
-
-    The result is None, with the fault, if both are invalid.
-    """
+    """Return the problem without axes or, if it is invalid, the problem at the first value of each axis."""
     for document in (problem, _first(problem, axes)):
         found, faults = pose(document, "study")
         if found is not None:

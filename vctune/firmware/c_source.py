@@ -15,42 +15,26 @@ from vctune.simulation.firmware import equations
 from vctune.simulation.firmware.equations import COEFFICIENTS, COMMANDS, INPUTS, STATE, Equation, Parts, Quantity
 from vctune.simulation.firmware.expression import Symbol
 
+# The names of the coefficients of a built-in environment
 BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")
-"""The names of the coefficients of a built-in environment."""
-LIMITING = ("limit", "position_reach")
-"""The names of the coefficients that limit the force. Impedance displays have only `limit`, because their firmware has
-no integrator that could wind up. Servos have neither, because their firmware commands no force."""
+LIMITING = ("limit", "position_reach")  # The names of the coefficients that limit the force
+# The remark on units in the head of the C header, for a linear and for a rotary device
 SYSTEM = {
     "linear": "SI units; of a rotary device kg m^2, N m and rad in place of\n * kg, N and m.",
     "rotary": "SI units of a rotary device: kg m2, N m and rad; its\n * force is a torque, its mass an inertia.",
 }
-"""The remark on units in the head of the C header, for a linear and for a rotary device."""
-GAINS = "velocity_gain", "position_gain"
-"""The names of the coefficients that are gains of the design. The templates define them apart from the other
-constants."""
-WIDTH = 118
-"""Greatest width of a line of C, characters."""
+GAINS = "velocity_gain", "position_gain"  # The names of the coefficients that are gains of the design
+WIDTH = 118  # Greatest width of a line of C, characters
 
 
 def c_source(firmware: Firmware) -> dict[str, str]:
-    """Return the texts of vctune_controller.h and vctune_controller.c.
-
-    Parameters
-    ----------
-    firmware : the design as firmware
-    """
+    """Return the texts of vctune_controller.h and vctune_controller.c."""
     variables = {**names_and_numbers(firmware), **_code(firmware)}
     return {name: rendered_template(name, variables) for name in ("vctune_controller.h", "vctune_controller.c")}
 
 
 def rendered_template(name: str, variables: dict[str, Any]) -> str:
-    """Fill in the variables of a template in the folder templates/, and return the text.
-
-    Parameters
-    ----------
-    name : file name of the template without .j2
-    variables : value of each variable of the template, by its name
-    """
+    """Fill in the variables of a template in the folder templates/, and return the text."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     templates = Environment(  # C and XML need no HTML escaping
@@ -65,10 +49,7 @@ def rendered_template(name: str, variables: dict[str, Any]) -> str:
 
 
 def names_and_numbers(firmware: Firmware) -> dict[str, Any]:
-    """Return the variables that describe a design in the templates, except for the equations.
-
-    c_source.py, fmu.py and replay.py use these variables.
-    """
+    """Return the variables that describe a design in the templates, except for the equations."""
     double = firmware.precision == "double"
     # " * " begins each line of a C comment
     top = "\n".join(f" * {line}".rstrip() for text in statement(firmware) for line in comment(text) or [""])
@@ -125,10 +106,7 @@ def names_and_numbers(firmware: Firmware) -> dict[str, Any]:
 
 
 def _start_head(firmware: Firmware) -> str:
-    """Return the head of the function vctune_start.
-
-    Only a differenced velocity needs the start position of the motor.
-    """
+    """Return the head of the function vctune_start."""
     first = "vctune_real position, " if firmware.parts.difference else ""
     last = ", vctune_real limit" if limiting(firmware) else ""
     indent = " " * len("vctune_state vctune_start(")
@@ -160,10 +138,8 @@ def _defined(firmware: Firmware, constants: list[tuple[str, float, str, str]]) -
 
 
 def _code(firmware: Firmware) -> dict[str, Any]:
-    """Return the variables of the templates that contain C: the equations, the fields of structs and the start values.
-
-    They also contain the numbers of operations in a step.
-    """
+    """Return the variables of the templates that contain C: the equations, the fields of structs and the start
+    values."""
     blocks, step = _blocks(firmware.parts), ("estimate", "drive", "law")
     kept = [name for name in state_names(firmware) if name != "desired"]
     names = _names(firmware, blocks)
@@ -186,10 +162,7 @@ def _code(firmware: Firmware) -> dict[str, Any]:
 
 
 def state_names(firmware: Firmware) -> list[str]:
-    """Return the names of a firmware's state variables.
-
-    The force of an environment's mass belongs to the state of the environment, not to this state.
-    """
+    """Return the names of a firmware's state variables."""
     return [name for name in equations.remembered(firmware.parts) if name != "inertia"]
 
 

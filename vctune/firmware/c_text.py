@@ -13,26 +13,14 @@ from vctune.simulation.firmware.equations import Equation
 from vctune.simulation.firmware.expression import Operation, Symbol, Term
 from vctune.simulation.firmware.stepped import Precision
 
-BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}
-"""Precedence of each operator. A greater number binds more tightly. All other operators become function calls or, in C,
-a conditional expression."""
-HOLDING = BINDING | {"choice": 0}
-"""Precedence of an operation that is an operand of another operation. The conditional expression binds least."""
+BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}  # Precedence of each operator
+HOLDING = BINDING | {"choice": 0}  # Precedence of an operation that is an operand of another operation
+# Kind under which `operations` counts an operator
 COUNTED = {"+": "additions", "-": "additions", "*": "multiplications", "/": "divisions"}
-"""Kind under which `operations` counts an operator. Changes of sign do not count; all other operators are
-comparisons."""
 
 
 def literal(number: float, precision: Precision) -> str:
-    """Return the shortest C constant that a compiler reads as exactly the given number.
-
-    An infinite number becomes VCTUNE_NONE, the greatest finite number of the precision.
-
-    Parameters
-    ----------
-    number : number in the given precision
-    precision : precision of the constant
-    """
+    """Return the shortest C constant that a compiler reads as exactly the given number."""
     if number in (inf, -inf):
         return "VCTUNE_NONE" if number > 0 else "-VCTUNE_NONE"
     text = repr(number) if precision == "double" else str(np.float32(number))
@@ -42,14 +30,7 @@ def literal(number: float, precision: Precision) -> str:
 
 
 def code(term: Term, names: Mapping[Symbol, str], precision: Precision) -> str:
-    """Return a term as C.
-
-    Parameters
-    ----------
-    term : a number, a symbol or an operation on terms
-    names : C names of the symbols
-    precision : precision of the constants
-    """
+    """Return a term as C."""
 
     def called(operator: str, operands: list[str]) -> str:
         if operator == "choice":
@@ -76,14 +57,7 @@ def _written(
     number: Callable[[float], str],
     called: Callable[[str, list[str]], str],
 ) -> str:
-    """Return a term as text. An operand gets parentheses if it binds less tightly than its operator.
-
-    Parameters
-    ----------
-    term : a number, a symbol or an operation on terms
-    name, number : functions that write a symbol and a number
-    called : function that writes an operator without an infix form, given its written operands
-    """
+    """Return a term as text. An operand gets parentheses if it binds less tightly than its operator."""
     if isinstance(term, Symbol):
         return name(term)
     if not isinstance(term, Operation):
@@ -114,13 +88,7 @@ def operations(equations: Iterable[Equation]) -> Counter[str]:
 
 
 def comment(text: str, width: int = 110) -> list[str]:
-    """Return a text as lines for a comment in C, in ASCII. The text cannot begin or end a comment.
-
-    Parameters
-    ----------
-    text : any text, possibly from the user
-    width : greatest number of characters in a line, unless a word is longer
-    """
+    """Return a text as lines for a comment in C, in ASCII. The text cannot begin or end a comment."""
     lines, line = [], ""
     plain_text = printable(text).encode("ascii", "replace").decode()
     for word in plain_text.replace("/", " / ").split() if "*" in text else plain_text.split():

@@ -15,8 +15,8 @@ from vctune.simulation.firmware import equations
 from vctune.simulation.firmware.equations import COEFFICIENTS, STATE, Quantity
 from vctune.version import __version__
 
-SCHEMA = "vctune/controller/1"
-"""Name and version of the format of controller.json."""
+SCHEMA = "vctune/controller/1"  # Name and version of the format of controller.json
+# Formulas of the coefficients that the user sets at run time
 FORMULAS = {
     "inertance": "mass / sample_time; by the trapezoidal rule 2 * mass / sample_time",
     "inertia_carry": "0; by the trapezoidal rule 1",
@@ -27,23 +27,10 @@ FORMULAS = {
     "limit": "the greatest force, infinity for none",
     "position_reach": "limit / position_gain, infinity for none",
 }
-"""Formulas of the coefficients that the user sets at run time. Such coefficients are not constants of the design."""
 
 
 def controller_record(firmware: Firmware) -> dict[str, Any]:
-    """Return the object of controller.json.
-
-    Parameters
-    ----------
-    firmware : the design as firmware
-
-    Returns
-    -------
-    dict
-        The object states the symbol, the unit and the meaning of each quantity. For a servo it has no gains. A program
-        must evaluate the equations from first to last. `before.NAME` is the value of NAME after the previous sample;
-        `choice(a, b, c, d)` is c if a > b, else d.
-    """
+    """Return the object of controller.json."""
     units = firmware.units
     coefficients = {
         name: {**_described(COEFFICIENTS[name], units), "value": number}

@@ -24,34 +24,22 @@ from vctune.simulation.firmware.equations import Parts
 from vctune.simulation.firmware.stepped import Precision, exported_parts
 from vctune.simulation.scene import designed_law
 
+# An environment without mass, damping and stiffness, because the constants of a firmware do not depend on it
 NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
-"""An environment without mass, damping and stiffness, because the constants of a firmware do not depend on it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """A design, ready to be exported as firmware.
+    """A design, ready to be exported as firmware."""
 
-    Attributes
-    ----------
-    record : record of the exported design; in single precision, the record of the design with rounded constants
-    device : device of the problem, before the sample time and the filter are rounded
-    gains, coupling : the design before rounding
-    parts : parts of the firmware, with all built-in environments, and with a limit if the firmware commands a force
-    precision : precision of the firmware's arithmetic
-    coefficients : coefficients of the controller as the firmware uses them, by their names in
-        `vctune.simulation.firmware.equations`
-    problem_sha256, design_sha256 : digest of the problem, and digest of problem, gains and coupling together
-    """
-
-    record: DesignRecord
-    device: Device
-    gains: Gains
+    record: DesignRecord  # record of the exported design
+    device: Device  # device of the problem, before the sample time and the filter are rounded
+    gains: Gains  # the design before rounding
     coupling: AnyCoupling
     parts: Parts
-    precision: Precision
+    precision: Precision  # precision of the firmware's arithmetic
     coefficients: dict[str, float]
-    problem_sha256: str
+    problem_sha256: str  # digest of the problem, and digest of problem, gains and coupling together
     design_sha256: str
 
     @property
@@ -78,16 +66,7 @@ class Firmware:
 def firmware(
     file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: Precision, corner: float | None = None
 ) -> Firmware:
-    """Return a design as firmware, after proving it with the constants that the firmware will have.
-
-    Parameters
-    ----------
-    file : the problem
-    gains, coupling : the design, SI units
-    precision : precision of the firmware; for single precision, the function rounds every coefficient and proves the
-        rounded ones
-    corner : corner of the multiplier that proves walls, rad/s; None for the best corner
-    """
+    """Return a design as firmware, after proving it with the constants that the firmware will have."""
     device = file.problem.device
     law = designed_law(device, gains, coupling, NOTHING)
     coefficients = controller_coefficients(coefficients_of(law), law.command)
@@ -112,27 +91,12 @@ def firmware(
 
 @np.errstate(all="ignore")
 def judged(problem: Problem, design: tuple[Gains, AnyCoupling], corner: float | None = None) -> Judgement:
-    """Prove the claims of `vctune check` for a design, and return the verdicts.
-
-    Parameters
-    ----------
-    problem : problem with the device and the constraints, SI units
-    design : gains and coupling as the firmware uses them
-    corner : see `firmware`
-    """
+    """Prove the claims of `vctune check` for a design, and return the verdicts."""
     return judge_all(problem, [design], [corner])[0]
 
 
 def controller_coefficients(coefficients: dict[str, float], command: Commanded) -> dict[str, float]:
-    """Return the coefficients that a firmware has as constants.
-
-    Coefficients of environment and limit are not constants.
-
-    Parameters
-    ----------
-    coefficients : coefficients of a complete firmware with a coupling, by their names
-    command : quantity that the firmware commands: "force", "velocity" or "position"
-    """
+    """Return the coefficients that a firmware has as constants."""
     of_law: tuple[str, ...] = ("velocity_gain", "position_gain")
     of_coupling: tuple[str, ...] = ("coupling_step", "coupling_decay")
     if "coupling_stiffness" in coefficients:
@@ -144,21 +108,7 @@ def controller_coefficients(coefficients: dict[str, float], command: Commanded) 
 
 
 def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, AnyCoupling]]:
-    """Return the problem and the design whose exact coefficients equal given rounded coefficients.
-
-    The problem has the rounded sample time, because the firmware's integrators use it, and the corner frequency of the
-    rounded low-pass of the velocity. A stability band that ends at or below the Nyquist frequency still does.
-
-    Parameters
-    ----------
-    problem : problem in SI units, which supplies the data that the coefficients lack
-    coefficients : see `controller_coefficients`; rounded
-
-    Returns
-    -------
-    problem, design
-        The design consists of gains and coupling. The gains of a servo are 0.
-    """
+    """Return the problem and the design whose exact coefficients equal given rounded coefficients."""
     T, device, stability = coefficients["sample_time"], problem.device, problem.stability
     estimate = device.velocity
     if estimate is not None and estimate.filter_hz is not None:

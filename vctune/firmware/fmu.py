@@ -20,14 +20,13 @@ from vctune.firmware.preamble import not_proved, statement
 from vctune.simulation.firmware.equations import COMMANDS
 from vctune.version import __version__
 
-COMPILERS = ("cc", "gcc", "clang")
-"""Names of C compilers. The first that is installed compiles the FMU."""
-OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
-"""Options of the compiler. Without fused products and sums, every operation is rounded separately."""
-EPOCH = (1980, 1, 1, 0, 0, 0)
-"""Date of every file in the archive. A constant date gives the same bytes for the same design."""
+COMPILERS = ("cc", "gcc", "clang")  # Names of C compilers
+OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")  # Options of the compiler
+EPOCH = (1980, 1, 1, 0, 0, 0)  # Date of every file in the archive
+# The names of the variables that the FMU of a servo lacks: the motor's motion and the limit of its force
 ABSENT_OF_SERVO = ("position", "velocity", "limit", "start_position")
-"""The names of the variables that the FMU of a servo lacks: the motor's motion and the limit of its force."""
+# The real variables: name, kind of quantity (`vctune.model.numbers.units`), causality and meaning, in the words of a
+# linear device
 REALS = (
     ("position", "position", "input", "position of the motor"),
     ("velocity", "speed", "input", "velocity of the motor"),
@@ -42,8 +41,7 @@ REALS = (
     ("start_position", "position", "parameter", "where the motor starts"),
     ("start_reference", "position", "parameter", "where the environment starts"),
 )
-"""The real variables: name, kind of quantity (`vctune.model.numbers.units`), causality and meaning, in the words of a
-linear device. `COMMANDS` supplies the quantity and meaning of the command."""
+# The dimension of each quantity's unit as attributes of FMI's BaseUnit, for a linear and for a rotary device
 DIMENSIONS = {
     "linear": {
         "position": 'm="1"',
@@ -62,12 +60,12 @@ DIMENSIONS = {
         "stiffness": 'kg="1" m="2" s="-2" rad="-1"',
     },
 }
-"""The dimension of each quantity's unit as attributes of FMI's BaseUnit, for a linear and for a rotary device."""
+# The Boolean variables, all parameters: name and meaning
 BOOLEANS = (
     ("wall", "whether damping and stiffness only push, towards negative positions"),
     ("trapezoidal", "whether the environment follows the trapezoidal rule, not backward Euler; then it is no wall"),
 )
-"""The Boolean variables, all parameters: name and meaning."""
+# Functions that the standard requires but that a controller does not use, with their arguments
 ABSENT = {
     "fmi2GetInteger": "fmi2Component c, const fmi2ValueReference at[], size_t count, fmi2Integer value[]",
     "fmi2SetInteger": "fmi2Component c, const fmi2ValueReference at[], size_t count, const fmi2Integer value[]",
@@ -92,21 +90,10 @@ ABSENT = {
     "fmi2GetBooleanStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value",
     "fmi2GetStringStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2String *value",
 }
-"""Functions that the standard requires but that a controller does not use, with their arguments."""
 
 
 def fmu(firmware: Firmware) -> bytes:
-    """Return the FMU of a design as a zip archive. The same design and compiler give the same bytes.
-
-    Parameters
-    ----------
-    firmware : the design as firmware
-
-    Raises
-    ------
-    InputError
-        If there is no C compiler, if it cannot compile the sources, or if this machine does not run 64-bit Linux.
-    """
+    """Return the FMU of a design as a zip archive. The same design and compiler give the same bytes."""
     sources = {**c_source(firmware), "vctune_fmu.c": rendered_template("vctune_fmu.c", _given(firmware))}
     packed: dict[str, str | bytes] = {
         "modelDescription.xml": rendered_template("modelDescription.xml", _described(firmware)),
@@ -123,11 +110,7 @@ def fmu(firmware: Firmware) -> bytes:
 
 
 def _reals(firmware: Firmware) -> list[tuple[str, str, str, str]]:
-    """Return the real variables of a controller: name, quantity, causality and meaning.
-
-    Except for a servo, the inputs include those that the firmware does not read, such as the force of an impedance
-    display.
-    """
+    """Return the real variables of a controller: name, quantity, causality and meaning."""
     quantity, servo = COMMANDS[firmware.parts.command], firmware.parts.command != "force"
     variables_of_command = [real for real in REALS if not (servo and real[0] in ABSENT_OF_SERVO)]
     command = ("command", quantity.of, "output", quantity.meaning)
@@ -204,12 +187,7 @@ def _dotted(unit: str) -> str:
 
 
 def _compiled(sources: dict[str, str]) -> bytes:
-    """Return the shared library compiled from sources.
-
-    Parameters
-    ----------
-    sources : texts by file name; vctune_fmu.c includes the controller
-    """
+    """Return the shared library compiled from sources."""
     compiler = next((path for name in COMPILERS if (path := shutil.which(name))), None)
     if compiler is None or (platform.system(), platform.machine()) != ("Linux", "x86_64"):
         message = "an FMU is built by a C compiler on 64-bit Linux: install gcc or clang there, or take --to c"

@@ -13,25 +13,15 @@ from vctune.model.parts import PARTS
 from vctune.model.worlds import in_time_in_words
 from vctune.version import __version__
 
+# Assumption on the environments of a design without a box of environments
 PASSIVE_ENVIRONMENTS = "environments are passive as they run"
-"""Assumption on the environments of a design without a box of environments."""
+# Beginning of the sentence on the parts of a servo's firmware that the exported equations lack
 LEFT_TO_CALLER = "Before each step, the caller"
-"""Beginning of the sentence on the parts of a servo's firmware that the exported equations lack."""
 
 
 def statement(firmware: Firmware) -> list[str]:
     """Return the head of every file: a warning if the design is not certified, the problem, precision and digests, the
-    proved claims, and the assumptions.
-
-    Parameters
-    ----------
-    firmware : the design as firmware
-
-    Returns
-    -------
-    list of str
-        One text for each paragraph; "" for an empty line.
-    """
+    proved claims, and the assumptions."""
     doubt = [] if certified(firmware) else [not_proved(firmware), ""]
     proved = (
         f"Proved: {firmware.record.promise}." if firmware.record.promise else "vctune proved nothing about this design."

@@ -11,19 +11,11 @@ from vctune.firmware.firmware import Firmware, certified
 from vctune.firmware.preamble import not_proved, statement
 from vctune.firmware.vectors import Replay, experiment_line, greatest_difference, vectors_text
 
-ALLOWED_ULP = 0
-"""Permitted difference in double precision, in units in the last place. The difference must be 0, because firmware and
-simulation round every operation in the same way."""
+ALLOWED_ULP = 0  # Permitted difference in double precision, in units in the last place
 
 
 def replay_files(firmware: Firmware, simulated: list[Replay]) -> dict[str, str]:
-    """Return the texts of vectors.csv, replay.c, vctune_bridge.c and Makefile.
-
-    Parameters
-    ----------
-    firmware : the design as firmware
-    simulated : the simulated runs to replay
-    """
+    """Return the texts of vectors.csv, replay.c, vctune_bridge.c and Makefile."""
     given: dict[str, Any] = {
         **names_and_numbers(firmware),
         "experiments": [experiment_line(one, firmware.parts) for one in simulated],

@@ -19,43 +19,21 @@ from vctune.firmware.preamble import LEFT_TO_CALLER, statement
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.version import __version__
 
-PARAMETERS = "admittance_controller.yaml"
-"""Name of the parameter file."""
+PARAMETERS = "admittance_controller.yaml"  # Name of the parameter file
 
 
 @dataclass(frozen=True, slots=True)
 class RosAxis:
-    """A design for one axis of the controller.
+    """A design for one axis of the controller."""
 
-    Attributes
-    ----------
-    axis : name of the axis: x, y, z, rx, ry or rz
-    file : the problem
-    gains, coupling : the design
-    """
-
-    axis: str
-    file: ProblemFile
-    gains: Gains
+    axis: str  # name of the axis: x, y, z, rx, ry or rz
+    file: ProblemFile  # the problem
+    gains: Gains  # the design
     coupling: AnyCoupling
 
 
 def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
-    """Return designs as firmware, each with the proof of the law that the controller steps with its parameters.
-
-    `gains` and `coupling` are those of the design. The device, the coefficients and the record are those of the
-    controller's law. vctune proves equal laws only once.
-
-    Parameters
-    ----------
-    axes : designs of the axes, at least one
-
-    Raises
-    ------
-    InputError
-        If a device is not a servo; if an axis and its device have different kinds of motion; or if the axes have
-        different sample times or filters, which all axes of the controller share.
-    """
+    """Return designs as firmware, each with the proof of the law that the controller steps with its parameters."""
     for axis in axes:
         _require_servo(axis)
     parameters, proved_law = _parameters(axes), dict[str, Firmware]()
@@ -74,14 +52,7 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
 
 
 def ros2_files(name: str, axes: Sequence[RosAxis], controllers: Sequence[Firmware]) -> dict[str, str]:
-    """Return the parameter file by its name, with the proved claims and their assumptions as comments.
-
-    Parameters
-    ----------
-    name : name of the problem
-    axes : designs of the axes
-    controllers : result of `ros2_firmware`
-    """
+    """Return the parameter file by its name, with the proved claims and their assumptions as comments."""
     axes_of_line: dict[str, list[str]] = {}
     for axis, controller in zip(axes, controllers, strict=True):
         other = ("Controller of ", LEFT_TO_CALLER)  # the ROS 2 controller has the filter and the spring

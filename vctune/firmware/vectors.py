@@ -21,57 +21,31 @@ from vctune.simulation.firmware.stepped import Start, SteppedFirmware
 from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
 
+# Stiffness of the hand in the default experiments, N/m, before `default_experiments` scales it
 USUAL_STIFFNESS = 1000.0
-"""Stiffness of the hand in the default experiments, N/m, before `default_experiments` scales it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """The measurements and commands of an experiment with n samples, in SI units.
+    """The measurements and commands of an experiment with n samples, in SI units."""
 
-    Attributes
-    ----------
-    experiment : description of the experiment
-    position, reference : start position of the motor as the encoder reads it, and start value of x_e, m
-    measured : position [m] as the encoder reads it, velocity [m/s] and force [N] at each sample, shape (n, 3)
-    command : commands u, N; for a servo m/s or m; shape (n,)
-    """
-
-    experiment: Experiment
-    position: float
+    experiment: Experiment  # description of the experiment
+    position: float  # start position of the motor as the encoder reads it, and start value of x_e, m
     reference: float
-    measured: Floats
-    command: Floats
+    measured: Floats  # position [m] as the encoder reads it, velocity [m/s] and force [N] at each sample, shape (n, 3)
+    command: Floats  # commands u, N; for a servo m/s or m; shape (n,)
 
 
 def replays(file: ProblemFile, replays: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
-    """Simulate a design in those experiments of its problem that the C code can render.
-
-    If the problem has no such experiments, use default experiments.
-
-    Parameters
-    ----------
-    file : the problem
-    replays : the design as firmware; the function simulates the design before rounding, in double precision
-    progress : function that receives the current stage
-
-    Returns
-    -------
-    list of Replay
-        One replay for each experiment.
-    """
+    """Simulate a design in those experiments of its problem that the C code can render."""
     stated = file.problem.experiments
     experiments = [sample for sample in stated if sample.environment.built_in] or default_experiments(file.problem)
     return [_replay(replays, experiment, progress) for experiment in experiments]
 
 
 def default_experiments(problem: Problem) -> tuple[Experiment, ...]:
-    """Return the default experiments for a problem without experiments: a spring, and a wall that saturates the motor.
-
-    One factor scales the masses, dampings, stiffnesses and the limit. The factor is 1 for a linear device, and follows
-    the inertia of a rotary device. A servo has no mass that could set the factor, and no force that could saturate. For
-    a servo, the greatest stiffness of the hands sets the factor.
-    """
+    """Return the default experiments for a problem without experiments: a spring, and a wall that saturates the
+    motor."""
     device, stiffest = problem.device, problem.hands.high.stiffness
     share = usual_share(device.mass, device.units) if device.kind.own_loop else stiffest / USUAL_STIFFNESS or 1.0
     hand = Operator("reciprocate", 0.0, 0.01, 0.01, 1, 0.0, 2.0 * share, USUAL_STIFFNESS * share)
@@ -98,14 +72,7 @@ def _replay(replays: Firmware, experiment: Experiment, progress: Callable[[str],
 
 
 def vectors_text(replays: list[Replay], units: Units, commanded: Commanded) -> str:
-    """Return the text of vectors.csv, with every number in its shortest exact decimals.
-
-    Parameters
-    ----------
-    replays : the replays of all experiments
-    units : units of the device, for the names of the columns
-    commanded : quantity in the last column
-    """
+    """Return the text of vectors.csv, with every number in its shortest exact decimals."""
     measured = {
         "position": units.position,
         "velocity": units.speed,
@@ -121,40 +88,21 @@ def vectors_text(replays: list[Replay], units: Units, commanded: Commanded) -> s
 
 
 def greatest_difference(firmware: Firmware, replays: list[Replay]) -> float:
-    """Return the greatest difference between a firmware's commands and the simulated commands, in the command's unit.
-
-    The firmware runs in its precision, without fused operations.
-
-    Parameters
-    ----------
-    firmware : firmware, usually in single precision
-    replays : the simulated runs to replay
-    """
+    """Return the greatest difference between a firmware's commands and the simulated commands, in the command's
+    unit."""
     return max(float(np.abs(commands(firmware, replay) - replay.command).max()) for replay in replays)
 
 
 def commands(firmware: Firmware, replay: Replay) -> Floats:
-    """Return the commands that a firmware computes from an experiment's measurements in its own precision, shape (n,).
-
-    Parameters
-    ----------
-    firmware : firmware with its coefficients
-    replay : the replay of the experiment
-    """
+    """Return the commands that a firmware computes from an experiment's measurements in its own precision, shape
+    (n,)."""
     start = Start(replay.experiment.environment, replay.experiment.limit, replay.position, replay.reference)
     stepped = SteppedFirmware(firmware.parts, firmware.coefficients, start, firmware.precision)
     return np.array([stepped.command(row) for row in replay.measured.tolist()])
 
 
 def experiment_line(replay: Replay, parts: Parts) -> str:
-    """Return an experiment as an element of the table in replay.c.
-
-    Parameters
-    ----------
-    replay : the replay of the experiment
-    parts : parts of the firmware, which determine its start values: a position for a differenced velocity, and a limit
-        for a commanded force, where 0 stands for no limit
-    """
+    """Return an experiment as an element of the table in replay.c."""
     rendered = replay.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]
     flags = ["true" if flag else "false" for flag in (rendered.wall, rendered.rule == "trapezoid")]

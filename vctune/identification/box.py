@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from vctune.document.text.codes import Note
 from vctune.identification.motion.covariance import joint_factor
 
-MASS_FLOOR = 0.01
-"""Least relative half-width of a mass. This floor allows for changes of the device from day to day."""
-DELAY_FLOOR = 0.1
-"""Least half-width of a delay, in sample times."""
-WIDEST = 0.99
-"""Relative half-width of an interval that reaches 0."""
+MASS_FLOOR = 0.01  # Least relative half-width of a mass
+DELAY_FLOOR = 0.1  # Least half-width of a delay, in sample times
+WIDEST = 0.99  # Relative half-width of an interval that reaches 0
+# Least relative half-widths by key
 FLOORS = {
     "mass": MASS_FLOOR,
     "structure.handle_mass": MASS_FLOOR,
@@ -24,11 +22,7 @@ FLOORS = {
     "structure.frequency_hz": MASS_FLOOR / 2,
     "servo.bandwidth_hz": MASS_FLOOR,
 }
-"""Least relative half-widths by key. The half-width of a frequency is half the half-width of a mass, because a
-frequency depends on the square root of the mass."""
-COULOMB_SHARE = 0.1
-"""Share of the Coulomb friction that may in fact be viscous, because Coulomb's law is not exact. Divided by the speed
-of the motion, this share widens the interval of the damping."""
+COULOMB_SHARE = 0.1  # Share of the Coulomb friction that may in fact be viscous, because Coulomb's law is not exact
 
 
 BAND = Note("limit-band", "model error: the band that is kept changes it")
@@ -36,49 +30,28 @@ BAND = Note("limit-band", "model error: the band that is kept changes it")
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The estimate of one parameter of the device from one recording, or from one direction of it.
+    """The estimate of one parameter of the device from one recording, or from one direction of it."""
 
-    Attributes
-    ----------
-    key : key of the parameter in the device's table
-    value, sigma : estimate and standard deviation, SI units, frequencies in Hz
-    source : the recording and the method
-    excess : widening of the interval below and above, in addition to the standard deviations: the distance of other
-        estimates from this recording, inexact Coulomb friction, jitter, or what the user states
-    stated : whether the user stated the parameter, in which case no recording determines it
-    reason : reason for the excess
-    """
-
-    key: str
-    value: float
+    key: str  # key of the parameter in the device's table
+    value: float  # estimate and standard deviation, SI units, frequencies in Hz
     sigma: float
-    source: str
+    source: str  # the recording and the method
     excess: tuple[float, float] = (0.0, 0.0)
-    stated: bool = False
-    reason: Note = BAND
+    stated: bool = False  # whether the user stated the parameter, in which case no recording determines it
+    reason: Note = BAND  # reason for the excess
 
 
 @dataclass(frozen=True, slots=True)
 class Bounded:
-    """A parameter of the device with its interval.
+    """A parameter of the device with its interval."""
 
-    Attributes
-    ----------
-    key : key of the parameter in the device's table
-    value : middle of the interval
-    low, high : ends of the interval
-    sampled : half-width that follows from the standard deviation of the least certain estimate
-    limits : reasons for the interval's ends
-    estimates : estimates that the interval contains
-    """
-
-    key: str
-    value: float
-    low: float
+    key: str  # key of the parameter in the device's table
+    value: float  # middle of the interval
+    low: float  # ends of the interval
     high: float
-    sampled: float
-    limits: tuple[Note, ...]
-    estimates: tuple[Estimate, ...]
+    sampled: float  # half-width that follows from the standard deviation of the least certain estimate
+    limits: tuple[Note, ...]  # reasons for the interval's ends
+    estimates: tuple[Estimate, ...]  # estimates that the interval contains
 
     @property
     def share(self) -> float:
@@ -93,13 +66,7 @@ class Bounded:
 
 def box(estimates: Sequence[Estimate], sample_time: float) -> tuple[Bounded, ...]:
     """Return the least box that contains every interval of every estimate, without negative values and with least
-    widths.
-
-    Parameters
-    ----------
-    estimates : estimates from any recordings and directions
-    sample_time : T, s
-    """
+    widths."""
     keys = list(dict.fromkeys(estimate.key for estimate in estimates))
     factor = joint_factor(len(keys))
     return tuple(

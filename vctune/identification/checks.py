@@ -12,53 +12,28 @@ from vctune.document.recording import SERVO_COMMANDS, Channel, Floats, Recording
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 
-LEAST_SAMPLES = 500
-"""Least number of samples. At 1 kHz, fewer samples cover less than half a second."""
-SAMPLE_TIMES = (1e-6, 0.05)
-"""Range of sample times that a haptic loop can have, s."""
-SPEEDS = {False: 30.0, True: 3000.0}
-"""Greatest speed of a device, m/s, or rad/s if it is rotary."""
-GREATEST_FORCE = 1e4
-"""Greatest force of a haptic device, N or N m."""
-FEW_STEPS = 30
-"""Least span of the motion in resolution steps. A recording of a smaller motion shows no acceleration."""
-SATURATED = 0.2
-"""Greatest permitted share of samples at a limit."""
+LEAST_SAMPLES = 500  # Least number of samples
+SAMPLE_TIMES = (1e-6, 0.05)  # Range of sample times that a haptic loop can have, s
+SPEEDS = {False: 30.0, True: 3000.0}  # Greatest speed of a device, m/s, or rad/s if it is rotary
+GREATEST_FORCE = 1e4  # Greatest force of a haptic device, N or N m
+FEW_STEPS = 30  # Least span of the motion in resolution steps
+SATURATED = 0.2  # Greatest permitted share of samples at a limit
 
 
 @dataclass(frozen=True, slots=True)
 class Evenness:
-    """Limits on the timing of a log, in sample times.
+    """Limits on the timing of a log, in sample times."""
 
-    Attributes
-    ----------
-    jitter : greatest permitted standard deviation of a step
-    gap : length of a step above which a sample is missing
-    """
-
-    jitter: float
-    gap: float
+    jitter: float  # greatest permitted standard deviation of a step
+    gap: float  # length of a step above which a sample is missing
 
 
+# Limits for a loop that an interrupt runs, and for the communication link of a robot
 LOOP, LINK = Evenness(0.05, 1.5), Evenness(0.25, 1.9)
-"""Limits for a loop that an interrupt runs, and for the communication link of a robot. Samples over a link may be less
-even, because the fit of a servo uses the times that the log states."""
 
 
 def check(recording: Recording, sample_time: float | None, *, servo: bool = False) -> float:
-    """Return the sample time of a usable recording, s.
-
-    Parameters
-    ----------
-    recording : the recording as it was read
-    sample_time : sample time that the log.toml states, s; None to use the mean step of the time column
-    servo : whether the log is of a servo, so that its sample times depend on the link
-
-    Raises
-    ------
-    InputError
-        If the recording is not usable. The error lists all faults of the first failing stage: length, time, columns.
-    """
+    """Return the sample time of a usable recording, s."""
     _refuse(recording, _too_short(recording))
     T, faults = _sample_time(recording, sample_time, LINK if servo else LOOP)
     _refuse(recording, faults)
@@ -236,11 +211,7 @@ def _rows_per_change(values: Floats) -> int:
 
 
 def _at_limit(channel: Channel) -> float:
-    """Return the share of samples that are at the limit of the column.
-
-    Without a known limit, samples count that are at the greatest magnitude next to another such sample; fewer than
-    three do not count.
-    """
+    """Return the share of samples that are at the limit of the column."""
     size = np.abs(channel.values)
     limit = channel.limit if channel.limit is not None else float(size.max())
     at = size >= limit * (1 - 1e-9)

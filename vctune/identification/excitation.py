@@ -14,55 +14,31 @@ from vctune.identification.identify import Identified
 from vctune.identification.motion.signals import position_noise
 from vctune.identification.response.physics import antiresonance_hz, compliances
 
-LINES = 60
-"""Number of lines, spaced evenly on a logarithmic axis. A fit of seven parameters needs no more lines."""
-NEAR = 24
-"""Number of additional lines within 10 % of a resonance, and also within 10 % of an antiresonance."""
-HIGHEST = 0.2
-"""Frequency of the highest line, as a share of the sampling rate."""
-LONGEST = 8.0
-"""Longest period, s."""
-PEAK = 1.0
-"""Greatest force, as a share of the logs' greatest force. Half this force might not overcome the friction. The speed
-never exceeds the greatest speed of the logs."""
-SPREAD = 0.005
-"""Target for the relative standard deviation of a line."""
-PERIODS = (5, 60)
-"""Least and greatest number of periods that vctune proposes."""
+LINES = 60  # Number of lines, spaced evenly on a logarithmic axis
+NEAR = 24  # Number of additional lines within 10 % of a resonance, and also within 10 % of an antiresonance
+HIGHEST = 0.2  # Frequency of the highest line, as a share of the sampling rate
+LONGEST = 8.0  # Longest period, s
+PEAK = 1.0  # Greatest force, as a share of the logs' greatest force
+SPREAD = 0.005  # Target for the relative standard deviation of a line
+PERIODS = (5, 60)  # Least and greatest number of periods that vctune proposes
 
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """One period of a force that the user commands repeatedly.
+    """One period of a force that the user commands repeatedly."""
 
-    Attributes
-    ----------
-    force : force, N, shape (n,)
-    sample_time : T, s
-    lines_hz : excited frequencies, Hz
-    periods : number of periods to record; the evaluation omits the first one
-    peak, speed : greatest force, N, and predicted root mean square speed, m/s
-    spread : predicted relative standard deviation of the worst line
-    reasons : the parameters that the multisine would determine better
-    """
-
-    force: Floats
-    sample_time: float
-    lines_hz: Floats
-    periods: int
-    peak: float
+    force: Floats  # force, N, shape (n,)
+    sample_time: float  # T, s
+    lines_hz: Floats  # excited frequencies, Hz
+    periods: int  # number of periods to record; the evaluation omits the first one
+    peak: float  # greatest force, N, and predicted root mean square speed, m/s
     speed: float
-    spread: float
-    reasons: tuple[str, ...]
+    spread: float  # predicted relative standard deviation of the worst line
+    reasons: tuple[str, ...]  # the parameters that the multisine would determine better
 
 
 def excitation(identified: Identified) -> Excitation:
-    """Return a multisine for an identified device.
-
-    Parameters
-    ----------
-    identified : the identified device with its box and its recordings
-    """
+    """Return a multisine for an identified device."""
     device, T = identified.device, float(identified.device.sample_time)
     low = min(max(float(device.damping / device.mass) / (2 * pi), 8 / LONGEST), 0.1 * HIGHEST / T)
     period = 2 ** ceil(log2(min(LONGEST, 8 / low) / T))

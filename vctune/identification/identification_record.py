@@ -37,15 +37,7 @@ from vctune.model.numbers.units import UNITS, Units, UnitSystem
 def identification_record(
     identified: Identified, description: str, versions: Mapping[str, str | None], next_one: Excitation | None
 ) -> IdentificationRecord:
-    """Return the record of an identification.
-
-    Parameters
-    ----------
-    identified : device, box and studies of the recordings
-    description : free text from the user
-    versions : versions of all software that affects the result
-    next_one : a multisine that would reduce the uncertainty; None if the user did not request it
-    """
+    """Return the record of an identification."""
     rotary = identified.records[0].recording.rotary
     units: UnitSystem = "rotary" if rotary else "linear"
     numbers = [_bounded_record(each, UNITS[units]) for each in identified.bounds]

@@ -34,39 +34,22 @@ from vctune.model.device import Device
 from vctune.model.parts import PARTS, Servo
 
 Progress = Callable[[str], None]
-SAME_SAMPLE_TIME = 1e-3
-"""Greatest relative difference between the sample times of recordings of one device."""
+SAME_SAMPLE_TIME = 1e-3  # Greatest relative difference between the sample times of recordings of one device
 
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """A device, with the uncertainty of its parameters.
+    """A device, with the uncertainty of its parameters."""
 
-    Attributes
-    ----------
-    name : name of the device
-    device : device at the centre of the box
-    bounds : the box, one interval for each parameter
-    unmodelled : points (Hz, radius) of a disc that covers the part of the response that no device of the box explains;
-        empty if the recordings show no response at `LEAST_RADII` frequencies
-    distances : relative distance of each line or band from the nearest device of the box, for each recording with lines
-        or bands
-    friction : friction for the simulation; None if none was found, and for a servo
-    force_noise : standard deviation of the noise in a sample of the hand's sensed force, N; None if no study of any
-        motion has this force, and for a servo
-    records : one study for each recording
-    remarks : remarks on what the recordings do not show
-    """
-
-    name: str
-    device: Device
-    bounds: tuple[Bounded, ...]
+    name: str  # name of the device
+    device: Device  # device at the centre of the box
+    bounds: tuple[Bounded, ...]  # the box, one interval for each parameter
     unmodelled: tuple[tuple[float, float], ...]
     distances: tuple[np.ndarray, ...]
-    friction: FrictionFound | None
-    force_noise: float | None
-    records: tuple[RecordStudy, ...]
-    remarks: tuple[Note, ...]
+    friction: FrictionFound | None  # friction for the simulation; None if none was found, and for a servo
+    force_noise: float | None  # standard deviation of the noise in a sample of the hand's sensed force, N
+    records: tuple[RecordStudy, ...]  # one study for each recording
+    remarks: tuple[Note, ...]  # remarks on what the recordings do not show
 
     def bounded(self, key: str) -> Bounded | None:
         """Return a parameter of the device with its interval, by its key; None if it was not identified."""
@@ -74,25 +57,7 @@ class Identified:
 
 
 def identify(recordings: Sequence[Recording], log_map: LogMap, name: str, progress: Progress) -> Identified:
-    """Identify a device.
-
-    Parameters
-    ----------
-    recordings : recordings of one device, at least one
-    log_map : statements of the user about the recordings
-    name : name of the device
-    progress : function that receives the current stage
-
-    Returns
-    -------
-    Identified
-        The device, its box, and remarks; SI units and hertz.
-
-    Raises
-    ------
-    InputError
-        If a recording cannot be used or does not determine the device, or if the sample times differ.
-    """
+    """Identify a device."""
     times = [check(recording, log_map.document.sample_time, servo=log_map.servo) for recording in recordings]
     T = times[0]
     _same_sample_time(recordings, times)

@@ -18,25 +18,13 @@ from vctune.model.loop.filters import sensor_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, ForceSensor, VelocityEstimate
 
-SENSOR = "force_sensor"
-"""Key of the part that senses the force."""
+SENSOR = "force_sensor"  # Key of the part that senses the force
+# Keys of [device] that apply only to a device with a velocity loop in the firmware
 OF_OWN_LOOP = {"delay", "delay_uncertainty", "velocity", "actuator"}
-"""Keys of [device] that apply only to a device with a velocity loop in the firmware."""
 
 
 def check_known(log_map: LogMap, sample_time: float) -> None:
-    """Check that the known parameters of the device are possible at its sample time.
-
-    Parameters
-    ----------
-    log_map : the log.toml with the parameters that the user states
-    sample_time : T, s
-
-    Raises
-    ------
-    InputError
-        If a parameter is impossible; the error names its line and key.
-    """
+    """Check that the known parameters of the device are possible at its sample time."""
     raw: dict[str, Any] = toml.parse(log_map.text, log_map.source) if log_map.text else {}
     device = raw.get("device", {}) | {"sample_time": sample_time}
     if log_map.servo and (own := sorted(set(device) & OF_OWN_LOOP)):
@@ -82,10 +70,7 @@ def velocity_assumed(log_map: LogMap) -> bool:
 
 
 def known_delays(log_map: LogMap) -> dict[str, float]:
-    """Return the delays that the user states, s, by "delay" and "sensor_delay". A fit does not search for them.
-
-    The delay of a force sensor includes the lag of its low-pass at low frequency.
-    """
+    """Return the delays that the user states, s, by "delay" and "sensor_delay". A fit does not search for them."""
     stated, delays = log_map.document.device, {}
     if stated.delay is not None:
         delays["delay"] = stated.delay
@@ -100,20 +85,7 @@ def with_known(
     estimates: Sequence[Estimate], log_map: LogMap, T: float, recordings: Sequence[Recording]
 ) -> tuple[list[Estimate], list[Note]]:
     """Return the estimates with the user's delay in place of the identified one, and remarks on it. A servo's estimates
-    stay the same.
-
-    Parameters
-    ----------
-    estimates : estimates of all recordings
-    log_map : the log.toml, which may state the delay
-    T : sample time, s
-    recordings : recordings, whose names appear in messages
-
-    Raises
-    ------
-    InputError
-        If no recording determines the delay and the user does not state it.
-    """
+    stay the same."""
     stated = log_map.document.device
     if log_map.servo:
         return list(estimates), []

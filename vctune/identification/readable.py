@@ -11,24 +11,11 @@ from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError
 from vctune.identification.box import Bounded
 
-LIGHTER = 1 - 1e-3
-"""Greatest permitted mass of the handle, relative to the least mass of the device."""
+LIGHTER = 1 - 1e-3  # Greatest permitted mass of the handle, relative to the least mass of the device
 
 
 def readable(bounds: Sequence[Bounded], recording: Recording, sample_time: float) -> tuple[Bounded, ...]:
-    """Return a box that the reader of problem files accepts.
-
-    Parameters
-    ----------
-    bounds : the identified box
-    recording : recording, whose name appears in messages
-    sample_time : T, s
-
-    Raises
-    ------
-    InputError
-        If a delay is impossible, or the handle is not lighter than the device.
-    """
+    """Return a box that the reader of problem files accepts."""
     for each in bounds:
         if each.key.endswith("delay"):
             _check_delay(each, recording, sample_time)

@@ -1,7 +1,4 @@
-"""Study one recording.
-
-If the recording has a force but no command, the study fits both roles of the force (README, section 1).
-"""
+"""Study one recording."""
 
 from __future__ import annotations
 
@@ -25,34 +22,21 @@ from vctune.identification.response.response import response
 from vctune.identification.response.response_fit import fit_response
 from vctune.identification.servo.servo_study import ServoStudy, servo_notes, servo_study
 
-POOR = 0.05
-"""Relative residual of the force or of the response above which the study warns."""
+POOR = 0.05  # Relative residual of the force or of the response above which the study warns
+# Possible roles of a force in a log without a command: the held command of the firmware, or the sample of a sensor
 HELD, MEASURED = "held command", "measured force"
-"""Possible roles of a force in a log without a command: the held command of the firmware, or the sample of a sensor."""
-EVIDENCE, HALF = 10.0, 2.0
-"""Gain in log likelihood, or factor in chi2, that decides between the two roles. The gain is below 1 for slow motions,
-at least 5 for the noise of a closed loop, and hundreds for multisines."""
+EVIDENCE, HALF = 10.0, 2.0  # Gain in log likelihood, or factor in chi2, that decides between the two roles
 
 
 @dataclass(frozen=True, slots=True)
 class RecordStudy:
-    """A recording and the result of one of three kinds of study.
+    """A recording and the result of one of three kinds of study."""
 
-    Attributes
-    ----------
-    recording : the recording; a force without a command has the role that the fit gave it
-    sample_time : T, s
-    motion, periodic, servo : study of any motion, of a periodic excitation, or of a servo; exactly one of the three is
-        not None
-    remarks : remarks on the recording
-    alike : estimates of the delay with the other role of the force, if that role explains the recording equally well
-    """
-
-    recording: Recording
-    sample_time: float
-    motion: MotionStudy | None
+    recording: Recording  # the recording; a force without a command has the role that the fit gave it
+    sample_time: float  # T, s
+    motion: MotionStudy | None  # study of any motion, of a periodic excitation, or of a servo
     periodic: PeriodicStudy | None
-    remarks: tuple[Note, ...]
+    remarks: tuple[Note, ...]  # remarks on the recording
     servo: ServoStudy | None = None
     alike: tuple[Estimate, ...] = ()
 
@@ -118,24 +102,7 @@ def _at_least(estimate: Estimate, least: float) -> Estimate:
 
 
 def record_study(recording: Recording, T: float, log_map: LogMap) -> RecordStudy:
-    """Study a recording.
-
-    Parameters
-    ----------
-    recording : a checked recording
-    T : sample time, s
-    log_map : statements of the user about the device
-
-    Returns
-    -------
-    RecordStudy
-        A force without a command has the role that explains the recording better.
-
-    Raises
-    ------
-    InputError
-        If no device, or no servo, explains the recording; with a force and no command, if neither role does.
-    """
+    """Study a recording."""
     if log_map.servo:
         study = servo_study(recording, T)
         notes = (*remarks(recording), *servo_notes(recording.name, study, recording.units))
@@ -174,10 +141,7 @@ def _attempt(recording: Recording, T: float, log_map: LogMap) -> RecordStudy | I
 
 
 def _studied(recording: Recording, T: float, log_map: LogMap) -> RecordStudy:
-    """Return the study of a periodic excitation, or of any motion if the recording has no usable periodic response.
-
-    A recording with the force of a hand is studied as any motion.
-    """
+    """Return the study of a periodic excitation, or of any motion if the recording has no usable periodic response."""
     notes, actuator = tuple(remarks(recording)), known_actuator(log_map)
     measured = None if "hand" in recording.channels else response(recording, T)
     fitted = None if measured is None else fit_response(measured, actuator)

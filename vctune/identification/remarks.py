@@ -12,29 +12,12 @@ from vctune.identification.known import SENSOR, known_actuator, known_sensor, ve
 from vctune.identification.record_study import RecordStudy
 from vctune.identification.response.periodic_study import PeriodicStudy
 
-WEAK_SHARE = 0.5
-"""Relative half-width above which a remark calls a delay poorly determined. The greatest value of the delay is then
-more than three times its least value."""
-LEAST_RADII = 2
-"""Least number of frequencies between which the radii of unmodelled can be interpolated."""
+WEAK_SHARE = 0.5  # Relative half-width above which a remark calls a delay poorly determined
+LEAST_RADII = 2  # Least number of frequencies between which the radii of unmodelled can be interpolated
 
 
 def remarks_on_gaps(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], log_map: LogMap) -> list[Note]:
-    """Return the remarks of the studies, and remarks on properties of the device that the recordings do not show.
-
-    Parameters
-    ----------
-    studies : studies of all recordings
-    bounds : intervals of the box
-    log_map : statements of the user about the device
-
-    Returns
-    -------
-    list of Note
-        This module makes remark-assumed-velocity, remark-actuator-lag, remark-weak-delay, remark-slow-motion,
-        remark-highest-line, remark-no-lag, remark-handle-damping, and for a servo remark-assumed-sensor and
-        remark-unpushed. The other codes come from the studies.
-    """
+    """Return the remarks of the studies, and remarks on properties of the device that the recordings do not show."""
     remarks = [remark for study in studies for remark in study.remarks]
     if log_map.servo:
         return remarks + _remarks_on_servo(studies, log_map)

@@ -9,21 +9,7 @@ from vctune.model.numbers.pair import Pair
 
 
 def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
-    """Return the coupling's impedance Z_c(j omega) (model/README.md, section 3; paper eq. 17).
-
-    The coupling belongs to an admittance display or a servo. Without damping or without mass, it consists of its drag
-    alone. A rigid coupling consists of drag and mass.
-
-    Parameters
-    ----------
-    coupling : b_c, m_c and b_0, all numbers of one arithmetic; b_c and m_c are not both 0
-    omega : angular frequency, rad/s, > 0, or >= 0 if b_c > 0; a number or an array
-
-    Returns
-    -------
-    Pair
-        Z_c, N s/m. It has the shape of omega.
-    """
+    """Return the coupling's impedance Z_c(j omega) (model/README.md, section 3; paper eq. 17)."""
     b_c, m_c = coupling.damping, coupling.mass
     reactance = m_c * omega
     if coupling.rigid:
@@ -33,23 +19,7 @@ def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
 
 
 def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
-    """Return Re Z_c of the coupling in the firmware, where s -> (2/T)(z - 1)/(z + 1).
-
-    See model/README.md, section 14. The result equals Re Z_c of the continuous coupling at omega = (2/T) tan(theta/2).
-    At the Nyquist frequency the result is the limit.
-
-    Parameters
-    ----------
-    coupling : b_c, m_c and b_0; b_c may be inf, both b_c and m_c are > 0
-    sample_time : T, s
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        N s/m. It has the shape of theta.
-    """
+    """Return Re Z_c of the coupling in the firmware, where s -> (2/T)(z - 1)/(z + 1)."""
     if coupling.rigid:  # the mass of a rigid coupling is a pure reactance
         return coupling.drag + 0 * theta
     b_c, reactance, cos = coupling.damping, coupling.mass * (2 * ops.sin(theta / 2)) / sample_time, ops.cos(theta / 2)
@@ -58,15 +28,7 @@ def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, o
 
 
 def sampled_reactance(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
-    """Return cos(theta/2) Im Z_c of the coupling in the firmware, N s/m. The product is regular at theta = pi.
-
-    Parameters
-    ----------
-    coupling : b_c, m_c and b_0, in numbers of the arithmetic; b_c may be inf, both b_c and m_c are > 0
-    sample_time : T, s
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-    """
+    """Return cos(theta/2) Im Z_c of the coupling in the firmware, N s/m. The product is regular at theta = pi."""
     reactance = coupling.mass * (2 * ops.sin(theta / 2)) / sample_time
     if coupling.rigid:
         return reactance
@@ -76,19 +38,7 @@ def sampled_reactance(coupling: Coupling, sample_time: Number, theta: Number, op
 
 
 def trapezoidal(coupling: Coupling, sample_time: Number) -> tuple[Number, Number]:
-    """Return step s and decay p of the series branch, f[k] = p f[k-1] + s (v[k] - v[k-1]), by the trapezoidal rule.
-
-    The function substitutes s -> (2/T)(z - 1)/(z + 1) in b_c m_c s/(b_c + m_c s). The branch does not include the drag.
-
-    Parameters
-    ----------
-    coupling : b_c, which may be inf, and m_c > 0
-    sample_time : T, s
-
-    Returns
-    -------
-    s, p : s in N s/m; p is dimensionless, at least -1 and at most 1
-    """
+    """Return step s and decay p of the series branch, f[k] = p f[k-1] + s (v[k] - v[k-1]), by the trapezoidal rule."""
     if coupling.rigid:
         return 2 * coupling.mass / sample_time, -1
     a = sample_time * coupling.damping / (2 * coupling.mass)

@@ -28,47 +28,26 @@ from vctune.model.parts import (
 )
 
 Hold = Literal["zoh", "lag"]
+# Kinds of command: the force of a motor, or the velocity or position that a servo follows
 Commanded = Literal["force", "velocity", "position"]
-"""Kinds of command: the force of a motor, or the velocity or position that a servo follows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """A display, whose firmware samples and holds (model/README.md, sections 1, 15 and 17).
+    """A display, whose firmware samples and holds (model/README.md, sections 1, 15 and 17)."""
 
-    A rigid mechanism has Z_d = mass s + damping. The hand cannot push a servo, so a servo has no mechanism.
-
-    Attributes
-    ----------
-    mass : moving mass including the handle's, kg, > 0; 1 for a servo, where the mass has no effect
-    damping : damping of the mechanism, N s/m, >= 0; it acts on the motor's part; 0 for a servo
-    sample_time : T, s, > 0
-    delay : delay from sampling to actuation, s, >= 0, in addition to the hold; 0 for a servo, whose delay is
-        `servo.delay`
-    hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT), in the frequency model of an admittance
-        display; the sampled loop has the exact hold. "zoh" for the other displays
-    operator : the least operator, a load that is always at the handle; None if the handle may be free, with the
-        criterion "hands", and for a servo
-    velocity, actuator, force_sensor, structure, servo : parts of the device (`vctune.model.parts`); None for a part
-        that the device lacks or that is ideal. The servo is the vendor's loop
-    unmodelled : one response from the uncertainty set; None for the nominal response
-    display : name of the kind of display (`vctune.model.display`)
-    units : whether the handle moves along a line or about an axis (`vctune.model.numbers.units`). About an axis, mass
-        is inertia, and all units are the rotary ones
-    """
-
-    mass: Number
-    damping: Number
-    sample_time: Number
-    delay: Number = 0.0
+    mass: Number  # moving mass including the handle's, kg, > 0; 1 for a servo, where the mass has no effect
+    damping: Number  # damping of the mechanism, N s/m, >= 0; it acts on the motor's part; 0 for a servo
+    sample_time: Number  # T, s, > 0
+    delay: Number = 0.0  # delay from sampling to actuation, s, >= 0, in addition to the hold
     hold: Hold = "zoh"
-    operator: LeastOperator | None = None
-    velocity: VelocityEstimate | None = None
+    operator: LeastOperator | None = None  # the least operator, a load that is always at the handle
+    velocity: VelocityEstimate | None = None  # parts of the device (`vctune.model.parts`)
     actuator: Actuator | None = None
     force_sensor: ForceSensor | None = None
     structure: Structure | None = None
-    unmodelled: Unmodelled | None = None
-    display: DisplayName = "admittance"
+    unmodelled: Unmodelled | None = None  # one response from the uncertainty set; None for the nominal response
+    display: DisplayName = "admittance"  # name of the kind of display (`vctune.model.display`)
     servo: Servo | None = None
     units: UnitSystem = "linear"
 
@@ -89,11 +68,8 @@ class Device:
 
     @property
     def coupling_may_drive(self) -> bool:
-        """Whether the coupling may have Re 1/Z_c < 0, as on an impedance display with two low-passes of the velocity.
-
-        If R is also negative, g R is less than R, where g is the safety factor. Stability then requires the condition
-        Re 1/Z_c > R as well.
-        """
+        """Whether the coupling may have Re 1/Z_c < 0, as on an impedance display with two low-passes of the
+        velocity."""
         known = self.velocity
         return self.kind.inverse and known is not None and known.filter_hz is not None and known.filter_order > 1
 
@@ -104,10 +80,7 @@ class Device:
 
     @property
     def ideal(self) -> bool:
-        """Whether the device is rigid and measures, actuates and senses without delay.
-
-        Neither `delay` nor a servo makes a device non-ideal.
-        """
+        """Whether the device is rigid and measures, actuates and senses without delay."""
         return self.unmodelled is None and all(getattr(self, part) is None for part in PARTS if part != "servo")
 
     @property
@@ -127,10 +100,8 @@ class Device:
 
     @property
     def loops(self) -> tuple[Device, ...]:
-        """The devices whose velocity loops must be stable on their own: with a free handle and with the least operator.
-
-        Empty for a servo.
-        """
+        """The devices whose velocity loops must be stable on their own: with a free handle and with the least
+        operator."""
         if not self.kind.own_loop:
             return ()
         return (self,) if self.operator is None else (self.bare, self.with_operator)
@@ -146,21 +117,14 @@ class Device:
         return self.damping if self.operator is None else self.damping + self.operator.damping
 
     def number(self, key: str) -> Number:
-        """Return a parameter of the device by its key.
-
-        Returns None if the device lacks the part, or if the part lacks the number. For a servo, the keys of `INERT`
-        return stored values without effect.
-        """
+        """Return a parameter of the device by its key."""
         of: Any = self
         for name in key.split("."):
             of = getattr(of, name) if of is not None else None
         return of
 
     def numbers(self) -> dict[str, Number]:
-        """Return the numbers that the device has, by their keys of `NUMBERS`.
-
-        The result contains neither numbers of the firmware (`OF_FIRMWARE`) nor the hands that the device carries.
-        """
+        """Return the numbers that the device has, by their keys of `NUMBERS`."""
         found = {key: self.number(key) for key in NUMBERS if self.servo is None or key not in INERT}
         return {key: number for key, number in found.items() if number is not None}
 
@@ -189,21 +153,7 @@ class Device:
         return same._with_hands(lambda hand: LeastOperator(number(hand.mass), number(hand.damping)))
 
     def in_units(self, impedance: Number, time: Number) -> Device:
-        """Return the device in other units of impedance and time.
-
-        Lengths keep their unit. Masses are in units of impedance times time, stiffnesses in units of impedance over
-        time.
-
-        Parameters
-        ----------
-        impedance : the new unit of impedance, N s/m, > 0
-        time : the new unit of time, s, > 0
-
-        Returns
-        -------
-        Device
-            The same parts with each number divided by its new unit. Frequencies are in cycles per unit of time.
-        """
+        """Return the device in other units of impedance and time."""
         units = {"mass": impedance * time, "damping": impedance, "stiffness": impedance / time}
         units |= {"time": time, "rate": 1 / time, "ratio": 1.0}
         numbers = self.numbers() | self._of_firmware()
@@ -261,14 +211,7 @@ class Device:
 
 
 def stacked(devices: Sequence[Device]) -> Device:
-    """Return several devices as one device. Its numbers are arrays of shape (n,), or floats where all devices agree.
-
-    Everything that is not a number of the device comes from the first device: hands, orders, sources and radii.
-
-    Parameters
-    ----------
-    devices : n devices with the same parts and the same hands
-    """
+    """Return several devices as one device. Its numbers are arrays of shape (n,), or floats where all devices agree."""
     first, *others = devices
     if not others:
         return first

@@ -1,8 +1,4 @@
-"""Define the kinds of display, and the facts that depend on the kind (model/README.md, sections 1 and 15).
-
-Every other module gets the kind of display from a device. It then reads a fact from the kind, or looks up the kind's
-name in a table.
-"""
+"""Define the kinds of display, and the facts that depend on the kind (model/README.md, sections 1 and 15)."""
 
 from __future__ import annotations
 
@@ -20,38 +16,20 @@ DisplayName = Literal["admittance", "impedance", "servo"]
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """A kind of display.
+    """A kind of display."""
 
-    Attributes
-    ----------
-    name : name of the kind in a problem file
-    makes : input and output of the display, in words; {force} stands for force or torque
-    keys : keys of the parameters of a design, in order
-    absent : the keys of `keys` whose numbers are always 0
-    coupling : type of the virtual coupling
-    couples : "Z_c" or "1/Z_c", the coupling's response in the error and the conditions
-    senses_force : whether the firmware reads the force of the hand
-    differences : whether the firmware by default computes the velocity from differences of the position
-    banded : True if the claim for any passive hand holds on a band of the frequency model; False if the claim holds in
-        the sampled loop up to the Nyquist frequency, and for a servo, which has no such claim
-    band : default transparency band, dimensionless: frequencies in Hz, multiplied by the lag in s of hold, delay, drive
-        and velocity estimate (`vctune.model.loop.limits.lags`)
-    own_loop : whether the firmware, not the vendor, closes a loop around the motor; this loop has a sensitivity S
-    terms : names of the error's terms that are not always 0
-    """
-
-    name: DisplayName
-    makes: str
-    keys: tuple[str, ...]
-    absent: tuple[str, ...]
-    coupling: type[Coupling] | type[SpringDamper]
-    couples: str
-    senses_force: bool
-    differences: bool
-    banded: bool
+    name: DisplayName  # name of the kind in a problem file
+    makes: str  # input and output of the display, in words; {force} stands for force or torque
+    keys: tuple[str, ...]  # keys of the parameters of a design, in order
+    absent: tuple[str, ...]  # the keys of `keys` whose numbers are always 0
+    coupling: type[Coupling] | type[SpringDamper]  # type of the virtual coupling
+    couples: str  # "Z_c" or "1/Z_c", the coupling's response in the error and the conditions
+    senses_force: bool  # whether the firmware reads the force of the hand
+    differences: bool  # whether the firmware by default computes the velocity from differences of the position
+    banded: bool  # True if the claim for any passive hand holds on a band of the frequency model
     band: tuple[float, float] = (0.00025, 0.015)
-    own_loop: bool = True
-    terms: tuple[str, ...] = ("admittance", "tracking", "coupling")
+    own_loop: bool = True  # whether the firmware, not the vendor, closes a loop around the motor
+    terms: tuple[str, ...] = ("admittance", "tracking", "coupling")  # names of the error's terms that are not always 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -82,6 +60,7 @@ class Display:
         return units.mobility if self.inverse else units.damping
 
 
+# A device whose velocity loop follows the velocity that the firmware computes from the sensed force
 ADMITTANCE = Display(
     name="admittance",
     makes="{force} in, velocity out",
@@ -93,7 +72,7 @@ ADMITTANCE = Display(
     differences=False,
     banded=True,
 )
-"""A device whose velocity loop follows the velocity that the firmware computes from the sensed force."""
+# A device whose motor applies a force that the firmware computes from the measured motion
 IMPEDANCE = Display(
     name="impedance",
     makes="motion in, {force} out",
@@ -105,7 +84,7 @@ IMPEDANCE = Display(
     differences=True,
     banded=False,
 )
-"""A device whose motor applies a force that the firmware computes from the measured motion."""
+# A device with a vendor's loop that follows a command with a delay
 SERVO = Display(
     name="servo",
     makes="{force} in, command to a closed loop out",
@@ -120,7 +99,6 @@ SERVO = Display(
     own_loop=False,
     terms=("tracking", "coupling"),
 )
-"""A device with a vendor's loop that follows a command with a delay. The hand cannot push such a device."""
 DISPLAYS: Mapping[DisplayName, Display] = MappingProxyType({each.name: each for each in (ADMITTANCE, IMPEDANCE, SERVO)})
 
 

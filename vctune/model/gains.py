@@ -59,16 +59,10 @@ class Coupling:
 
 @dataclass(frozen=True, slots=True)
 class SpringDamper:
-    """The virtual coupling of an impedance display: a spring and a damper in parallel (model/README.md, section 15).
+    """The virtual coupling of an impedance display: a spring and a damper in parallel (model/README.md, section 15)."""
 
-    Attributes
-    ----------
-    damping : b_c, N s/m, >= 0
-    stiffness : k_c, N/m
-    """
-
-    damping: Number
-    stiffness: Number
+    damping: Number  # b_c, N s/m, >= 0
+    stiffness: Number  # k_c, N/m
 
     @property
     def rigid(self) -> bool:
@@ -76,9 +70,9 @@ class SpringDamper:
         return False
 
 
+# The coupling between device and virtual world: `SpringDamper` for an impedance display, `Coupling` for an admittance
+# display and for a servo
 AnyCoupling = Coupling | SpringDamper
-"""The coupling between device and virtual world: `SpringDamper` for an impedance display, `Coupling` for an admittance
-display and for a servo."""
 
 
 def series_coupling(coupling: AnyCoupling) -> Coupling:

@@ -12,41 +12,23 @@ from vctune.model.hands import NAMES, Hand
 
 
 def stacked(hands: Sequence[Hand], shape: tuple[int, ...] = (-1,)) -> Hand:
-    """Return several hands as one hand whose numbers are arrays.
-
-    Parameters
-    ----------
-    hands : hands with plain numbers
-    shape : shape of the arrays; by default (n,) for n hands
-    """
+    """Return several hands as one hand whose numbers are arrays."""
     each = {name: np.array([getattr(hand, name) for hand in hands], float).reshape(shape) for name in NAMES}
     return Hand(**each)
 
 
 @dataclass(frozen=True, slots=True)
 class PlacesInHands:
-    """Frequencies or angles, each paired with a hand, as arrays of one shape.
+    """Frequencies or angles, each paired with a hand, as arrays of one shape."""
 
-    Attributes
-    ----------
-    at : omega, rad/s, or theta = omega T, rad
-    hands : hand whose numbers are arrays of the same shape
-    """
-
-    at: Any
-    hands: Hand
+    at: Any  # omega, rad/s, or theta = omega T, rad
+    hands: Hand  # hand whose numbers are arrays of the same shape
 
     def __len__(self) -> int:
         return int(self.at.shape[-1])
 
     def mapped(self, of: Callable[..., Any], *others: PlacesInHands) -> PlacesInHands:
-        """Apply a function to `at` and to each number of the hands, and return the results as places.
-
-        Parameters
-        ----------
-        of : function of one array from these places and one from each of the others
-        others : places for the further arguments of the function
-        """
+        """Apply a function to `at` and to each number of the hands, and return the results as places."""
         hands = self.hands.mapped(of, *(each.hands for each in others))
         return PlacesInHands(of(self.at, *(each.at for each in others)), hands)
 

@@ -1,8 +1,4 @@
-"""Define the least operator, a hand at the handle, and a box of hands. SI units.
-
-The fields of `Hand` are the parameters of a hand, and all other modules use the names of these fields. If a field is
-not named after its quantity, the entry "quantity" of its metadata is "mass", "damping" or "stiffness".
-"""
+"""Define the least operator, a hand at the handle, and a box of hands. SI units."""
 
 from __future__ import annotations
 
@@ -96,33 +92,23 @@ class Hand:
         return Hand(**{name: new[QUANTITIES[name]](number) for name, number in self.numbers.items()})
 
 
-NAMES = tuple(field.name for field in fields(Hand))
-"""Names of a hand's parameters."""
+NAMES = tuple(field.name for field in fields(Hand))  # Names of a hand's parameters
+# Quantity of each parameter of a hand; the quantity determines the unit
 QUANTITIES = {field.name: field.metadata.get("quantity", field.name) for field in fields(Hand)}
-"""Quantity of each parameter of a hand; the quantity determines the unit."""
-HAND = tuple(f"operator.{name}" for name in NAMES)
-"""Keys of a hand's parameters in a problem file."""
+HAND = tuple(f"operator.{name}" for name in NAMES)  # Keys of a hand's parameters in a problem file
+# Keys of the mass and the stiffness, which determine where a hand resonates
 MASS, STIFFNESS = "operator.mass", "operator.stiffness"
-"""Keys of the mass and the stiffness, which determine where a hand resonates."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hands:
-    """A box of hands: all hands whose numbers lie between two limits.
+    """A box of hands: all hands whose numbers lie between two limits."""
 
-    Attributes
-    ----------
-    low, high : the hands with the least and with the greatest numbers
-    """
-
-    low: Hand
+    low: Hand  # the hands with the least and with the greatest numbers
     high: Hand
 
     def in_words(self, units: Units) -> str:
-        """Return the box in words with units. The text omits numbers that are 0 in all hands of the box.
-
-        Returns "nothing" if all numbers are 0.
-        """
+        """Return the box in words with units. The text omits numbers that are 0 in all hands of the box."""
         known = ((name, *ends) for name, ends in self.ranges.items() if ends[1] > 0)
         return ", ".join(f"{low:g} to {high:g} {units.of(QUANTITIES[name])}" for name, low, high in known) or "nothing"
 
@@ -143,16 +129,5 @@ class Hands:
         return self.low.mapped(lambda low, high: 0.5 * (low + high), self.high)
 
     def in_units(self, impedance: float, time: float) -> Hands:
-        """Return the box of hands in other units of impedance and time.
-
-        Parameters
-        ----------
-        impedance : the new unit of impedance, N s/m, > 0
-        time : the new unit of time, s, > 0
-
-        Returns
-        -------
-        Hands
-            The box with both ends converted by `Hand.in_units`.
-        """
+        """Return the box of hands in other units of impedance and time."""
         return Hands(self.low.in_units(impedance, time), self.high.in_units(impedance, time))

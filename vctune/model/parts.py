@@ -1,8 +1,5 @@
 """Define the parts of a device, and the table of their parameters with units, names and limits (model/README.md,
-section 12).
-
-A part consists of a record in this module, its entry in `PARTS`, a field of `Device` and a table of the problem file.
-"""
+section 12)."""
 
 from __future__ import annotations
 
@@ -71,26 +68,12 @@ class ForceSensor:
 
 @dataclass(frozen=True, slots=True)
 class Servo:
-    """A closed loop that follows a velocity or position command with a delay. The hand cannot push it
-    (model/README.md, section 17).
+    """A closed loop that follows a velocity or position command with a delay. The hand cannot push it (model/README.md,
+    section 17)."""
 
-    Attributes
-    ----------
-    delay : delay from sampling to motion in addition to the hold, s, >= 0
-    bandwidth_hz : -3 dB frequency of the low-pass from the delayed command to the motion, Hz, > 0
-    order : order of that low-pass, 1, or 2 with damping ratio 1/sqrt(2)
-    command : "velocity", held over a sample, or "position", interpolated linearly over a sample
-    stiffness : stiffness of a spring with which the firmware pulls the measured position to a reference, N/m; None
-        without a spring. The force of the spring does not pass through the force sensor
-    radii : points (Hz, r) of a disc around 1 that contains the unknown factor of the sensed response. r is linear
-        between the points on logarithmic axes, and constant above the last point. Below the first point it is
-        proportional to the frequency, because a servo at rest is exactly at its commanded position. Empty if the
-        response is known exactly
-    """
-
-    delay: Number
-    bandwidth_hz: Number
-    order: int = 1
+    delay: Number  # delay from sampling to motion in addition to the hold, s, >= 0
+    bandwidth_hz: Number  # -3 dB frequency of the low-pass from the delayed command to the motion, Hz, > 0
+    order: int = 1  # order of that low-pass, 1, or 2 with damping ratio 1/sqrt(2)
     command: Literal["velocity", "position"] = "velocity"
     stiffness: Number | None = None
     radii: tuple[tuple[float, float], ...] = ()
@@ -118,75 +101,43 @@ class Structure:
 
 @dataclass(frozen=True, slots=True)
 class Unmodelled:
-    """A response in the uncertainty set: the nominal one times 1 + share r(omega) e^(j phase) (model/README.md,
-    section 13).
+    """A response in the uncertainty set: the nominal one times 1 + share r(omega) e^(j phase) (model/README.md, section
+    13)."""
 
-    Attributes
-    ----------
-    radii : points (frequency in Hz, radius), increasing in frequency; r is linear between them on logarithmic axes, and
-        constant outside, also below the first point, unlike `Servo.radii`
-    share : the factor `share`, which multiplies the radius r, 0 <= share <= 1
-    phase : direction of the deviation, rad
-    """
-
-    radii: tuple[tuple[float, float], ...]
-    share: Number = 0.0
-    phase: Number = 0.0
+    radii: tuple[tuple[float, float], ...]  # points (frequency in Hz, radius), increasing in frequency
+    share: Number = 0.0  # the factor `share`, which multiplies the radius r, 0 <= share <= 1
+    phase: Number = 0.0  # direction of the deviation, rad
 
     def __str__(self) -> str:
         return f"response off by {self.share:.3g} r at {degrees(self.phase):.4g} deg"
 
 
-Quantity = Literal["mass", "damping", "stiffness", "time", "rate", "ratio"]
-"""Quantity of a device's parameter. The quantity determines the factor by which `Device.in_units` scales the parameter.
-The names of the units come from `vctune.model.numbers.units`, where a rate is a frequency and a ratio has no unit."""
+Quantity = Literal["mass", "damping", "stiffness", "time", "rate", "ratio"]  # Quantity of a device's parameter
 
 
 @dataclass(frozen=True, slots=True)
 class PartNumber:
-    """The description of one parameter of a device.
+    """The description of one parameter of a device."""
 
-    Attributes
-    ----------
-    name : key of the number in the table of its part
-    quantity : physical quantity
-    label : name in a report, for a linear device; "" for a number that no report names
-    better : phrase that describes a linear device with a better value, such as "a faster actuator"; "" if no repair
-        proposes a better value
-    order_key : key of the low-pass's order, if the number is a corner frequency that a file may omit; "" otherwise
-    sampled : whether the number is the corner of a filter of samples, which must be below the Nyquist frequency
-    certain : whether the number is known exactly, so that no file may call it uncertain
-    """
-
-    name: str
-    quantity: Quantity
-    label: str = ""
-    better: str = ""
-    order_key: str = ""
+    name: str  # key of the number in the table of its part
+    quantity: Quantity  # physical quantity
+    label: str = ""  # name in a report, for a linear device; "" for a number that no report names
+    better: str = ""  # phrase that describes a linear device with a better value, such as "a faster actuator"
+    order_key: str = ""  # key of the low-pass's order, if the number is a corner frequency that a file may omit
     sampled: bool = False
-    certain: bool = False
+    certain: bool = False  # whether the number is known exactly, so that no file may call it uncertain
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A table of [device] that describes a non-ideal part.
+    """A table of [device] that describes a non-ideal part."""
 
-    Attributes
-    ----------
-    record : type of the field of `Device`
-    label : name of the part, for a linear device
-    numbers : the real numbers of the record; its orders, sources, commands, loads and radii are not among them
-    ideal : the record of an ideal part, which a device does not store; None if no record is ideal
-    refused_by : reason why a kind of display cannot have the part, by the name of the kind
-    named : name of the part in a list of a device's parts; "" if that name is `label`
-    """
-
-    record: type
-    label: str
-    numbers: tuple[PartNumber, ...]
-    ideal: Any = None
+    record: type  # type of the field of `Device`
+    label: str  # name of the part, for a linear device
+    numbers: tuple[PartNumber, ...]  # the real numbers of the record
+    ideal: Any = None  # the record of an ideal part, which a device does not store; None if no record is ideal
     refused_by: Mapping[DisplayName, str] = field(default_factory=dict)
-    named: str = ""
+    named: str = ""  # name of the part in a list of a device's parts; "" if that name is `label`
 
     @property
     def stated(self) -> str:
@@ -194,13 +145,14 @@ class Part:
         return self.named or self.label
 
 
+# Descriptions of the parameters in the [device] table itself
 DEVICE_NUMBERS = (
     PartNumber("mass", "mass", "mass m"),
     PartNumber("damping", "damping", "damping b"),
     PartNumber("sample_time", "time", "sample time T", certain=True),
     PartNumber("delay", "time", "delay"),
 )
-"""Descriptions of the parameters in the [device] table itself."""
+# Descriptions of the parts of a device, by their keys
 PARTS: Mapping[str, Part] = MappingProxyType(
     {
         "velocity": Part(
@@ -260,29 +212,23 @@ PARTS: Mapping[str, Part] = MappingProxyType(
         ),
     }
 )
-"""Descriptions of the parts of a device, by their keys."""
+# Descriptions of all parameters of a device, by their keys in its table
 PART_NUMBERS: Mapping[str, PartNumber] = MappingProxyType(
     {each.name: each for each in DEVICE_NUMBERS}
     | {f"{key}.{each.name}": each for key, part in PARTS.items() for each in part.numbers}
 )
-"""Descriptions of all parameters of a device, by their keys in its table."""
+# Keys of the parameters of parts that are known exactly, because the firmware computes with these values
 OF_FIRMWARE = tuple(key for key, each in PART_NUMBERS.items() if each.certain and "." in key)
-"""Keys of the parameters of parts that are known exactly, because the firmware computes with these values. The sample
-time is also known exactly, but belongs to `NUMBERS`, because all formulas depend on it."""
+# Keys of all other parameters of a device, without those of the unmodelled response
 NUMBERS = tuple(key for key in PART_NUMBERS if key not in OF_FIRMWARE)
-"""Keys of all other parameters of a device, without those of the unmodelled response."""
+# Keys of the parameters that may be uncertain
 UNCERTAIN = tuple(key for key, each in PART_NUMBERS.items() if not each.certain)
-"""Keys of the parameters that may be uncertain. The corner of the velocity's low-pass is one of them, although the
-firmware defines this low-pass."""
-INERT = ("mass", "damping", "delay")
-"""Keys of the parameters of [device] that a servo does not have. A servo stores 1, 0 and 0 under these keys. The mass
-1 kg is the unit of mass in `sampled/changing`; nothing else depends on the values."""
-LOOP_DELAYS = ("delay", "servo.delay")
-"""Keys of the delay of a loop, one for each kind of display."""
+INERT = ("mass", "damping", "delay")  # Keys of the parameters of [device] that a servo does not have
+LOOP_DELAYS = ("delay", "servo.delay")  # Keys of the delay of a loop, one for each kind of display
+# Keys of the delays between a command and the sensed force that it causes
 DELAYS = (
     *LOOP_DELAYS,
     *(key for key in UNCERTAIN if PART_NUMBERS[key].quantity == "time" and key not in LOOP_DELAYS),
 )
-"""Keys of the delays between a command and the sensed force that it causes. These delays add up."""
+# Keys of the parameters that select one response of the uncertainty set
 UNMODELLED_KEYS = ("unmodelled.share", "unmodelled.phase")
-"""Keys of the parameters that select one response of the uncertainty set."""

@@ -16,13 +16,10 @@ from vctune.model.transparency import Terms
 from vctune.model.worlds import Worlds, WorldsMet
 
 Norm = Literal["rms", "peak"]
+# Hands that a problem requires: any passive hand; a box of hands, in the sampled loop; or both
 Criterion = Literal["passive", "hands", "both"]
-"""Hands that a problem requires: any passive hand; a box of hands, in the sampled loop; or both.
-
-The claim for any passive hand is about the frequency model on a band for an admittance display, and about the sampled
-loop for an impedance display. A servo, and a problem with a box of environments, have the criterion "hands"."""
+# Human hands on a linear device, from no hand to a firm grip (model/README.md, section 14)
 HUMAN_HANDS = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
-"""Human hands on a linear device, from no hand to a firm grip (model/README.md, section 14)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,29 +52,19 @@ class Band:
         return hertz(self.min), hertz(self.max)
 
 
-ABSENT = Range(0.0, 0.0)
-"""The range of a variable that a display does not have."""
+ABSENT = Range(0.0, 0.0)  # The range of a variable that a display does not have
 
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """The ranges of the design variables; `ABSENT` for a variable that the kind of display lacks.
+    """The ranges of the design variables; `ABSENT` for a variable that the kind of display lacks."""
 
-    Attributes
-    ----------
-    velocity : K_v, N s/m; absent on a servo
-    position : K_p, N/m; absent on an impedance display and on a servo
-    damping : b_c, N s/m
-    mass, drag : m_c, kg, and b_0, N s/m; absent on an impedance display
-    stiffness : k_c, N/m, of an impedance display; absent on all others
-    """
-
-    velocity: Range
-    position: Range
-    damping: Range
-    mass: Range
+    velocity: Range  # K_v, N s/m; absent on a servo
+    position: Range  # K_p, N/m; absent on an impedance display and on a servo
+    damping: Range  # b_c, N s/m
+    mass: Range  # m_c, kg, and b_0, N s/m; absent on an impedance display
     drag: Range
-    stiffness: Range = ABSENT
+    stiffness: Range = ABSENT  # k_c, N/m, of an impedance display; absent on all others
 
     @property
     def fixed(self) -> bool:
@@ -97,52 +84,29 @@ class Transparency:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """The requirements (design/README.md, section 1).
+    """The requirements (design/README.md, section 1)."""
 
-    Attributes
-    ----------
-    band : band of Llewellyn's conditions; no claim about an impedance display or a servo depends on it
-    safety_factor : least permitted Re Z_c / R; for an impedance display Re (1/Z_c) / R
-    max_sensitivity : greatest permitted |S| of the sampled loop; without effect for a servo
-    criterion : hands that the problem requires
-    changing : parameter of the hand that may change while the hand holds the handle; None if no hand may change
-    changing_mass_min : least mass of a hand that changes, kg; None for the least mass of the box of hands
-    """
-
-    band: Band
-    safety_factor: float
-    max_sensitivity: float
-    criterion: Criterion = "passive"
-    changing: Literal["damping"] | None = None
-    changing_mass_min: float | None = None
+    band: Band  # band of Llewellyn's conditions; no claim about an impedance display or a servo depends on it
+    safety_factor: float  # least permitted Re Z_c / R; for an impedance display Re (1/Z_c) / R
+    max_sensitivity: float  # greatest permitted |S| of the sampled loop; without effect for a servo
+    criterion: Criterion = "passive"  # hands that the problem requires
+    changing: Literal["damping"] | None = None  # parameter of the hand that may change while the hand holds the handle
+    changing_mass_min: float | None = None  # least mass of a hand that changes, kg
 
 
 @dataclass(frozen=True, slots=True)
 class Demands:
-    """The constraints on a design.
+    """The constraints on a design."""
 
-    Attributes
-    ----------
-    device : the device
-    band : band of Llewellyn's conditions, rad/s; may be (0, inf); without effect if `passive` is False
-    factor : safety factor g, the least permitted Re Z_c / R; for an impedance display Re (1/Z_c) / R
-    max_sensitivity : greatest permitted |S| of the sampled loop; without effect for a servo
-    passive : whether the constraints include any passive hand on an admittance display, on the band
-    any_hand : whether the constraints include any passive hand on an impedance display, at every frequency
-    hands : box of hands in which the sampled loop must be stable at every frequency; None without one
-    worlds : box of environments with which the loop must be stable in these hands; None for every passive environment
-    changing : box of hands whose damping may change at every sample; None if no hand may change
-    """
-
-    device: Device
-    band: tuple[float, float]
-    factor: float
-    max_sensitivity: float
-    passive: bool = True
+    device: Device  # the device
+    band: tuple[float, float]  # band of Llewellyn's conditions, rad/s
+    factor: float  # safety factor g, the least permitted Re Z_c / R; for an impedance display Re (1/Z_c) / R
+    max_sensitivity: float  # greatest permitted |S| of the sampled loop; without effect for a servo
+    passive: bool = True  # whether the constraints include any passive hand on an admittance display, on the band
     any_hand: bool = False
-    hands: Hands | None = None
-    worlds: Worlds | None = None
-    changing: Hands | None = None
+    hands: Hands | None = None  # box of hands in which the sampled loop must be stable at every frequency
+    worlds: Worlds | None = None  # box of environments with which the loop must be stable in these hands
+    changing: Hands | None = None  # box of hands whose damping may change at every sample; None if no hand may change
 
     @property
     def worlds_met(self) -> WorldsMet | None:
@@ -151,26 +115,13 @@ class Demands:
 
     @property
     def walls_met(self) -> WorldsMet | None:
-        """The required environments including walls, and the safety factor.
-
-        Returns None without a box of environments, and if the multiplier that proves walls has no corner.
-        """
+        """The required environments including walls, and the safety factor."""
         return _with_walls(self.worlds, self.factor)
 
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """The uncertainty of the device: how far its parameters and its response may deviate from the stated values.
-
-    Attributes
-    ----------
-    half_widths : relative half-widths of parameters of the device, by their keys, 0 < width < 1
-    objective : error that a design minimises: "nominal" for that of the nominal device, "worst" for the greatest error
-        at a corner of the box
-    unmodelled : points (frequency in Hz, radius) of a disc around 1 that contains the factor of the device's response.
-        The radius is linear between the points on logarithmic axes, and constant outside them. Empty without a disc,
-        and for a servo, whose disc is `Servo.radii`
-    """
+    """The uncertainty of the device: how far its parameters and its response may deviate from the stated values."""
 
     half_widths: tuple[tuple[str, float], ...]
     objective: Literal["nominal", "worst"]

@@ -10,26 +10,14 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """The parts of L, the time by which a spring's force lags at rest, s.
+    """The parts of L, the time by which a spring's force lags at rest, s."""
 
-    In a hand with stiffness K and damping B, the drag must be at least K L - B.
-
-    Attributes
-    ----------
-    hold : T/2, the lag of the hold
-    interpolation : T/2 for a position command, else 0
-    delay : delay of the servo
-    lag : lag of the servo's low-pass
-    sensor : delay and lag of the force sensor
-    filter : lag of the firmware's filter of the sensed samples
-    """
-
-    hold: Number
-    interpolation: Number
-    delay: Number
-    lag: Number
-    sensor: Number
-    filter: Number
+    hold: Number  # T/2, the lag of the hold
+    interpolation: Number  # T/2 for a position command, else 0
+    delay: Number  # delay of the servo
+    lag: Number  # lag of the servo's low-pass
+    sensor: Number  # delay and lag of the force sensor
+    filter: Number  # lag of the firmware's filter of the sensed samples
 
     @property
     def total(self) -> Number:
@@ -39,32 +27,19 @@ class Latency:
 
 @dataclass(frozen=True, slots=True)
 class LatencyPart:
-    """The name of a part of L, and the parameter of the device that determines this part.
+    """The name of a part of L, and the parameter of the device that determines this part."""
 
-    Attributes
-    ----------
-    label : name of the part
-    key : dotted key of the number or of the table that states the part, in a problem file
-    quicker : advice on how to shorten the part
-    """
-
-    label: str
-    key: str
-    quicker: str
+    label: str  # name of the part
+    key: str  # dotted key of the number or of the table that states the part, in a problem file
+    quicker: str  # advice on how to shorten the part
 
     @classmethod
     def of(cls, label: str, key: str, change: str) -> LatencyPart:
-        """Return the part that a change of the number with a given key shortens.
-
-        Parameters
-        ----------
-        label : name of the part
-        key : key of the number, in [device]
-        change : verb phrase for the change of the number
-        """
+        """Return the part that a change of the number with a given key shortens."""
         return cls(label, f"device.{key}", f"{change} device.{key}")
 
 
+# Descriptions of the parts of `Latency`, by their field names
 LATENCY_PARTS = {
     "hold": LatencyPart.of("hold", "sample_time", "shorten"),
     "interpolation": LatencyPart.of("interpolation", "sample_time", "shorten"),
@@ -73,22 +48,10 @@ LATENCY_PARTS = {
     "sensor": LatencyPart.of("force sensor", "force_sensor", "state a quicker"),
     "filter": LatencyPart.of("filter", "force_sensor.filter_coefficient", "raise"),
 }
-"""Descriptions of the parts of `Latency`, by their field names."""
 
 
 def latency(device: Device, ops: Arithmetic) -> Latency:
-    """Return the parts of L, the time by which a servo's spring force lags at rest (model/README.md, section 17).
-
-    Parameters
-    ----------
-    device : a servo with or without a force sensor, in SI units
-    ops : arithmetic of its numbers
-
-    Returns
-    -------
-    Latency
-        s. It has the shape of the device's parameters.
-    """
+    """Return the parts of L, the time by which a servo's spring force lags at rest (model/README.md, section 17)."""
     servo, sensor, half = device.servo, device.sensing, device.sample_time / 2
     assert servo is not None
     late, smoothed = 0 * half + sensor.delay, 0 * half

@@ -17,25 +17,16 @@ from vctune.model.loop.impedances import G_hh_abs2, LoopResponse, tracking_abs2
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 
-PANEL_NODES = 8
-"""Number of Gauss-Legendre nodes on a panel; the rule is exact for polynomials of degree 15. With half as many nodes,
-the code would need about twice as many panels; with twice as many nodes, about half as many."""
+PANEL_NODES = 8  # Number of Gauss-Legendre nodes on a panel; the rule is exact for polynomials of degree 15
 
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """One value for each of the error's three terms: the terms themselves, their squares or their weights.
+    """One value for each of the error's three terms: the terms themselves, their squares or their weights."""
 
-    Attributes
-    ----------
-    admittance : |Z_0 G_hh|, 0 for a servo; for an impedance display |1/G_hh|/Z_0
-    tracking : |1 - G_he|; for an impedance display |1 - A H/N|
-    coupling : |Z_c|/Z_0; for an impedance display Z_0 |1/Z_c|
-    """
-
-    admittance: Number
-    tracking: Number
-    coupling: Number
+    admittance: Number  # |Z_0 G_hh|, 0 for a servo; for an impedance display |1/G_hh|/Z_0
+    tracking: Number  # |1 - G_he|; for an impedance display |1 - A H/N|
+    coupling: Number  # |Z_c|/Z_0; for an impedance display Z_0 |1/Z_c|
 
 
 TermName = Literal["admittance", "tracking", "coupling"]
@@ -43,33 +34,14 @@ TERMS: tuple[TermName, ...] = ("admittance", "tracking", "coupling")
 
 
 class LoopTerms(NamedTuple):
-    """The squares of the two terms that do not contain the coupling, |G_hh| and |1 - G_he|, with Z_0 = 1.
-
-    A servo has G_hh = 0. An impedance display has the dual terms. The dual terms contain 1/G_hh, the impedance in free
-    motion, and 1 - A H/N, the relative error of the handle's force against the commanded force.
-    """
+    """The squares of the two terms that do not contain the coupling, |G_hh| and |1 - G_he|, with Z_0 = 1."""
 
     admittance: Number
     tracking: Number
 
 
 def loop_terms(loop: LoopResponse, at: DeviceResponse, kind: Display) -> LoopTerms:
-    """Return the squares of the error's two terms that depend on the loop alone.
-
-    See model/README.md, section 8; paper eq. 21.
-
-    Parameters
-    ----------
-    loop : the velocity loop at some frequencies
-    at : the device at the same frequencies; for an impedance display the function needs its A H
-    kind : the display, which decides between the terms and the dual terms
-
-    Returns
-    -------
-    LoopTerms
-        `admittance` is |G_hh|^2, (m/(N s))^2, or 1/|G_hh|^2, (N s/m)^2, for an impedance display. `tracking` is the
-        other square, dimensionless.
-    """
+    """Return the squares of the error's two terms that depend on the loop alone."""
     if not kind.inverse:
         return LoopTerms(G_hh_abs2(loop), tracking_abs2(loop))
     N = loop.numerator or Pair(1, 0)
@@ -85,19 +57,7 @@ class Quotient(NamedTuple):
 
 
 def quotient_terms(at: LoopConstants, kind: Display) -> tuple[Quotient, Quotient]:
-    """Return the quotients whose squared moduli are the two terms of `loop_terms`.
-
-    Numerator and denominator are affine in the gains. The quotients do not include a factor of modulus 1.
-
-    Parameters
-    ----------
-    at : constants of the loop at some frequencies
-    kind : the display; an impedance display has no K_p
-
-    Returns
-    -------
-    admittance, tracking : N/D and (D - C_0)/D; for an impedance display D/N and (N - A H)/N
-    """
+    """Return the quotients whose squared moduli are the two terms of `loop_terms`."""
     if not kind.inverse:
         return Quotient(at.numerator, at.D), Quotient(at.miss, at.D)
     N, D, drive = (Affine(each.constant, each.velocity, None) for each in (at.numerator, at.D, at.controller))
@@ -107,50 +67,21 @@ def quotient_terms(at: LoopConstants, kind: Display) -> tuple[Quotient, Quotient
 
 
 def squared_terms(of_loop: LoopTerms, coupling: Pair, reference: float) -> Terms:
-    """Return the squares of the error's three dimensionless terms (model/README.md, section 8).
-
-    Parameters
-    ----------
-    of_loop : squares of the two terms of the loop, at some frequencies
-    coupling : Z_c there, N s/m; for an impedance display 1/Z_c, m/(N s)
-    reference : Z_0, N s/m; for an impedance display 1/Z_0 (`Display.reference`)
-
-    Returns
-    -------
-    Terms
-        Dimensionless. They have the shape of the frequencies.
-    """
+    """Return the squares of the error's three dimensionless terms (model/README.md, section 8)."""
     square = reference**2
     return Terms(of_loop.admittance * square, of_loop.tracking, coupling.abs2() / square)
 
 
 @cache
 def _panel() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the Gauss-Legendre nodes and weights on [-1, 1], from the eigenvalues of the Jacobi matrix.
-
-    `numpy.polynomial` provides them too, but importing this module takes as long as finding a design.
-    """
+    """Return the Gauss-Legendre nodes and weights on [-1, 1], from the eigenvalues of the Jacobi matrix."""
     k = np.arange(1.0, PANEL_NODES)
     nodes, vectors = np.linalg.eigh(np.diag(k / np.sqrt(4 * k * k - 1), -1))
     return nodes, 2 * vectors[0] ** 2
 
 
 def log_quadrature(omega_min: float, omega_max: float, panels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the nodes and weights of an average over log frequency, 1/ln(w2/w1) * integral dw/w.
-
-    The function applies the Gauss-Legendre rule with `PANEL_NODES` nodes to each of several equal parts of the
-    logarithmic band.
-
-    Parameters
-    ----------
-    omega_min, omega_max : w1 and w2, rad/s, 0 < w1 < w2
-    panels : number of equal parts of the band
-
-    Returns
-    -------
-    nodes : rad/s, shape (`PANEL_NODES` * panels,)
-    weights : weights of the same shape; they add up to 1
-    """
+    """Return the nodes and weights of an average over log frequency, 1/ln(w2/w1) * integral dw/w."""
     nodes, weights = _panel()
     starts = np.arange(panels)[:, None]
     position = ((starts + (nodes + 1) / 2) / panels).ravel()

@@ -10,64 +10,37 @@ from typing import Literal, get_args
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import Units
 
+# Rule by which the firmware integrates mass and stiffness: the lossless trapezoidal rule, explicit Euler, or implicit
+# Euler, which damps
 WorldRule = Literal["trapezoid", "explicit", "implicit"]
-"""Rule by which the firmware integrates mass and stiffness: the lossless trapezoidal rule, explicit Euler, or implicit
-Euler, which damps."""
 WORLD_RULES: tuple[WorldRule, ...] = get_args(WorldRule)
-MOST_LATE = 10
-"""Greatest permitted lateness of an environment in samples. This lateness suffices for a game loop of 100 Hz whose
-environment a controller of 1 kHz renders."""
+MOST_LATE = 10  # Greatest permitted lateness of an environment in samples
 
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A virtual environment, mass s + damping + stiffness/s, in its discrete form.
+    """A virtual environment, mass s + damping + stiffness/s, in its discrete form."""
 
-    Attributes
-    ----------
-    mass : m, kg, >= 0; inf for no limit
-    damping : b, N s/m, >= 0; inf for no limit
-    stiffness : k, N/m, >= 0; inf for no limit
-    """
-
-    mass: Number
-    damping: Number
-    stiffness: Number
+    mass: Number  # m, kg, >= 0; inf for no limit
+    damping: Number  # b, N s/m, >= 0; inf for no limit
+    stiffness: Number  # k, N/m, >= 0; inf for no limit
 
     def in_units(self, impedance: float, time: float) -> World:
-        """Return the environment in other units of impedance and time.
-
-        Parameters
-        ----------
-        impedance : the new unit of impedance, N s/m, > 0
-        time : the new unit of time, s, > 0
-        """
+        """Return the environment in other units of impedance and time."""
         return World(self.mass / (impedance * time), self.damping / impedance, self.stiffness * time / impedance)
 
 
 @dataclass(frozen=True, slots=True)
 class Worlds:
-    """A box of environments: all environments whose numbers lie between two limits.
+    """A box of environments: all environments whose numbers lie between two limits."""
 
-    Attributes
-    ----------
-    low, high : the environments with the least and with the greatest numbers; in a problem, `high.damping` is inf if
-        `passive` is true, and finite otherwise
-    walls : whether springs may be walls: one-sided, or piecewise linear with slopes within the range of stiffness
-    corner : corner frequency w_c of the multiplier that proves walls, rad/s, > 0, at most 2/T (section 19); None if
-        no corner has been chosen
-    rule : rule by which the firmware integrates the environments
-    late : number of samples by which the environments' force is late, >= 0
-    resistive : whether a search relies on the real part alone; a proof never does
-    """
-
-    low: World
+    low: World  # the environments with the least and with the greatest numbers
     high: World
     walls: bool = False
     corner: Number | None = None
-    rule: WorldRule = "trapezoid"
-    late: int = 0
-    resistive: bool = False
+    rule: WorldRule = "trapezoid"  # rule by which the firmware integrates the environments
+    late: int = 0  # number of samples by which the environments' force is late, >= 0
+    resistive: bool = False  # whether a search relies on the real part alone; a proof never does
 
     @property
     def linear(self) -> Worlds:
@@ -92,10 +65,7 @@ class Worlds:
         return self.rule != "explicit" and self.late == 0
 
     def in_words(self, units: Units) -> str:
-        """Return the box in words with units. The text omits limits that exclude nothing.
-
-        The text ends with walls or, without walls, with rule and lateness.
-        """
+        """Return the box in words with units. The text omits limits that exclude nothing."""
         ranges = [
             _range(low, high, unit)
             for low, high, unit in (
@@ -109,20 +79,12 @@ class Worlds:
 
     @property
     def ahead(self) -> bool:
-        """Whether the box has masses that step by explicit Euler on time, so that they respond only at the next sample.
-
-        With such a mass and enough damping in the loop, the motion grows.
-        """
+        """Whether the box has masses that step by explicit Euler on time, so that they respond only at the next
+        sample."""
         return bool(self.rule == "explicit" and self.late == 0 and self.high.mass > 0)
 
     def in_units(self, impedance: float, time: float) -> Worlds:
-        """Return the same environments in other units of impedance and time.
-
-        Parameters
-        ----------
-        impedance : the new unit of impedance, N s/m, > 0
-        time : the new unit of time, s, > 0
-        """
+        """Return the same environments in other units of impedance and time."""
         corner = None if self.corner is None else self.corner * time
         return replace(
             self, low=self.low.in_units(impedance, time), high=self.high.in_units(impedance, time), corner=corner
@@ -136,20 +98,12 @@ class Worlds:
         return replace(self, low=low, high=high, corner=None if self.corner is None else number(self.corner))
 
 
+# All environments that are passive in their discrete form
 EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))
-"""All environments that are passive in their discrete form."""
 
 
 def in_time_in_words(rule: WorldRule, late: int) -> str:
-    """Return the words for rule and lateness that follow an environment's numbers.
-
-    Returns "" for an environment that steps by the trapezoidal rule and is on time.
-
-    Parameters
-    ----------
-    rule : rule by which the firmware integrates the environment
-    late : number of samples by which the environment's force is late
-    """
+    """Return the words for rule and lateness that follow an environment's numbers."""
     stepped = {"trapezoid": "", "explicit": "stepped by explicit Euler", "implicit": "stepped by implicit Euler"}[rule]
     waited = f"{late} sample{'s' * (late > 1)} late" if late else ""
     return "".join(f", {each}" for each in (stepped, waited) if each)
@@ -165,13 +119,7 @@ def _range(low: Number, high: Number, unit: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class WorldsMet:
-    """The environments that a design must render stably with a safety factor.
+    """The environments that a design must render stably with a safety factor."""
 
-    Attributes
-    ----------
-    worlds : the box of environments
-    factor : safety factor g >= 1; the coupling divided by any number from 1 to g must also render them stably
-    """
-
-    worlds: Worlds
-    factor: Number
+    worlds: Worlds  # the box of environments
+    factor: Number  # safety factor g >= 1; the coupling divided by any number from 1 to g must also render them stably

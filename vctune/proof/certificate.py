@@ -1,7 +1,5 @@
-"""The certificate of a design: every claim with its verdict (proved, refuted or undecided).
-
-See proof/README.md, section 1; document/README.md, section 3.
-"""
+"""The certificate of a design: every claim with its verdict (proved, refuted or undecided). See proof/README.md,
+section 1; document/README.md, section 3."""
 
 from __future__ import annotations
 
@@ -32,10 +30,8 @@ from vctune.proof.engine.interval import Outcome, Verdict, worst_verdict
 from vctune.proof.provers import PROVERS, Question, prove_passive
 from vctune.running import OutOfTimeError, check_time, report_progress, reporting_progress
 
-STABILITY = claims_about("poles", "unmodelled")
-"""Identifiers of the claims that the loop is stable. If one of them is not proved, Re Z_c / R has no meaning."""
-RATIOS = claims_about("ratio", "in_hand")
-"""Identifiers of the claims about Re Z_c / R."""
+STABILITY = claims_about("poles", "unmodelled")  # Identifiers of the claims that the loop is stable
+RATIOS = claims_about("ratio", "in_hand")  # Identifiers of the claims about Re Z_c / R
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,11 +162,7 @@ def _certificate(question: Question) -> Certificate:
 
 
 def _beside(question: Question) -> list[Question]:
-    """Return the same question for the delays on both sides of a nearby whole number of samples.
-
-    The function returns no question for an uncertain delay, because the delay's range in the box already extends to
-    that number.
-    """
+    """Return the same question for the delays on both sides of a nearby whole number of samples."""
     design, demands, box = question.design, question.demands, question.box
     hands, found = demands.hands, list[Question]()
     if hands is None or (box is not None and any(key in box.uncertain for key in DELAYS)):
@@ -184,10 +176,7 @@ def _beside(question: Question) -> list[Question]:
 
 
 def _holding_beside(certificate: Certificate, beside: Sequence[Certificate]) -> Certificate:
-    """Return a certificate whose claims hold for several delays.
-
-    If a claim fails for one of the delays, its outcome names the device with that delay.
-    """
+    """Return a certificate whose claims hold for several delays."""
     outcomes, without_factor = certificate.outcomes, certificate.without_factor
     for other in beside:
         device = other.design.device
@@ -214,22 +203,7 @@ def _in_time(proof: Callable[[], Outcome]) -> Outcome:
 
 
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
-    """Prove that several designs of one device meet their constraints, as `certify` does for one.
-
-    Array arithmetic decides most designs together. Arb decides the others. With a box of devices or with hands, the
-    prover proves each design separately.
-
-    Parameters
-    ----------
-    designs : n designs of one device
-    demands : constraints on that device
-    box : box of devices; the prover proves each claim for all of them; None for the device alone
-
-    Returns
-    -------
-    list of Certificate
-        n certificates, in the order of the designs.
-    """
+    """Prove that several designs of one device meet their constraints, as `certify` does for one."""
     found: list[Certificate | None] = [None] * len(designs)
     if designs and box is None and claims_asked(demands) == list(ON_ARRAYS):
         values = np.array([astuple(design.gains) + astuple(design.coupling) for design in designs]).T

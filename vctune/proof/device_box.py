@@ -14,24 +14,15 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.parts import UNCERTAIN, Unmodelled
 from vctune.model.problem import Uncertainty
 
-DIRECTION = "unmodelled.phase"
-"""The key of the direction of a response at the edge of the disc, rad."""
+DIRECTION = "unmodelled.phase"  # The key of the direction of a response at the edge of the disc, rad
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceBox:
-    """All devices whose uncertain parameters lie between the parameters of two devices.
+    """All devices whose uncertain parameters lie between the parameters of two devices."""
 
-    Attributes
-    ----------
-    nominal : the device with its stated numbers
-    low, high : devices with the least and the greatest values of the parameters. Each value is a decimal inside the
-        stated range, and at most two units in the last place from an end of the range. If the responses are not known
-        exactly, both devices have a response at the edge of the disc (proof/README.md, section 9)
-    """
-
-    nominal: Device
-    low: Device
+    nominal: Device  # the device with its stated numbers
+    low: Device  # devices with the least and the greatest values of the parameters
     high: Device
 
     @property
@@ -53,21 +44,11 @@ class DeviceBox:
         return tuple(DeviceBox(*ends) for ends in parts)
 
     def device(self, numbers: Mapping[str, Number]) -> Device:
-        """Return a device of the box.
-
-        Parameters
-        ----------
-        numbers : all uncertain parameters, by their keys
-        """
+        """Return a device of the box."""
         return self.low.with_numbers(numbers)
 
     def corners(self) -> list[Device]:
-        """Return the devices at the vertices of the box.
-
-        With more than `MOST_AT_ONCE` uncertain parameters, each returned device has one parameter at an end of its
-        range, and the others at their nominal values. Unmodelled dynamics are at the edge of their disc, in `PHASES`
-        directions.
-        """
+        """Return the devices at the vertices of the box."""
         box = self.modelled
         ends = {key: (box.low.number(key), box.high.number(key)) for key in box.uncertain}
         if len(ends) <= MOST_AT_ONCE:
@@ -84,30 +65,12 @@ class DeviceBox:
         return [self.nominal, *self.corners()]
 
 
-PHASES = 8
-"""Number of directions on the edge of a disc that the search tries beforehand. The search for the worst device and the
-proof find failures between these directions. With half as many directions, the search takes more rounds to the same
-design; with twice as many, it takes fewer."""
-MOST_AT_ONCE = 4
-"""Greatest number of uncertain parameters for which the search tries all vertices beforehand. A box of four parameters
-has 16 vertices, a box of five has 32. With a limit of three, the search finds the other vertices in a fifth round of
-the exchange."""
+PHASES = 8  # Number of directions on the edge of a disc that the search tries beforehand
+MOST_AT_ONCE = 4  # Greatest number of uncertain parameters for which the search tries all vertices beforehand
 
 
 def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
-    """Return the box of devices around a nominal one.
-
-    Parameters
-    ----------
-    device : the nominal device, with plain floats
-    uncertainty : relative half-widths by key, and the disc of unmodelled dynamics; the function ignores half-widths for
-        parts that the device does not have
-
-    Returns
-    -------
-    DeviceBox
-        Its edges are rounded towards the nominal numbers.
-    """
+    """Return the box of devices around a nominal one."""
     low, high = (
         device.with_numbers(
             {
@@ -125,55 +88,27 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
     return DeviceBox(replace(device, unmodelled=own), replace(low, unmodelled=first), replace(high, unmodelled=last))
 
 
+# The keys of the parameters of a rigid device that add to the same parameters of a hand: mass and damping
 ADDED = ("mass", "damping")
-"""The keys of the parameters of a rigid device that add to the same parameters of a hand: mass and damping."""
 
 
 def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
-    """Return which uncertain parameters of a box matter only through their sum with the same parameter of the hand.
-
-    A rigid impedance display measures motion only. Its mass and the hand's mass therefore act as one, and so do the
-    dampings.
-    """
+    """Return which uncertain parameters of a box matter only through their sum with the same parameter of the hand."""
     if box.nominal.kind.senses_force or box.nominal.structure is not None:
         return ()
     return tuple(key for key in ADDED if key in box.uncertain)
 
 
 def felt_with_hand(box: DeviceBox) -> tuple[str, ...]:
-    """Return which of the device's mass and damping are uncertain and, for a given sum with the hand's value, enter
-    the sensed force affinely.
-
-    The result is empty for an impedance display, a structure or a servo. The motion of a rigid admittance display
-    depends on the sum of its mass and the hand's mass, and on the sum of both dampings. Its sensor measures the force
-    of the motor minus m a + b v. For a given motion this force is affine in the device's own m and b. A margin that is
-    affine in m and b is least where, in each sum, the value of the device or the value of the hand is at an end of its
-    range.
-
-    Parameters
-    ----------
-    box : uncertain devices
-    """
+    """Return which of the device's mass and damping are uncertain and, for a given sum with the hand's value, enter the
+    sensed force affinely."""
     if not box.nominal.kind.senses_force or box.nominal.structure is not None or box.nominal.servo is not None:
         return ()
     return tuple(key for key in ADDED if key in box.uncertain)
 
 
 def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[DeviceBox, Hands]:
-    """Move the uncertainty of a device's mass and damping into the hands, because only the sums matter.
-
-    Parameters
-    ----------
-    box : box of uncertain devices
-    hands : the box of hands
-    keys : keys of the parameters that add up, from `moved_as_one`
-
-    Returns
-    -------
-    box : box in which these parameters of the device have their least values
-    hands : hands; the function raises the upper ends of these parameters by the widths of the device's ranges, and
-        rounds them upwards
-    """
+    """Move the uncertainty of a device's mass and damping into the hands, because only the sums matter."""
     least = {key: box.low.number(key) for key in keys}
     range_ = {key: nextafter(box.high.number(key) - value, inf) for key, value in least.items()}
     high = {key: nextafter(getattr(hands.high, key) + value, inf) for key, value in range_.items()}
@@ -182,30 +117,16 @@ def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[
 
 
 def late_as_one(box: DeviceBox) -> bool:
-    """Return whether two delays of a box are uncertain but only their sum matters.
-
-    The sensed response to a command passes through both servo and sensor. A spring of the firmware is an exception: it
-    acts on the measured position, and the sensor's delay does not apply to that measurement.
-
-    Parameters
-    ----------
-    box : box of uncertain devices
-    """
+    """Return whether two delays of a box are uncertain but only their sum matters."""
     servo = box.nominal.servo
     return servo is not None and servo.stiffness is None and {*SUMMED} <= {*box.uncertain}
 
 
-SUMMED = ("servo.delay", "force_sensor.delay")
-"""The keys of the two delays that matter only through their sum."""
+SUMMED = ("servo.delay", "force_sensor.delay")  # The keys of the two delays that matter only through their sum
 
 
 def in_one_delay(box: DeviceBox) -> DeviceBox:
-    """Return a box with the same sums of both delays, in which the sensor's delay has its least value.
-
-    Parameters
-    ----------
-    box : box of uncertain servos that satisfies `late_as_one`
-    """
+    """Return a box with the same sums of both delays, in which the sensor's delay has its least value."""
     own, other = SUMMED
     least = box.low.number(other)
     range_ = nextafter(box.high.number(other) - least, inf)
@@ -215,13 +136,7 @@ def in_one_delay(box: DeviceBox) -> DeviceBox:
 
 def in_both_delays(box: DeviceBox, device: Device) -> Device:
     """Return the device of a box that corresponds to a device of `in_one_delay`. The servo's delay is as long as the
-    box allows.
-
-    Parameters
-    ----------
-    box : box of uncertain servos that satisfies `late_as_one`
-    device : device of the box that `in_one_delay` returns
-    """
+    box allows."""
     own, other = SUMMED
     delay, least = device.number(own), box.low.number(other)
     servo = min(delay, box.high.number(own))

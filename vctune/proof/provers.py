@@ -29,25 +29,17 @@ from vctune.proof.device_box import DeviceBox
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.storage.changing import prove_changing
 
+# Greatest product of the multiplier's corner, rad/s, and T; above 2 the multiplier's coefficient a is negative
 HIGHEST_CORNER = 2 * (1 - 1e-9)
-"""Greatest product of the multiplier's corner, rad/s, and T; above 2 the multiplier's coefficient a is negative. With
-half or twice the distance from 2, the coefficient is not negative either."""
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """The data for the proof of a claim.
+    """The data for the proof of a claim."""
 
-    Attributes
-    ----------
-    design : design with plain numbers
-    demands : the constraints on the design
-    box : box of devices for which the claim is to be proved; None for the design's own device
-    """
-
-    design: Design
-    demands: Demands
-    box: DeviceBox | None = None
+    design: Design  # design with plain numbers
+    demands: Demands  # the constraints on the design
+    box: DeviceBox | None = None  # box of devices for which the claim is to be proved; None for the design's own device
 
     @property
     def modelled(self) -> Question:
@@ -57,11 +49,7 @@ class Question:
     @property
     def robust(self) -> RobustDesign | None:
         """The design with its box of devices; None for a single device, or if there are neither feedback nor unmodelled
-        dynamics.
-
-        Without feedback, every mechanism is passive, so no box of devices is needed. A response within a disc need not
-        be passive.
-        """
+        dynamics."""
         if self.box is None or not self.box.uncertain:
             return None
         alike = not self.design.gains.closed and self.box.nominal.unmodelled is None
@@ -69,8 +57,8 @@ class Question:
 
 
 Outcomes = Mapping[ClaimId, Outcome]
+# A function that proves a claim; its arguments are the question and the outcomes of the claims before it
 Prover = Callable[[Question, Outcomes], Outcome]
-"""A function that proves a claim; its arguments are the question and the outcomes of the claims before it."""
 
 
 def prove_passive(question: Question) -> Outcome:
@@ -96,11 +84,7 @@ def _stable(question: Question, _known: Outcomes) -> Outcome:
 
 
 def _unmodelled(question: Question, known: Outcomes) -> Outcome:
-    """Prove that no response in the discs around the responses of a box makes the loop unstable.
-
-    If the prover has proved |S| <= limit, then |1 - S| <= limit + 1. A disc with a radius below the reciprocal of
-    limit + 1 therefore needs no separate proof.
-    """
+    """Prove that no response in the discs around the responses of a box makes the loop unstable."""
     design, box, demands = question.design, question.box, question.demands
     assert box is not None and box.nominal.unmodelled is not None
     radii, bounded = box.nominal.unmodelled.radii, known["sensitivity"].verdict is Verdict.PROVED
@@ -125,10 +109,7 @@ def _hands(question: Question, _known: Outcomes) -> Outcome:
 
 def _walls(question: Question, known: Outcomes) -> Outcome:
     """Prove the condition of walls. The condition implies stability only for loops that are stable with the linear
-    environments.
-
-    If the corner is not below 2/T, the multiplier does not exist.
-    """
+    environments."""
     worlds, device = question.demands.worlds, question.design.device
     usable = worlds is not None and worlds.corner is not None and worlds.corner * device.sample_time < HIGHEST_CORNER
     if not usable or known["worlds"].verdict is not Verdict.PROVED:
@@ -142,6 +123,7 @@ def _changing(question: Question, _known: Outcomes) -> Outcome:
     return prove_changing(question.design, hands, question.modelled.box)
 
 
+# The prover of each claim
 PROVERS: dict[ClaimId, Prover] = {
     "passive": lambda question, _: prove_passive(question),
     "sensitivity": _sensitivity,
@@ -154,7 +136,6 @@ PROVERS: dict[ClaimId, Prover] = {
     "walls": _walls,
     "changing": _changing,
 }
-"""The prover of each claim."""
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:
@@ -174,10 +155,7 @@ def _for_every_device(
     for_all: Callable[[RobustDesign, NominalProof], Outcome],
     in_doubt: Callable[..., Outcome] | None = None,
 ) -> Outcome:
-    """Prove a claim for the design's own device, and then for every device of the box.
-
-    `in_doubt` is a function that judges a device with a perturbed response at one frequency.
-    """
+    """Prove a claim for the design's own device, and then for every device of the box."""
     nominal, robust = alone(question.design), question.robust
     if robust is None or nominal.verdict is not Verdict.PROVED:
         return nominal

@@ -18,42 +18,13 @@ from vctune.report.svg.drawing import Drawing
 
 
 def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> None:
-    """Write report.html and the figures of a design from only its record. Delete the figures of an earlier design.
-
-    Parameters
-    ----------
-    record : record of the design
-    folder : folder for report.html and the figures
-    simulation : simulation of this design; None without one
-
-    Raises
-    ------
-    InputError
-        If the record's problem cannot be read or the folder cannot be written.
-    """
+    """Write report.html and the figures of a design from only its record. Delete the figures of an earlier design."""
     files = report_files(record, folder, simulation)
     write_together(files, [path for path in report_paths(folder) if path not in files])
 
 
 def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> dict[Path, str]:
-    """Return the files of `write_report`. The page is the last one.
-
-    Parameters
-    ----------
-    record : record of the design
-    folder : folder for the files
-    simulation : simulation of this design; None without one
-
-    Returns
-    -------
-    dict
-        Texts by path.
-
-    Raises
-    ------
-    InputError
-        If the record's problem cannot be read.
-    """
+    """Return the files of `write_report`. The page is the last one."""
     problem = parse_problem(record.problem.text, record.problem.name, record.problem.name)
     drawn: dict[str, Drawing] = {}
     least: list[RatioInHand | RatioInAnyHand] = []
@@ -68,16 +39,5 @@ def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecor
 
 
 def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, str]:
-    """Return only the figure of a simulation.
-
-    Parameters
-    ----------
-    simulation : simulation of any design
-    folder : folder for the file
-
-    Returns
-    -------
-    dict
-        The SVG text by its path.
-    """
+    """Return only the figure of a simulation."""
     return {folder / "simulation.svg": simulation_figure(simulation).svg("simulation")}

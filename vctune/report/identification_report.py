@@ -17,19 +17,7 @@ from vctune.report.typography import span
 
 
 def identification_files(found: Identified, record: IdentificationRecord, folder: Path) -> dict[Path, str]:
-    """Return the figures and the report of an identification. The page is the last file.
-
-    Parameters
-    ----------
-    found : device, box and studies of the recordings
-    record : the same identification, with the content of identification.json
-    folder : folder for the files
-
-    Returns
-    -------
-    dict
-        Texts by path.
-    """
+    """Return the figures and the report of an identification. The page is the last file."""
     pictures = {name: svg(figure, name) for name, figure in identification_figures(found, record).items()}
     files = {folder / f"{name}.svg": text for name, text in pictures.items()}
     return {**files, folder / REPORT: _page(record, pictures)}

@@ -8,22 +8,17 @@ from html import escape, unescape
 from math import floor, inf, log10
 from typing import NamedTuple
 
-THIN = "\u202f"
-"""Thin space between a number and its unit. A line cannot break at it."""
-DIGITS = 4
-"""Number of significant digits where a reader does not need to copy the number."""
-PLAIN = (0.1, 1e4)
-"""Sizes between which a number keeps its unit without a prefix."""
+THIN = "\u202f"  # Thin space between a number and its unit
+DIGITS = 4  # Number of significant digits where a reader does not need to copy the number
+PLAIN = (0.1, 1e4)  # Sizes between which a number keeps its unit without a prefix
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-PREFIXED = ("N", "Hz", "m", "s", "W")
-"""First letters of the units that take a prefix. A mass in kg loses its own prefix; an inertia in kg m2 keeps it."""
+PREFIXED = ("N", "Hz", "m", "s", "W")  # First letters of the units that take a prefix
+# Units that a sentence may contain
 UNITS = ("N m s/rad", "N m/rad", "N s/m", "N/m", "N m", "m/(N s)", "m/N", "kg m2", "kg", "N", "ms", "s")
-"""Units that a sentence may contain. A longer unit precedes any unit with which it begins."""
 UNIT = "|".join(map(re.escape, UNITS))
+# A number or a range of numbers with a unit
 MEASURED = re.compile(rf"(?<![\w.,])(?:([\d.]+(?:e[+-]?\d+)?) to )?([\d.]+(?:e[+-]?\d+)?) ({UNIT})(?![\w/(])")
-"""A number or a range of numbers with a unit."""
-SYMBOL = re.compile(r"(?<![\w.\"'])([A-Za-zτ])_([A-Za-z0-9]{1,5}\b)(?![_.])")
-"""A letter with a subscript."""
+SYMBOL = re.compile(r"(?<![\w.\"'])([A-Za-zτ])_([A-Za-z0-9]{1,5}\b)(?![_.])")  # A letter with a subscript
 # patterns of plain signs, each with its typographic form; a minus between symbols has spaces around it
 SIGNS: dict[str, str | Callable[[re.Match[str]], str]] = {
     r">=": "≥",
@@ -45,24 +40,12 @@ class Quantity(NamedTuple):
 
 
 def quantity(value: float | None, unit: str = "", digits: int = DIGITS) -> Quantity:
-    """Return a number in its unit with a suitable prefix.
-
-    Parameters
-    ----------
-    value : the number; None gives the text "none"
-    unit : its unit without a prefix, except "kg"; "" for a number without a unit
-    digits : number of significant digits
-    """
+    """Return a number in its unit with a suitable prefix."""
     return _together([value], unit, digits)
 
 
 def span(low: float, high: float, unit: str = "", digits: int = DIGITS) -> Quantity:
-    """Return a range of numbers in one unit, whose prefix suits the greater end.
-
-    Parameters
-    ----------
-    low, high, unit, digits : the ends, and the other arguments of `quantity`
-    """
+    """Return a range of numbers in one unit, whose prefix suits the greater end."""
     return _together([low, high], unit, digits)
 
 
@@ -73,13 +56,7 @@ def _together(values: list[float | None], unit: str, digits: int) -> Quantity:
 
 
 def prefixed(size: float, unit: str) -> tuple[int, str]:
-    """Return the power of ten of a suitable prefix, and the unit with this prefix.
-
-    Parameters
-    ----------
-    size : greatest absolute value of the numbers
-    unit : unit of the numbers without a prefix, except "kg"
-    """
+    """Return the power of ten of a suitable prefix, and the unit with this prefix."""
     if size == 0 or PLAIN[0] <= size < PLAIN[1] or not (unit == "kg" or unit.startswith(PREFIXED)):
         return 0, unit
     own = 3 if unit == "kg" else 0
@@ -121,12 +98,7 @@ def spaced(unit: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Return a sentence with typographic signs and units, as plain characters.
-
-    Parameters
-    ----------
-    text : text of this package, with units as in `vctune.model.numbers.units`
-    """
+    """Return a sentence with typographic signs and units, as plain characters."""
     text = MEASURED.sub(_measured, text)
     for sign, put in SIGNS.items():
         text = re.sub(sign, put, text)
@@ -142,25 +114,13 @@ def _measured(found: re.Match[str]) -> str:
 
 
 def html(text: str) -> str:
-    """Return a sentence as escaped HTML, with symbols in italics and subscripts.
-
-    Text between two backquotes becomes code.
-
-    Parameters
-    ----------
-    text : see `plain`
-    """
+    """Return a sentence as escaped HTML, with symbols in italics and subscripts."""
     words = _with_symbols(escape(plain(text), quote=False), lambda base, below: f"<i>{base}</i><sub>{below}</sub>")
     return re.sub("`([^`]+)`", r"<code>\1</code>", words)
 
 
 def svg_texts(svg: str) -> str:
-    """Return an SVG whose texts have subscripts, typographic signs and thin spaces.
-
-    Parameters
-    ----------
-    svg : a figure's SVG file, with texts as elements
-    """
+    """Return an SVG whose texts have subscripts, typographic signs and thin spaces."""
 
     return re.sub(
         r"(<text[^>]*>)([^<]*)(</text>)", lambda found: found[1] + svg_text(unescape(found[2])) + found[3], svg
@@ -168,17 +128,11 @@ def svg_texts(svg: str) -> str:
 
 
 def svg_text(words: str) -> str:
-    """Return a text as the typeset content of an SVG element.
-
-    Parameters
-    ----------
-    words : the text; see `plain`
-    """
+    """Return a text as the typeset content of an SVG element."""
     return _with_symbols(escape(plain(words), quote=False), _lowered).removesuffix(RAISED)
 
 
-RAISED = '<tspan dy="-.18em">\u200b</tspan>'
-"""An empty character that moves the following text back to the base line."""
+RAISED = '<tspan dy="-.18em">\u200b</tspan>'  # An empty character that moves the following text back to the base line
 
 
 def _lowered(base: str, below: str) -> str:

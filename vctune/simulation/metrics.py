@@ -13,76 +13,39 @@ from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.mechanics.intended_motion import stroke_time
 from vctune.simulation.run import Traces
 
+# Share of the travel at each end that counts as a turning point; also the share of the greatest speed that counts as
+# near zero
 TURNING_POINT = 0.1
-"""Share of the travel at each end that counts as a turning point; also the share of the greatest speed that counts as
-near zero. A reciprocating hand gains speed within the first 6 % of the travel
-(`vctune.simulation.mechanics.intended_motion.RAMP`).
-With half this share, the ripple would include a part of these 6 %. With twice this share, the ripple would miss a part
-of the stroke. The ripple changes only slightly with half or twice this share."""
-N_POSITIONS = 400
-"""Number of positions at which the code compares loading and unloading. A figure shows fewer positions. Half as many
-positions still follow the curves. Twice as many positions give the same results."""
-SATURATED = 1 - 1e-9
-"""Share of the limit above which a force counts as at the limit. The difference from 1 allows for rounding. The code
-finds the same samples with half or twice this allowance."""
+N_POSITIONS = 400  # Number of positions at which the code compares loading and unloading
+SATURATED = 1 - 1e-9  # Share of the limit above which a force counts as at the limit
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A mass, damping or stiffness of the environment as the hand feels it, fitted by least squares; SI units.
+    """A mass, damping or stiffness of the environment as the hand feels it, fitted by least squares; SI units."""
 
-    Attributes
-    ----------
-    value : value that the hand feels
-    asked : value of the parameter in the environment; 0 for the damping of free motion
-    standard_error : standard error of the value, from the residual
-    """
-
-    value: float
-    asked: float
-    standard_error: float
+    value: float  # value that the hand feels
+    asked: float  # value of the parameter in the environment; 0 for the damping of free motion
+    standard_error: float  # standard error of the value, from the residual
 
 
 @dataclass(frozen=True, slots=True)
 class Metrics:
-    """The measures of a run.
-
-    The measures from `non_overlap` to `ripple` omit the first of several cycles, and all samples at which a wall does
-    not push. The other measures cover all samples. A measure that does not exist is None, or an empty `fits`.
-
-    Attributes
-    ----------
-    non_overlap : for a spring, the greatest distance between the force curves over position of loading and unloading
-        strokes, without the turning points, N
-    fits : felt values of the environment's parameters that are not 0, by "mass", "damping" and "stiffness"; for free
-        motion the felt damping
-    offset : force of the fit at the origin, N
-    residual : root mean square difference of the force from the fit, N
-    ripple : greatest minus least force around the fit while the handle's speed is below a tenth of the greatest speed,
-        N
-    handle_energy : work of the hand on the handle, J
-    environment_energy : energy absorbed by the environment, J
-    motor_energy : work of the commanded motor force on the device, J; None for a servo
-    handle_deficit, environment_deficit : greatest excess of the energy that handle and environment have returned over
-        the energy that they have received, J, as a passivity observer computes it
-    peak_motor : greatest magnitude of the command u, N; in m/s for a commanded velocity, in m for a commanded position
-    saturated : share of the samples at the actuator's limit; 0 without a limit
-    peak_force : greatest |f_h|, N
-    """
+    """The measures of a run."""
 
     non_overlap: float | None
     fits: dict[str, Fit]
-    offset: float | None
-    residual: float | None
+    offset: float | None  # force of the fit at the origin, N
+    residual: float | None  # root mean square difference of the force from the fit, N
     ripple: float | None
-    handle_energy: float
-    environment_energy: float
-    motor_energy: float | None
+    handle_energy: float  # work of the hand on the handle, J
+    environment_energy: float  # energy absorbed by the environment, J
+    motor_energy: float | None  # work of the commanded motor force on the device, J; None for a servo
     handle_deficit: float
     environment_deficit: float
-    peak_motor: float
-    saturated: float
-    peak_force: float
+    peak_motor: float  # greatest magnitude of the command u, N
+    saturated: float  # share of the samples at the actuator's limit; 0 without a limit
+    peak_force: float  # greatest |f_h|, N
 
 
 def metrics(
@@ -92,22 +55,7 @@ def metrics(
     limit: float | None,
     commanded: Commanded = "force",
 ) -> Metrics:
-    """Measure a run.
-
-    Parameters
-    ----------
-    traces : traces of a run that did not diverge
-    environment : the rendered environment
-    operator : the hand
-    limit : greatest force of the actuator, N; None without a limit
-    commanded : kind of the firmware's command
-
-    Returns
-    -------
-    Metrics
-        Measures in SI units. A measure is None if it does not exist for the environment or the motion, or if too few
-        samples count.
-    """
+    """Measure a run."""
     stroke = stroke_time(operator)
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)
     if environment.wall:
@@ -144,10 +92,7 @@ class _Fitted:
 
 
 def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -> _Fitted | None:
-    """Return the least-squares fit of the force to the environment's terms: position, velocity, acceleration.
-
-    The result is None if too few samples count.
-    """
+    """Return the least-squares fit of the force to the environment's terms: position, velocity, acceleration."""
     columns = {"stiffness": traces.position, "damping": traces.velocity}
     if environment.mass > 0:
         columns["mass"] = np.gradient(traces.velocity, traces.time)
@@ -178,10 +123,7 @@ def _ripple(about: Floats, speed: Floats) -> float | None:
 
 
 def _non_overlap(traces: Traces, counted: NDArray[np.bool_], stroke: float) -> float | None:
-    """Return the greatest distance between the force curves of the two directions at the same position.
-
-    The result is None if the counted strokes have only one direction or share no positions.
-    """
+    """Return the greatest distance between the force curves of the two directions at the same position."""
     number = np.floor(traces.time / stroke + 1e-9).astype(int)
     strokes = [np.flatnonzero((number == k) & counted) for k in np.unique(number[counted])]
     strokes = [at for at in strokes if at.size > 1]

@@ -23,65 +23,33 @@ from vctune.simulation.mechanics.step_inputs import (
 from vctune.simulation.mechanics.stretches import Stretch, fixed_steps
 from vctune.simulation.scene import Scene
 
+# A run has diverged if the distance of the handle from the position at which the hand aims exceeds this multiple of the
+# hand's travel
 DIVERGENCE = 1e3
-"""A run has diverged if the distance of the handle from the position at which the hand aims exceeds this multiple of
-the hand's travel. No stable loop comes near this distance. An unstable loop needs only a few samples from half to twice
-this distance."""
-POSITION = 0
-"""Column of the handle's position in the records (`vctune.simulation.mechanics.step.columns`)."""
+POSITION = 0  # Column of the handle's position in the records (`vctune.simulation.mechanics.step.columns`)
 
 
 @dataclass(frozen=True, slots=True)
 class Traces:
-    """The recorded samples of a run; all arrays have the same length.
+    """The recorded samples of a run; all arrays have the same length."""
 
-    Attributes
-    ----------
-    time : time of the samples, s
-    intended : intended motion x_i of a hand that never re-grips, m; a hand that has re-gripped aims at x_i plus its
-        grip
-    position, velocity : motion of the handle, m, m/s; without a spring between handle and motor, also the motion of the
-        motor
-    force : f_h, the hand's force on the handle, N
-    reference, desired : x_e and v_e of the rendered environment, m, m/s
-    environment_force : f_e, N
-    motor : u, the command: a force, N; for a servo a velocity, m/s, or a position, m
-    sensed : f_s, the force that the firmware reads, N: the sensed f_h with noise; for a servo, after the filter and
-        with the force of the servo's own spring. The firmware of an impedance display does not read it
-    diverged : time, s, at which the run diverged and the traces end; None if the run did not diverge
-    motor_position, motor_velocity : motion of the motor, which carries the encoder, m, m/s; None if motor and
-        handle move alike
-    """
-
-    time: Floats
-    intended: Floats
-    position: Floats
+    time: Floats  # time of the samples, s
+    intended: Floats  # intended motion x_i of a hand that never re-grips, m
+    position: Floats  # motion of the handle, m, m/s
     velocity: Floats
-    force: Floats
-    reference: Floats
+    force: Floats  # f_h, the hand's force on the handle, N
+    reference: Floats  # x_e and v_e of the rendered environment, m, m/s
     desired: Floats
-    environment_force: Floats
-    motor: Floats
-    sensed: Floats
-    diverged: float | None
-    motor_position: Floats | None = None
+    environment_force: Floats  # f_e, N
+    motor: Floats  # u, the command: a force, N; for a servo a velocity, m/s, or a position, m
+    sensed: Floats  # f_s, the force that the firmware reads, N: the sensed f_h with noise
+    diverged: float | None  # time, s, at which the run diverged and the traces end; None if the run did not diverge
+    motor_position: Floats | None = None  # motion of the motor, which carries the encoder, m, m/s
     motor_velocity: Floats | None = None
 
 
 def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, stretch: Stretch = fixed_steps) -> Traces:
-    """Simulate a scene.
-
-    Parameters
-    ----------
-    scene : device, operator, friction and firmware
-    progress : function that receives the share of the finished samples
-    stretch : function that integrates the friction; not used without friction, where the motion is exact
-
-    Returns
-    -------
-    Traces
-        The recorded samples; the traces of a run that diverges end where the divergence begins.
-    """
+    """Simulate a scene."""
     if scene.operator.changes:
         return _run_changing(scene, progress, stretch)
     samples = sample_count(scene.operator, scene.device.sample_time)
@@ -130,33 +98,14 @@ def _run_changing(scene: Scene, progress: Callable[[float], None], stretch: Stre
 
 
 def has_diverged(scene: Scene, recorded: Floats, aims: Floats) -> bool:
-    """Return whether a run has diverged (`DIVERGENCE`), or has numbers that are not finite.
-
-    Parameters
-    ----------
-    scene : scene of the run
-    recorded : records of `columns`, one row for each sample
-    aims : position at which the hand aims at each of these samples, m; for a hand that has re-gripped, the intended
-        motion plus its grip
-    """
+    """Return whether a run has diverged (`DIVERGENCE`), or has numbers that are not finite."""
     reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
     return not (np.isfinite(recorded).all() and np.abs(recorded[:, POSITION] - aims).max() <= reach)
 
 
 def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:
-    """Return the inputs of a scene's step for `SAMPLES_PER_CALL` samples from `first` on, one column for each sample.
-
-    Parameters
-    ----------
-    scene : the scene of the run
-    first : index of the first sample
-    noise : generator of the force sensor's noise; it advances by `SAMPLES_PER_CALL` samples if there is noise
-
-    Returns
-    -------
-    array
-        Shape (number of `INPUT_NAMES`, `SAMPLES_PER_CALL`).
-    """
+    """Return the inputs of a scene's step for `SAMPLES_PER_CALL` samples from `first` on, one column for each
+    sample."""
     motion = intended_motion(scene.operator, scene.device.sample_time, first, first + SAMPLES_PER_CALL)
     inputs = np.zeros((len(INPUT_NAMES), SAMPLES_PER_CALL))
     inputs[INTENDED], inputs[NEXT_INTENDED] = motion.position[:-1], motion.position[1:]
@@ -167,18 +116,7 @@ def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Float
 
 
 def traces_of(scene: Scene, recorded: Floats, intended: Floats, aims: Floats, *, diverged: bool) -> Traces:
-    """Return the record as traces. If the run diverged, the traces contain only the samples before the divergence.
-
-    Parameters
-    ----------
-    scene : scene of the run
-    recorded : records of `columns`, one row for each sample
-    intended : intended position at each of these samples, m
-    aims : position at which the hand aims at each of these samples, m
-    diverged : whether the run diverged (`has_diverged`). The traces then end at the last sample at which the handle was
-        within one travel of its aim. If there is no such sample, they end at the last sample within `DIVERGENCE`
-        travels, or contain only the first sample
-    """
+    """Return the record as traces. If the run diverged, the traces contain only the samples before the divergence."""
     T, began = scene.device.sample_time, None
     if diverged:
         travel = abs(scene.operator.end - scene.operator.start)

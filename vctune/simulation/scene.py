@@ -17,22 +17,13 @@ from vctune.simulation.mechanics.friction import Carriage
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Everything that a run needs.
+    """Everything that a run needs."""
 
-    Attributes
-    ----------
-    device : device with all its parts; the simulation always uses the real zero-order hold
-    operator : the hand
-    friction : friction of the device; None without friction
-    law : the firmware
-    force_noise, seed : standard deviation of the force samples' noise, N, and seed of the noise
-    """
-
-    device: Device
-    operator: Operator
-    friction: Friction | None
-    law: Law
-    force_noise: float
+    device: Device  # device with all its parts; the simulation always uses the real zero-order hold
+    operator: Operator  # the hand
+    friction: Friction | None  # friction of the device; None without friction
+    law: Law  # the firmware
+    force_noise: float  # standard deviation of the force samples' noise, N, and seed of the noise
     seed: int
 
     @property
@@ -44,35 +35,17 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """The state of a scene at the start.
+    """The state of a scene at the start."""
 
-    Attributes
-    ----------
-    position, bend : position of the motor, and of the handle relative to the motor, m
-    reference : x_e, m
-    motor : command of the motor, N, or of a servo, m/s or m
-    hand : force of the hand, N
-    """
-
-    position: float
+    position: float  # position of the motor, and of the handle relative to the motor, m
     bend: float
-    reference: float
-    motor: float
-    hand: float
+    reference: float  # x_e, m
+    motor: float  # command of the motor, N, or of a servo, m/s or m
+    hand: float  # force of the hand, N
 
 
 def equilibrium(scene: Scene) -> Equilibrium:
-    """Return the equilibrium at the start of the motion. All springs from hand to environment are in series.
-
-    A servo starts at the position at which hand and environment are in equilibrium. The servo's own spring is relaxed
-    at this position. The scene starts at rest, with four exceptions:
-
-    - Without a position gain, no force of the motor balances the hand. The handle starts at the position at which hand
-      and environment are in equilibrium.
-    - A hand without stiffness does not balance the environment. The handle starts at the beginning of the motion.
-    - A regular PID with K_i > 0 starts with an empty integral, which then grows with the position error.
-    - A late environment starts with delayed forces of 0.
-    """
+    """Return the equilibrium at the start of the motion. All springs from hand to environment are in series."""
     at_rest = _at_rest(scene)
     return replace(at_rest, motor=at_rest.reference) if scene.law.command == "position" else at_rest
 
@@ -97,49 +70,25 @@ def _at_rest(scene: Scene) -> Equilibrium:
 
 
 def holding(law: Law) -> float:
-    """Return the stiffness between motor and rendered environment at rest, N/m: K_p, or the stiffness of the
-    coupling's spring. It is 0 for a servo."""
+    """Return the stiffness between motor and rendered environment at rest, N/m: K_p, or the stiffness of the coupling's
+    spring. It is 0 for a servo."""
     return law.coupling.stiffness if isinstance(law.coupling, SpringDamper) else law.position
 
 
 def designed_scene(device: Device, gains: Gains, coupling: AnyCoupling, experiment: Experiment) -> Scene:
-    """Return the scene with the velocity loop and the coupling of a design (paper's figures b).
-
-    Parameters
-    ----------
-    device : device with plain numbers, SI units
-    gains, coupling : the design
-    experiment : the experiment of the run
-    """
+    """Return the scene with the velocity loop and the coupling of a design (paper's figures b)."""
     return _scene(device, experiment, gains, coupling)
 
 
 def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Scene:
-    """Return the scene with a regular PID and its virtual mass and damping (paper's figures a).
-
-    Parameters
-    ----------
-    device : device with plain numbers, SI units
-    experiment : the experiment of the run
-    pid : the regular PID
-    """
+    """Return the scene with a regular PID and its virtual mass and damping (paper's figures a)."""
     scene = _scene(device, experiment, Gains(pid.kd, pid.kp), None)
     law = replace(scene.law, integral=pid.ki, virtual_mass=pid.mass, virtual_damping=pid.damping)
     return replace(scene, law=law)
 
 
 def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, environment: Environment) -> Law:
-    """Return the firmware of a design, without a limit and with an ideal encoder.
-
-    This law does not contain the filter and the spring of a servo's firmware. The simulation applies both to the force
-    that the law reads (`mechanics/step_symbols.py`).
-
-    Parameters
-    ----------
-    device : device; the function uses its sample time, its velocity estimate and its kind of command
-    gains, coupling : the design; None instead of a coupling for a regular PID
-    environment : the rendered environment
-    """
+    """Return the firmware of a design, without a limit and with an ideal encoder."""
     estimate = device.velocity or VelocityEstimate()
     weight = None
     if estimate.filter_hz is not None:

@@ -32,26 +32,13 @@ from vctune.simulation.thinning import thinned
 from vctune.simulation.two_runs import Run, Simulated
 from vctune.version import __version__
 
-TOLERANCE = 1.5e-3
-"""Share of the plotted range by which a thinned curve may differ from the original. This share is less than the width
-of a line. Half this share would give more points in simulation.json, but no visible difference. With twice this share,
-corners begin to show in print."""
+TOLERANCE = 1.5e-3  # Share of the plotted range by which a thinned curve may differ from the original
 
 
 def simulation_record(
     file: ProblemFile, gains: Gains, coupling: AnyCoupling, simulated: list[Simulated], controller: str | None = None
 ) -> SimulationRecord:
-    """Return the record of simulated experiments.
-
-    The function thins the drawn curves to `TOLERANCE`.
-
-    Parameters
-    ----------
-    file : the problem and its text
-    gains, coupling : the design, SI units
-    simulated : the experiments and their results
-    controller : name of the external firmware; None if the design's own firmware ran
-    """
+    """Return the record of simulated experiments."""
     also: dict[str, Any] = {} if controller is None else {"controller": controller}
     device = file.problem.device
     if device.commanded != "force":
@@ -122,16 +109,7 @@ def _experiment(simulated: Simulated, device: Device, coupling: AnyCoupling) -> 
 
 
 def quiet_stiffness(device: Device, experiment: Experiment) -> float:
-    """Return the greatest stiffness of a wall at which an impedance display with an encoder comes to rest, N/m.
-
-    The stiffness is min(2 b/T, 2 f_C/q) by Abbott and Okamura, because friction must absorb the energy that an encoder
-    step supplies. It is 0 without friction.
-
-    Parameters
-    ----------
-    device : device; the function uses its damping and its sample time
-    experiment : experiment; the function uses its friction and its encoder, whose resolution is not 0
-    """
+    """Return the greatest stiffness of a wall at which an impedance display with an encoder comes to rest, N/m."""
     coulomb = experiment.friction.coulomb if experiment.friction is not None else 0.0
     return min(2 * device.damping / device.sample_time, 2 * coulomb / experiment.sensors.position_resolution)
 
@@ -156,10 +134,7 @@ def _run(run: Run, curve: list[list[float]]) -> RunRecord:
 
 
 def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:
-    """Return position or velocity, and the force at each of its values.
-
-    The function omits the first cycle if the traces contain later samples.
-    """
+    """Return position or velocity, and the force at each of its values."""
     first = int(np.searchsorted(traces.time, cycle * (1 - 1e-9)))
     first = first if len(traces.time) - first > 1 else 0
     return getattr(traces, name)[first:], traces.force[first:]

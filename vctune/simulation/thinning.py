@@ -11,18 +11,7 @@ Indices = NDArray[np.intp]
 
 
 def thinned(x: Floats, y: Floats, tolerance: tuple[float, float]) -> Indices:
-    """Return the indices of a subset of points whose polyline stays close to all other points.
-
-    Parameters
-    ----------
-    x, y : coordinates of the curve, finite
-    tolerance : greatest distance in x and in y; both positive
-
-    Returns
-    -------
-    array of int
-        In ascending order, including the first and the last point.
-    """
+    """Return the indices of a subset of points whose polyline stays close to all other points."""
     curve = x / tolerance[0] + 1j * (y / tolerance[1])
     kept = np.zeros(len(curve), bool)
     kept[[0, -1]] = True

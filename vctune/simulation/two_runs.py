@@ -17,18 +17,10 @@ from vctune.simulation.scene import Scene, baseline_scene, designed_scene
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One controller in one experiment.
+    """One controller in one experiment."""
 
-    Attributes
-    ----------
-    traces : the recorded samples
-    metrics : measures of the run; None if the run diverged
-    mode : fastest growing, or slowest decaying, mode of the linear sampled loop of device, firmware, hand and
-        environment; the run is stable if the radius of this mode is below 1
-    """
-
-    traces: Traces
-    metrics: Metrics | None
+    traces: Traces  # the recorded samples
+    metrics: Metrics | None  # measures of the run; None if the run diverged
     mode: Mode
 
 
@@ -62,23 +54,7 @@ def simulate(
     controller: Controller | None = None,
     tolerance: float | None = None,
 ) -> Simulated:
-    """Simulate an experiment with the design and, if the experiment has a baseline, also with its regular PID.
-
-    Parameters
-    ----------
-    problem : problem with the device
-    gains, coupling : the design
-    experiment : the experiment, from the problem or from elsewhere
-    progress : function that receives the current stage as text, such as "wall, design 40%"
-    controller : an external firmware to run; None to run the design's own firmware
-    tolerance : greatest permitted difference between the commands of the external firmware and of the design, in the
-        unit of the command; None to permit the effect of rounding
-
-    Returns
-    -------
-    Simulated
-        Traces in SI units and the measures of each run. A run that diverged has no measures.
-    """
+    """Simulate an experiment with the design and, if the experiment has a baseline, also with its regular PID."""
 
     def ran(scene: Scene, name: str) -> Run:
         """Return the run of the scene's own firmware."""

@@ -19,31 +19,17 @@ from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.engine.boxes import Cells
 
+# Row of b_c among the variables of a design, for each kind of display
 COUPLING_DAMPING = KEYS.index("coupling.damping")
-"""Row of b_c among the variables of a design, for each kind of display."""
+# Number of designs whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache
 LOOPS_AT_ONCE = 2
-"""Number of designs whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache. The
-number affects only the speed."""
+# Number of values of b_c that the estimate tries for each cell
 DAMPINGS, FEW_SHARES, FEW_ANGLES = 24, (0.0, 0.1, 1.0), 12
-"""Number of values of b_c that the estimate tries for each cell. To compare these values, the estimate uses hands at
-these positions in their ranges, and this number of angles per decade. With half or twice as many values, the same cells
-stay undecided."""
 
 
 def worst_places(problem: Problem, points: Cells, *, few: bool = False) -> tuple[Floats, PlacesInHands]:
-    """For each design, return 1/ratio in the worst hand at the worst angle omega T, and this hand and angle as a place.
-
-    Parameters
-    ----------
-    problem : problem of one device with a box of environments
-    points : n cells of one design each
-    few : whether to use only a few hands and angles
-
-    Returns
-    -------
-    need : 1/ratio, shape (n,); a design meets the constraint if need times the safety factor is at most 1
-    places : n angles, each with a hand
-    """
+    """For each design, return 1/ratio in the worst hand at the worst angle omega T, and this hand and angle as a
+    place."""
     assert problem.hands_met is not None
     loops = loops_in_hands(problem.device, problem.hands_met, *((FEW_SHARES, FEW_ANGLES) if few else (SHARES,)))
     need, worst = np.zeros(len(points)), np.zeros(len(points), np.intp)
@@ -65,13 +51,7 @@ def _needs(problem: Problem, loops: LoopsInHands, numbers: Floats) -> Floats:
 
 
 def need_at(problem: Problem, points: Cells, places: PlacesInHands) -> Floats:
-    """Return 1/ratio of each design at its own place, shape (n,).
-
-    Parameters
-    ----------
-    problem, points : see `worst_places`
-    places : n angles, each with a hand
-    """
+    """Return 1/ratio of each design at its own place, shape (n,)."""
     device, numbers = problem.device, points.low
     loop = loop_in_hand(plant_in_hand(device, places.hands, delays_of(device), FLOATS), places.at, FLOATS)
     coupling = coupling_from([*numbers[2:]])
@@ -81,13 +61,7 @@ def need_at(problem: Problem, points: Cells, places: PlacesInHands) -> Floats:
 
 
 def best_damping(problems: Sequence[Problem], cells: Cells) -> Floats:
-    """For each cell, return the damping b_c of the coupling that is best at the cell's centre, N s/m, shape (n,).
-
-    Parameters
-    ----------
-    problems : problems, all of whose constraints must be met
-    cells : n cells with the range of b_c
-    """
+    """For each cell, return the damping b_c of the coupling that is best at the cell's centre, N s/m, shape (n,)."""
     dampings = np.geomspace(cells.low[COUPLING_DAMPING], cells.high[COUPLING_DAMPING], DAMPINGS)
     middle, needs = np.tile(cells.centres().low, DAMPINGS), np.zeros(dampings.size)
     middle[COUPLING_DAMPING] = dampings.ravel()

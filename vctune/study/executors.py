@@ -1,8 +1,4 @@
-"""Provide workers as a `concurrent.futures.Executor`: processes on this machine, or a Dask cluster.
-
-The workers that this module starts end with their parent process, even if that process is killed. Workers ignore
-Ctrl-C, which the parent process handles.
-"""
+"""Provide workers as a `concurrent.futures.Executor`: processes on this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -23,41 +19,26 @@ from typing import Any
 from vctune.document.text.errors import InputError
 from vctune.version import __version__
 
-PENDING_PER_WORKER = 3
-"""Number of points that the sweep hands out for each worker in advance. No worker then waits for its next point.
-Solving a point takes at least tens of milliseconds; handing out a point takes a millisecond. With half as many points,
-a worker on another machine may have to wait. Twice as many points do not make the sweep faster."""
-CONNECT_SECONDS = 5
-"""Time for which vctune tries to reach the scheduler of a running Dask cluster, s. A running scheduler answers at once.
-This time only determines when vctune refuses a wrong address."""
+PENDING_PER_WORKER = 3  # Number of points that the sweep hands out for each worker in advance
+CONNECT_SECONDS = 5  # Time for which vctune tries to reach the scheduler of a running Dask cluster, s
+# Environment variables of worker processes: single-threaded linear algebra, and no messages when a run is interrupted
+# or killed
 ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
     "PYTHONWARNINGS": "ignore:resource_tracker:UserWarning",
     "DASK_LOGGING__DISTRIBUTED": "critical",
 }
-"""Environment variables of worker processes: single-threaded linear algebra, and no messages when a run is interrupted
-or killed."""
 
 
 @dataclass(slots=True)
 class WorkerPool:
-    """Workers that solve points.
+    """Workers that solve points."""
 
-    Attributes
-    ----------
-    executor : executor that receives the points
-    max_pending : greatest number of points that are handed out and not yet solved
-    worker_died : exceptions that mean a dead worker
-    unreachable : exceptions that mean an unreachable cluster
-    renew : function to call after a worker has died. The function replaces `executor` with new processes. A Dask
-        cluster renews its workers itself, and "serial" has no workers; in both cases the function does nothing
-    """
-
-    executor: Executor
-    max_pending: int
-    worker_died: tuple[type[BaseException], ...]
-    unreachable: tuple[type[BaseException], ...]
-    renew: Callable[[], None]
+    executor: Executor  # executor that receives the points
+    max_pending: int  # greatest number of points that are handed out and not yet solved
+    worker_died: tuple[type[BaseException], ...]  # exceptions that mean a dead worker
+    unreachable: tuple[type[BaseException], ...]  # exceptions that mean an unreachable cluster
+    renew: Callable[[], None]  # function to call after a worker has died
 
 
 def available_cores() -> int:
@@ -67,25 +48,7 @@ def available_cores() -> int:
 
 @contextmanager
 def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
-    """Start workers or connect to them, and release them at the end of the block.
-
-    Parameters
-    ----------
-    choice : "serial" to work only in this process, "processes", "dask" for a Dask cluster on this machine, or
-        "dask:ADDRESS" for a running cluster
-    jobs : number of workers to start; not used for "serial" and for a running cluster
-
-    Returns
-    -------
-    context manager
-        Yields the pool.
-
-    Raises
-    ------
-    InputError
-        If there is no such executor, Dask is not installed, its scheduler cannot be reached, or its workers are absent
-        or have another version of vctune.
-    """
+    """Start workers or connect to them, and release them at the end of the block."""
     kind, _, address = choice.partition(":")
     if kind == "dask" and address == "" and choice != "dask":
         raise _refusal(choice, "has no address: write dask:HOST:PORT, or dask for a cluster on this machine")
@@ -102,10 +65,7 @@ def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
 
 
 class _Serial(Executor):
-    """An executor that runs work immediately in this process. It starts no process and imports no script.
-
-    An exception of the work reaches the caller of `submit`.
-    """
+    """An executor that runs work immediately in this process. It starts no process and imports no script."""
 
     def submit(self, work: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         done: Future[Any] = Future()
@@ -135,11 +95,7 @@ def _process_pool(jobs: int) -> Iterator[WorkerPool]:
 
 def _context() -> BaseContext:
     """Return the start method for processes. If possible, a server process that has already imported the solver starts
-    the workers.
-
-    The workers inherit the environment variables with which this server started. Without a server, this process starts
-    the workers when they are first needed.
-    """
+    the workers."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return _SpawnForWorkers()
     from multiprocessing.forkserver import ensure_running
@@ -152,10 +108,7 @@ def _context() -> BaseContext:
 
 @contextmanager
 def _for_workers() -> Iterator[None]:
-    """Give `ENVIRONMENT` to the processes that start in this block.
-
-    These processes, and this process within the block, ignore Ctrl-C.
-    """
+    """Give `ENVIRONMENT` to the processes that start in this block."""
     before, foremost = dict(os.environ), threading.current_thread() is threading.main_thread()
     os.environ.update(ENVIRONMENT)
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if foremost else None

@@ -15,31 +15,17 @@ from vctune.document.study_file import Study
 from vctune.model.problem import Problem, Range
 from vctune.study.study_table import Table
 
-EXPONENTS = np.arange(-6, 7) / 2
-"""Exponents k of the factors 10^k that multiply the weight of |Z_c|/Z_0. The weights of the loop's two terms stay the
-same."""
+EXPONENTS = np.arange(-6, 7) / 2  # Exponents k of the factors 10^k that multiply the weight of |Z_c|/Z_0
+# Number of values of K_p, or of K_v for an impedance display, and number of decades below the upper bound at which they
+# start if the gain may be 0
 POSITIONS, DECADES = 24, 4
-"""Number of values of K_p, or of K_v for an impedance display, and number of decades below the upper bound at which
-they start if the gain may be 0."""
-EDGES = 41
-"""Number of values of the upper edge of the stability band."""
-DIGITS = 5
-"""Number of significant digits in which two designs must differ so that one dominates the other."""
-OWN_ERROR = "error_with_own_weights"
-"""The name of the error's column if each row has its own weights. These errors cannot be compared between rows."""
+EDGES = 41  # Number of values of the upper edge of the stability band
+DIGITS = 5  # Number of significant digits in which two designs must differ so that one dominates the other
+OWN_ERROR = "error_with_own_weights"  # The name of the error's column if each row has its own weights
 
 
 def terms_study(document: dict[str, Any], problem: Problem) -> Study:
-    """Return the study whose designs trade off |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0.
-
-    On an admittance display, the first two terms belong to the loop with K_v and K_p, the third to the coupling. At
-    each K_p, the weight of the third term determines K_v. The study sweeps K_p directly, because a sweep of weights
-    misses the non-convex parts of a front. On an impedance display, the study sweeps K_v. On a servo, it has one point.
-
-    Parameters
-    ----------
-    document, problem : the parsed problem file, and its problem
-    """
+    """Return the study whose designs trade off |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0."""
     if problem.device.kind.inverse:  # a greater K_v worsens free motion, so the best K_v depends on the weights
         velocity = _list("gains.velocity", _values(problem.bounds.velocity))
         return Study("terms", document, (velocity,), problem)
@@ -67,16 +53,7 @@ def _values(bounds: Range) -> list[float]:
 
 
 def band_study(document: dict[str, Any], problem: Problem) -> Study:
-    """Return the study whose designs trade off the error against the upper edge of the stability band.
-
-    The upper edge varies from the upper edge of the transparency band, or from twice the lower edge of the stability
-    band if that is greater, to the Nyquist frequency.
-
-    Parameters
-    ----------
-    document : tables of the problem file, whose band edges the study replaces
-    problem : problem that the document states; it requires a stability band
-    """
+    """Return the study whose designs trade off the error against the upper edge of the stability band."""
     nyquist = 0.5 / problem.device.sample_time
     low = problem.stability.band.min / (2 * pi)
     first = min(max(problem.transparency.band.max / (2 * pi), 2 * low), 0.99 * nyquist)
@@ -102,10 +79,7 @@ def terms_front(table: Table) -> Table:
 
 
 def band_front(table: Table) -> Table:
-    """Return the designs that no other design dominates in error and upper band edge, sorted by error.
-
-    The error grows with the edge.
-    """
+    """Return the designs that no other design dominates in error and upper band edge, sorted by error."""
     edge = table.axes["stability.band_hz[1]"]
     return _front(table, np.column_stack([-edge, table.numbers["error"]]), by=1)
 
@@ -124,10 +98,7 @@ def _rounded(costs: Floats) -> Floats:
 
 
 def nondominated(costs: Floats) -> NDArray[np.intp]:
-    """Return the indices of the rows with finite cost that no other row dominates.
-
-    Among rows with equal cost, the function keeps the first.
-    """
+    """Return the indices of the rows with finite cost that no other row dominates."""
     chosen = []
     for i, cost in enumerate(costs):
         no_worse = (costs <= cost).all(axis=1)

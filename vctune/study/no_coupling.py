@@ -1,8 +1,4 @@
-"""Prove that no coupling can render a box of environments with the gains of a cell.
-
-For each box of couplings, the proof names one hand and one angle omega T at which the constraint fails throughout the
-box. Estimates in double precision find these hands and angles.
-"""
+"""Prove that no coupling can render a box of environments with the gains of a cell."""
 
 from __future__ import annotations
 
@@ -23,31 +19,16 @@ from vctune.proof.engine.boxes import FREQUENCY, Boxes, Cells
 from vctune.proof.engine.branching import Decided, prove
 from vctune.study.estimate_in_worlds import worst_places
 
-COUPLING = slice(2, None)
-"""Rows of the coupling among the variables of a design."""
+COUPLING = slice(2, None)  # Rows of the coupling among the variables of a design
+# Need (1/ratio) in the worst hand of a grid, relative to the limit, above which the proof refines the hand and its
+# angle
 NEAR_MISS = 0.97
-"""Need (1/ratio) in the worst hand of a grid, relative to the limit, above which the proof refines the hand and its
-angle."""
+# Greatest number of halvings of a box of couplings, and greatest number of boxes of a cell
 MAX_HALVINGS, MAX_BOXES = 24, 200
-"""Greatest number of halvings of a box of couplings, and greatest number of boxes of a cell. A cell that needs more
-halvings or boxes stays undecided."""
 
 
 def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
-    """Return the cells in which no design can render the environments of a problem.
-
-    Parameters
-    ----------
-    problem : problem of one device with a box of environments
-    cells : n cells of designs
-    free : flags of the variables that may have a different value at each point of a cell; all of them belong to the
-        coupling
-
-    Returns
-    -------
-    array of bool
-        Shape (n,); True only if the proof succeeds.
-    """
+    """Return the cells in which no design can render the environments of a problem."""
     lost = np.zeros(len(cells), bool)
     for at in by_integrator(cells):
         part = cells.subset(at)
@@ -109,25 +90,14 @@ def _fails(problem: Problem, cells: Cells) -> Flags:
 
 
 def _refined_places(problem: Problem, points: Cells, places: PlacesInHands) -> PlacesInHands:
-    """Return the hands and angles near given places that require the most of each design.
-
-    Parameters
-    ----------
-    problem : see `no_coupling`
-    points : n cells of one design each
-    places : one place for each design
-    """
+    """Return the hands and angles near given places that require the most of each design."""
     assert problem.hands_met is not None
     gains, coupling = points.low[:2, :, None, None], coupling_from([*points.low[COUPLING, :, None, None]])
     return hardest_near(problem.device, problem.hands_met, Gains(*gains), coupling, places, problem.worlds_met)[1]
 
 
 def _middle(cells: Cells) -> Cells:
-    """Return the design in the middle of each cell.
-
-    For the parameters of the coupling, the middle is the geometric mean of the ends of the range. The function uses at
-    most the upper six decades of this range.
-    """
+    """Return the design in the middle of each cell."""
     numbers: Floats = cells.centres().low
     low, high = np.maximum(cells.low[COUPLING], cells.high[COUPLING] * 1e-6), cells.high[COUPLING]
     numbers[COUPLING] = np.where(high > 0, np.sqrt(low) * np.sqrt(high), 0.0)

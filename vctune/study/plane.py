@@ -16,33 +16,20 @@ from vctune.model.problem import Problem, Range
 from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Cells
 
+# Cells given by the indices of their edges, x_low, x_high, y_low, y_high, as an array of shape (4, number of cells)
 Squares = NDArray[np.intp]
-"""Cells given by the indices of their edges, x_low, x_high, y_low, y_high, as an array of shape (4, number of cells).
 
-A cell with y_low = y_high (or x_low = x_high) is a piece of the line K_p = 0, where the law has no integrator.
-"""
-
-COARSEST = 8
-"""Number of cells along each axis with which a search begins."""
-DIGITS = 12
-"""Number of significant digits of the edges between cells."""
+COARSEST = 8  # Number of cells along each axis with which a search begins
+DIGITS = 12  # Number of significant digits of the edges between cells
 
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """Two variables of a design, or two parameters of an environment, with the edges of their finest cells.
+    """Two variables of a design, or two parameters of an environment, with the edges of their finest cells."""
 
-    Attributes
-    ----------
-    axes : indices of the variables x and y among `keys`
-    edges : 2^levels + 1 edges of x and as many of y, SI units. In a plane of design variables they are equally spaced
-        in the optimiser's coordinates. On an axis of environments they are 0 and then geometrically spaced values
-    ranges : ranges of all variables, in the order of `keys`
-    """
-
-    axes: tuple[int, int]
-    edges: tuple[Floats, Floats]
-    ranges: tuple[Range, ...]
+    axes: tuple[int, int]  # indices of the variables x and y among `keys`
+    edges: tuple[Floats, Floats]  # 2^levels + 1 edges of x and as many of y, SI units
+    ranges: tuple[Range, ...]  # ranges of all variables, in the order of `keys`
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -56,10 +43,7 @@ class Plane:
         return index is not None and index not in self.axes and not self.ranges[index].fixed
 
     def coarsest_squares(self) -> Squares:
-        """Return the plane as `COARSEST` by `COARSEST` cells.
-
-        If the plane includes the line K_p = 0, the result also has this line in `COARSEST` pieces.
-        """
+        """Return the plane as `COARSEST` by `COARSEST` cells."""
         side, count = len(self.edges[0]) - 1, COARSEST
         marks = np.arange(0, side, side // count)
         i, j = (grid.ravel() for grid in np.meshgrid(marks, marks, indexing="ij"))
@@ -72,17 +56,11 @@ class Plane:
         return squares
 
     def has_line(self, place: int) -> bool:
-        """Return whether the axis x or y (0 or 1) is a K_p that starts at 0.
-
-        If so, the plane has a separate line without an integrator.
-        """
+        """Return whether the axis x or y (0 or 1) is a K_p that starts at 0."""
         return self.keys[self.axes[place]] == "gains.position" and bool(self.edges[place][0] == 0)
 
     def cells(self, squares: Squares) -> Cells:
-        """Return the cells as boxes of all variables.
-
-        Variables that are not axes get the full width of their ranges. The boxes are in SI units.
-        """
+        """Return the cells as boxes of all variables."""
         low = np.repeat([[bounds.min] for bounds in self.ranges], squares.shape[1], axis=1)
         high = np.repeat([[bounds.max] for bounds in self.ranges], squares.shape[1], axis=1)
         for place, axis in enumerate(self.axes):
@@ -96,18 +74,7 @@ class Plane:
 
 
 def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
-    """Return the reasons why vctune cannot find a region of the problem in the plane of x and y.
-
-    Parameters
-    ----------
-    problem : the problem
-    x, y : dotted keys of two of the problem's design variables
-
-    Returns
-    -------
-    list of Mistake
-        Empty if the region can be found.
-    """
+    """Return the reasons why vctune cannot find a region of the problem in the plane of x and y."""
     bounds, mistakes = dict(zip(keys_for(problem), ranges(problem), strict=True)), []
     free = [key for key in bounds if not bounds[key].fixed]
     names = f"free are {', '.join(free)}" if free else "the problem fixes every number"
@@ -138,14 +105,7 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
 
 
 def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
-    """Return the plane of two free variables of a problem.
-
-    Parameters
-    ----------
-    problem : problem without `plane_errors` in this plane
-    x, y : dotted keys of the two variables
-    levels : the side of the finest cell is 2^-levels of the plane's side
-    """
+    """Return the plane of two free variables of a problem."""
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
     coordinate_of = {c.index: c for c in coordinates(problem.in_units(impedance, time), integrator=True)}
     keys, bounds = keys_for(problem), ranges(problem)
@@ -161,14 +121,7 @@ def _edges(coordinate: Coordinate, unit: float, bounds: Range, count: int) -> Fl
 
 
 def halved(squares: Squares, across: Flags) -> Squares:
-    """Return both halves of each cell: first the lower halves of all cells, then the upper halves.
-
-    Parameters
-    ----------
-    squares : cells, each longer than 1 in x or in y
-    across : True to halve in x, False to halve in y, shape (n,); if that side has length 1, the function halves the
-        other side
-    """
+    """Return both halves of each cell: first the lower halves of all cells, then the upper halves."""
     wide, high = squares[1] - squares[0] > 1, squares[3] - squares[2] > 1
     low_row = np.where(wide & (across | ~high), 0, 2)
     at = np.arange(squares.shape[1])

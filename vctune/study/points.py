@@ -11,8 +11,7 @@ from vctune.analysis.extrema import Floats
 from vctune.document.study_axes import Axis
 from vctune.document.study_file import Study
 
-DIGITS = 12
-"""Number of significant digits of the computed values. Rounding makes the values equal on every machine."""
+DIGITS = 12  # Number of significant digits of the computed values
 
 Values = tuple[float, ...]
 
@@ -33,17 +32,7 @@ def axis_values(axis: Axis) -> Values:
 
 
 def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Values]:
-    """Yield n points of a Latin hypercube.
-
-    On every axis, each of n equal parts of the range contains exactly one point. The elements of a list occur about
-    equally often.
-
-    Parameters
-    ----------
-    axes : axes, each with a list of values or the ends of its range
-    n : number of points
-    seed : seed of the random numbers
-    """
+    """Yield n points of a Latin hypercube."""
     generator = np.random.default_rng(seed)
     shares = [(generator.permutation(n) + generator.random(n)) / n for _ in axes]
     columns = [_spread(axis, share) for axis, share in zip(axes, shares, strict=True)]

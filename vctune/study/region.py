@@ -28,10 +28,9 @@ from vctune.study.no_coupling import no_coupling
 from vctune.study.plane import Plane, Squares, halved
 from vctune.study.region_estimate import changes, estimate
 
-TOGETHER = 512
-"""Number of cells that the search judges together; the data of this many cells fit into memory."""
+TOGETHER = 512  # Number of cells that the search judges together; the data of this many cells fit into memory
+# The keys of the variables whose growth makes the constraints easier to meet, except with a box of environments
 EASING = "coupling.mass", "coupling.drag"
-"""The keys of the variables whose growth makes the constraints easier to meet, except with a box of environments."""
 
 Progress = Callable[[str], None]
 
@@ -49,23 +48,13 @@ Kinds = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """The cells of a plane, each with its verdict.
+    """The cells of a plane, each with its verdict."""
 
-    Attributes
-    ----------
-    plane : the variables and their edges
-    squares : the cells, shape (4, n)
-    kinds : verdict on each cell, `Kind`
-    damping : for each feasible cell, a b_c that is feasible in the whole cell, N s/m, if the problem leaves b_c free;
-        else nan
-    interrupted : whether undecided cells remain that were not examined or could be divided further
-    """
-
-    plane: Plane
-    squares: Squares
-    kinds: Kinds
+    plane: Plane  # the variables and their edges
+    squares: Squares  # the cells, shape (4, n)
+    kinds: Kinds  # verdict on each cell, `Kind`
     damping: Floats
-    interrupted: bool = False
+    interrupted: bool = False  # whether undecided cells remain that were not examined or could be divided further
 
     def area(self, kind: Kind) -> float:
         """Return the share of the plane with a given verdict."""
@@ -79,28 +68,7 @@ def region(
     progress: Progress = lambda stage: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Region:
-    """Divide cells of a plane of gains until each is decided or as small as the plane's edges permit.
-
-    If b_c, m_c or b_0 are free and not on an axis, a cell is feasible if some values within their bounds meet the
-    constraints. The search uses the upper bounds of m_c and b_0, because the constraints become easier to meet as
-    both grow. With a box of environments this is not always so, and the search proves a cell infeasible only for all
-    values of m_c and b_0. The search examines coarse cells before fine ones, so an interrupted search has decided most
-    of the plane.
-
-    Parameters
-    ----------
-    problem : problem without `plane_errors` in the plane
-    plane : variables of the plane, and edges of the finest cells
-    squares : the first cells, shape (4, n)
-    progress : function that receives the decided share of the plane
-    stopped : function that returns whether to end now; the search calls it before each batch of `TOGETHER` cells. A
-        time limit also ends the search
-
-    Returns
-    -------
-    Region
-        The cells into which the first cells are divided, in no particular order.
-    """
+    """Divide cells of a plane of gains until each is decided or as small as the plane's edges permit."""
     of_device = of_one_device(problem)
     assert of_device is not None
     problems = [of_device, *problems_beside(of_device)]
@@ -116,20 +84,7 @@ def divided(
     progress: Progress = lambda stage: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Region:
-    """Divide cells of a plane until each is decided or as small as the plane's edges permit.
-
-    Parameters
-    ----------
-    plane, squares, progress, stopped : see `region`
-    judged : function that returns the verdict on some cells, and for each cell a b_c or nan; it may raise
-        OutOfTimeError, which ends the search
-    across : function that returns the cells to halve in x, see `halved`
-
-    Returns
-    -------
-    Region
-        The cells into which the first cells are divided, in no particular order.
-    """
+    """Divide cells of a plane until each is decided or as small as the plane's edges permit."""
     done, decided = list[tuple[Squares, Kinds, Floats]](), 0.0
     while squares.shape[1] and not (stopped() or out_of_time()):
         progress(f"{decided:.1%} of the plane decided, {squares.shape[1]} cells open")
@@ -158,13 +113,7 @@ def free_damping(plane: Plane) -> bool:
 
 
 def easiest(cells: Cells, plane: Plane) -> Cells:
-    """Return the cells with m_c and b_0 at their upper bounds where these are free and not axes.
-
-    Parameters
-    ----------
-    cells : n boxes of the variables, SI units
-    plane : plane, which determines which variables are its axes
-    """
+    """Return the cells with m_c and b_0 at their upper bounds where these are free and not axes."""
     low = cells.low.copy()
     for index in (KEYS.index(key) for key in EASING if plane.at_full_width(key)):
         low[index] = cells.high[index]
@@ -172,13 +121,7 @@ def easiest(cells: Cells, plane: Plane) -> Cells:
 
 
 def with_damping(cells: Cells, damping: Floats) -> Cells:
-    """Return the cells with b_c fixed where a value is given.
-
-    Parameters
-    ----------
-    cells : n boxes of the variables
-    damping : b_c, N s/m, shape (n,); nan where a cell keeps its range
-    """
+    """Return the cells with b_c fixed where a value is given."""
     low, high = cells.low.copy(), cells.high.copy()
     stated = np.isfinite(damping)
     low[COUPLING_DAMPING, stated] = high[COUPLING_DAMPING, stated] = damping[stated]
@@ -187,19 +130,7 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
 
 @np.errstate(all="ignore")
 def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
-    """Return the verdict on each cell, and the b_c of a feasible cell if b_c is free.
-
-    Parameters
-    ----------
-    problems : problems with the stated delay and with delays on both sides of a whole sample; a feasible cell meets the
-        constraints of all problems
-    plane, squares : the plane and its cells
-
-    Returns
-    -------
-    kinds : verdict on each cell, `Kind`, shape (n,)
-    damping : b_c, N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
-    """
+    """Return the verdict on each cell, and the b_c of a feasible cell if b_c is free."""
     whole, free = plane.cells(squares), free_damping(plane)
     cells = easiest(whole, plane)
     estimated = estimate(problems, cells, free=free)

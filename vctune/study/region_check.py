@@ -37,23 +37,13 @@ from vctune.study.world_region import world_plane, world_plane_errors, world_reg
 
 @dataclass(frozen=True, slots=True)
 class Recheck:
-    """The verdicts of a renewed check of a baseline.
+    """The verdicts of a renewed check of a baseline."""
 
-    Attributes
-    ----------
-    region : the cells that the baseline lists as feasible, divided further if they are not proved as a whole
-    designs : the gain sets that the baseline lists; empty for a map of environments
-    certified : for each listed gain set, whether it is still certified
-    units : units of the problem
-    cut : whether the time limit ended the check; the verdict is then undecided, and unproved cells and gain sets may
-        still have a proof
-    """
-
-    region: Region
-    designs: list[Design]
-    certified: list[bool]
-    units: Units
-    cut: bool = False
+    region: Region  # the cells that the baseline lists as feasible, divided further if they are not proved as a whole
+    designs: list[Design]  # the gain sets that the baseline lists; empty for a map of environments
+    certified: list[bool]  # for each listed gain set, whether it is still certified
+    units: Units  # units of the problem
+    cut: bool = False  # whether the time limit ended the check
 
     @property
     def lost(self) -> bool:
@@ -62,22 +52,7 @@ class Recheck:
 
 
 def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lambda stage: None) -> Recheck:
-    """Prove the feasible cells and the gain sets of a baseline again for the present problem.
-
-    The axes keep the baseline's edges. Fixed values, and the bounds of the other variables, come from the present
-    problem.
-
-    Parameters
-    ----------
-    problem : the present problem, without `plane_errors` on the baseline's axes
-    baseline : content of the region file
-    progress : function that receives the current stage
-
-    Returns
-    -------
-    Recheck
-        The cells, divided further if not proved as a whole, and for each gain set whether vctune still certifies it.
-    """
+    """Prove the feasible cells and the gain sets of a baseline again for the present problem."""
     if baseline.axes.x in WORLD:
         return _rendered_again(problem, baseline, progress)
     keys = keys_for(problem)
@@ -108,20 +83,12 @@ def _feasible(baseline: RegionDocument) -> Squares:
 
 @dataclass(frozen=True, slots=True)
 class RegionFinding:
-    """The result of a renewed check of a baseline.
+    """The result of a renewed check of a baseline."""
 
-    Attributes
-    ----------
-    file : the present problem
-    again : verdicts on cells and gain sets
-    warnings : warnings for the user
-    seconds : duration of the check, s
-    """
-
-    file: ProblemFile
-    again: Recheck
-    warnings: list[str]
-    seconds: float
+    file: ProblemFile  # the present problem
+    again: Recheck  # verdicts on cells and gain sets
+    warnings: list[str]  # warnings for the user
+    seconds: float  # duration of the check, s
 
     def record(self) -> dict[str, Any]:
         """Return the areas, and the cells and gain sets that are not proved again, in SI units."""
@@ -144,24 +111,7 @@ class RegionFinding:
 def recheck_region(
     file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None
 ) -> tuple[Checked, Recheck]:
-    """Prove the cells and gain sets of a region file again for the present problem.
-
-    Parameters
-    ----------
-    file : the present problem
-    baseline : path of a region.json
-    progress : function that receives the current stage
-
-    Returns
-    -------
-    checked : verdict, message and result for the baseline
-    again : verdicts on the cells and gain sets
-
-    Raises
-    ------
-    InputError
-        If the region file cannot be used, or the problem no longer has such a region.
-    """
+    """Prove the cells and gain sets of a region file again for the present problem."""
     began = perf_counter()
     old = read_region(baseline)
     require_record_of(file, old.problem, str(baseline), "region")

@@ -1,8 +1,4 @@
-"""Estimate the frequencies of a grid at which the constraints on cells of gains are hardest to meet.
-
-The constraints on the coupling compare the offered with the required Re Z_c. For an impedance display, Re(1/Z_c)/s^2
-takes the place of Re Z_c, where s = sin(omega T/2).
-"""
+"""Estimate the frequencies of a grid at which the constraints on cells of gains are hardest to meet."""
 
 from __future__ import annotations
 
@@ -33,42 +29,23 @@ from vctune.proof.enclosures.array_intervals import TINY, Flags
 from vctune.proof.engine.boxes import Cells, Integers
 from vctune.study.estimate_in_worlds import COUPLING_DAMPING, best_damping, need_at, worst_places
 
-POINTS_PER_DECADE = 24
-"""Number of frequencies per decade of the grids."""
+POINTS_PER_DECADE = 24  # Number of frequencies per decade of the grids
+# Number of loops whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache
 LOOPS_AT_ONCE = 16
-"""Number of loops whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache. The
-number affects only the speed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Estimates in double precision for the designs at the centres of n cells.
-
-    Attributes
-    ----------
-    damping : a value of b_c with which the centre seems to meet the constraints of all problems, N s/m, shape (n,); nan
-        if no such value seems to exist. If b_c is not free, only nan matters; other values are the cell's least b_c
-    places : for each problem, the places where its constraints are hardest to meet
-    missed : for each problem, flags of shape (n,). With a box of environments: whether the centre misses the constraint
-        in hands with the estimated b_c. Otherwise: whether the centre misses its constraints on the coupling with every
-        b_c, or, if b_c is not free, any of its constraints. The region uses only flags with a box of environments
-    """
+    """Estimates in double precision for the designs at the centres of n cells."""
 
     damping: Floats
-    places: list[Places]
-    missed: list[Flags]
+    places: list[Places]  # for each problem, the places where its constraints are hardest to meet
+    missed: list[Flags]  # for each problem, flags of shape (n,)
 
 
 def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
     """Return where, on a grid of frequencies, the constraints are hardest to meet at the centres of cells, and which
-    centres meet them.
-
-    Parameters
-    ----------
-    problems : problems, all of whose constraints must be met
-    cells : n cells
-    free : whether each cell may have its own b_c; never true for an impedance display
-    """
+    centres meet them."""
     if problems[0].worlds is not None:
         return _estimate_in_worlds(problems, cells, free=free)
     least, most = cells.low[COUPLING_DAMPING].copy(), cells.high[COUPLING_DAMPING].copy()
@@ -96,11 +73,7 @@ def _estimate_in_worlds(problems: Sequence[Problem], cells: Cells, *, free: bool
 
 
 def _damping_in_worlds(problems: Sequence[Problem], cells: Cells) -> Floats:
-    """For each cell, return a b_c with which the constraints seem to hold for every passive environment.
-
-    This b_c needs no search. If there is no such b_c, the function returns the b_c that is best for the box of
-    environments.
-    """
+    """For each cell, return a b_c with which the constraints seem to hold for every passive environment."""
     damping = estimate([replace(problem, worlds=None) for problem in problems], cells, free=True).damping
     unmet = np.isnan(damping)
     if unmet.any():
@@ -117,10 +90,7 @@ def _with_damping(points: Cells, damping: Floats) -> Cells:
 
 @np.errstate(all="ignore")
 def _changes_in_worlds(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
-    """Return the result of `changes` for problems with a box of environments.
-
-    The function computes the changes at the places that are worst for the cells' centres.
-    """
+    """Return the result of `changes` for problems with a box of environments."""
     middle = cells.centres()
     if free:
         middle = _with_damping(middle, _damping_in_worlds(problems, cells))
@@ -150,20 +120,7 @@ def _missed_at(problem: Problem, numbers: Floats, places: PlacesInHands) -> Floa
 
 @np.errstate(all="ignore")
 def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
-    """Return the logarithm of the factor by which the hardest constraint changes across each cell along two axes.
-
-    Parameters
-    ----------
-    problems : problems, all of whose constraints must be met
-    cells : n cells of designs
-    axes : indices of two variables among the rows of the cells
-    free : whether each cell may have its own b_c
-
-    Returns
-    -------
-    list of array of float
-        One array for each axis, shape (n,); 0 where the change is not known.
-    """
+    """Return the logarithm of the factor by which the hardest constraint changes across each cell along two axes."""
     if problems[0].worlds is not None:
         return _changes_in_worlds(problems, cells, axes, free=free)
     middle, changes_by_axis = cells.centres(), list[Floats]()
@@ -185,40 +142,22 @@ def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *,
 
 @dataclass(frozen=True, slots=True)
 class _Requirement:
-    """The requirement on the coupling at the centres of n cells.
+    """The requirement on the coupling at the centres of n cells."""
 
-    Attributes
-    ----------
-    omega : frequencies of the coupling, rad/s; for an impedance display theta = omega T, rad; shape (places,)
-    required : the least Re Z_c there, N s/m, or the least Re(1/Z_c)/s^2, m/(N s), with the safety factor; shape
-        (n, places)
-    place : function of one index into `omega` for each cell; it returns the place of each cell in the form of `Places`
-    """
-
-    omega: Floats
-    required: Floats
-    place: Callable[[Integers], Floats | PlacesInHands]
+    omega: Floats  # frequencies of the coupling, rad/s; for an impedance display theta = omega T, rad; shape (places,)
+    required: Floats  # the least Re Z_c there, N s/m, or the least Re(1/Z_c)/s^2, m/(N s), with the safety factor
+    place: Callable[[Integers], Floats | PlacesInHands]  # function of one index into `omega` for each cell
 
 
 @dataclass(frozen=True, slots=True)
 class _Hardest:
-    """The places where the constraints on n cells are hardest to meet.
+    """The places where the constraints on n cells are hardest to meet."""
 
-    Attributes
-    ----------
-    least, most : ends of the interval of b_c that meets the coupling's constraints if b_c is free, N s/m, shape (n,);
-        else 0 and inf
-    meets : whether the other constraints are met, which include the coupling's if b_c is not free, shape (n,)
-    places : the hardest places
-    missed : logarithm of the factor by which the centre misses the hardest of all constraints, shape (n,); negative if
-        it meets all of them
-    """
-
-    least: Floats
+    least: Floats  # ends of the interval of b_c that meets the coupling's constraints if b_c is free, N s/m, shape (n,)
     most: Floats
-    meets: Flags
-    places: Places
-    missed: Floats
+    meets: Flags  # whether the other constraints are met, which include the coupling's if b_c is not free, shape (n,)
+    places: Places  # the hardest places
+    missed: Floats  # logarithm of the factor by which the centre misses the hardest of all constraints, shape (n,)
 
 
 def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
@@ -269,13 +208,7 @@ def _stacked(places: Sequence[Any]) -> Any:
 
 def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
     """Return the quantity of a coupling that must meet a requirement: Re Z_c, or Re(1/Z_c)/s^2 for an impedance
-    display.
-
-    Parameters
-    ----------
-    coupling, device : the coupling, and the device that runs it
-    place : omega of `_Requirement`
-    """
+    display."""
     if isinstance(coupling, SpringDamper):
         return np.asarray(offered(coupling, device, place, FLOATS))
     return np.asarray(coupling_impedance(coupling, place).re)

@@ -29,15 +29,7 @@ Design = tuple[Gains, AnyCoupling]
 def region_record(
     file: ProblemFile, region: Region, designs: list[Design], *, rendered: bool = False
 ) -> RegionDocument:
-    """Return the record of a region.
-
-    Parameters
-    ----------
-    file : the problem and its text
-    region : the region
-    designs : gain sets to list: certified ones, or the one that renders the cells, certified or not
-    rendered : whether the cells are environments, which the only listed design renders
-    """
+    """Return the record of a region."""
     plane, stability = region.plane, file.problem.stability
     x, y = (plane.keys[axis] for axis in plane.axes)
     met = in_hands(file.problem) if rendered else file.problem

@@ -17,25 +17,16 @@ from vctune.model.problem import Problem
 from vctune.running import time_limit as limited
 from vctune.study.rows import FAILED
 
+# Names of error and terms in a judgement, in the order of the first columns of `QUANTITY_OF_COLUMN`
 TERMS = ("error", "admittance", "tracking", "coupling")
-"""Names of error and terms in a judgement, in the order of the first columns of `QUANTITY_OF_COLUMN`."""
 
+# Lock that permits only one thread at a time to solve, because the threads of a process share solvers and ball
+# arithmetic
 _ONE_AT_A_TIME = threading.Lock()
-"""Lock that permits only one thread at a time to solve, because the threads of a process share solvers and ball
-arithmetic."""
 
 
 def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
-    """Solve a point and return the values of its row, the last of which is the duration in seconds.
-
-    An error becomes the row of the point, with the status "failed".
-
-    Parameters
-    ----------
-    problem : problem at the point
-    time_limit : time limit, s. If the limit ends the solution of the point early, the row is undecided and names the
-        limit
-    """
+    """Solve a point and return the values of its row, the last of which is the duration in seconds."""
     with _ONE_AT_A_TIME, limited(time_limit):
         began = perf_counter()
         try:
@@ -51,13 +42,7 @@ def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
 
 
 def row_without_design(status: str, reason: str) -> dict[str, Any]:
-    """Return the row of a point without a design.
-
-    Parameters
-    ----------
-    status : status of the point
-    reason : reason why there is no design
-    """
+    """Return the row of a point without a design."""
     return {"status": status, "idle": False, "reason": reason, **dict.fromkeys(QUANTITY_OF_COLUMN)}
 
 

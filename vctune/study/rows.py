@@ -1,9 +1,4 @@
-"""Store the rows of a study in an append-only file, with one line of JSON for each finished point.
-
-The first line of the file names the study. The operating system receives each row in one write. A killed run therefore
-leaves complete lines and at most one torn last line. vctune drops this line when it opens the file again. A user may
-concatenate files of one study.
-"""
+"""Store the rows of a study in an append-only file, with one line of JSON for each finished point."""
 
 from __future__ import annotations
 
@@ -27,9 +22,7 @@ from vctune.model.problem import Problem
 from vctune.model.transparency import Terms
 from vctune.version import __version__
 
-FAILED = "failed"
-"""Status of a point whose worker died or failed. The next run tries the point again, because the point may not be the
-cause."""
+FAILED = "failed"  # Status of a point whose worker died or failed
 
 Row = dict[str, Any]
 
@@ -52,31 +45,18 @@ def invalid_key(document: dict[str, Any]) -> str:
 
 @dataclass(slots=True)
 class Rows:
-    """An open file of rows.
+    """An open file of rows."""
 
-    Attributes
-    ----------
-    path, handle : path of the file, and its file descriptor
-    places : position in the file, bytes, of the latest row of each key that needs no further try
-    dropped : number of lines that were not complete rows
-    """
-
-    path: Path
+    path: Path  # path of the file, and its file descriptor
     handle: int
-    places: dict[str, int]
-    dropped: int = 0
+    places: dict[str, int]  # position in the file, bytes, of the latest row of each key that needs no further try
+    dropped: int = 0  # number of lines that were not complete rows
 
     def __contains__(self, key: str) -> bool:
         return key in self.places
 
     def append(self, row: Row) -> None:
-        """Append the row of a finished point.
-
-        Raises
-        ------
-        InputError
-            If the file cannot grow; complete rows are kept, and the next run drops a torn last line.
-        """
+        """Append the row of a finished point."""
         line = (json.dumps(row, allow_nan=False) + "\n").encode()
         place = os.lseek(self.handle, 0, os.SEEK_END)
         try:
@@ -96,26 +76,7 @@ class Rows:
 
 @contextmanager
 def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = inf) -> Iterator[Rows]:
-    """Open the rows of a study, creating the file if needed. Only one process at a time may write the file.
-
-    Parameters
-    ----------
-    path : path of the file
-    study : study to which the rows belong
-    restart : whether to discard the rows of this study instead of resuming
-    time_limit : time limit of a point, s; the function ignores rows that a shorter limit cut short
-
-    Returns
-    -------
-    context manager
-        Yields the rows, to read and to append.
-
-    Raises
-    ------
-    InputError
-        If the file belongs to another study, is not a file of rows, is in use, or cannot be written. The file then
-        stays unchanged.
-    """
+    """Open the rows of a study, creating the file if needed. Only one process at a time may write the file."""
     header = json.dumps(RowsHeader(study=study.sha256, axes=[axis.key for axis in study.axes]).to_json()) + "\n"
     if not path.exists() or not path.stat().st_size:
         write_together({path: header})
@@ -149,11 +110,7 @@ def _opened(path: Path) -> Iterator[int]:
 
 
 def _index(path: Path, handle: int, study: Study, time_limit: float = inf) -> Rows:
-    """Find the rows of a file, and cut off a torn last line.
-
-    The function ignores rows of points that failed, and of points that a time limit shorter than `time_limit` cut
-    short.
-    """
+    """Find the rows of a file, and cut off a torn last line."""
     rows, end = Rows(path, handle, {}), 0
     with path.open("rb") as file:
         _check_header(path, file.readline(), study)

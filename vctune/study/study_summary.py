@@ -14,18 +14,7 @@ from vctune.study.study_table import Table
 
 def summary(study: Study, table: Table) -> SweepRecord:
     """Return the summary of a sweep: counts by status, yardstick, best and worst design, and the corner without
-    designs.
-
-    Best and worst design are those of the certified designs with the least and the greatest error; None without a
-    certified design. The corner is the smallest box over the axes that contains every point without a certified design.
-    The corner's `share` is the share of its points that have no certified design. If all points have one, there is no
-    corner.
-
-    Parameters
-    ----------
-    study : the solved study
-    table : table with one row for each point
-    """
+    designs."""
     certified, error = table.certified, table.numbers["error"]
     order = np.flatnonzero(certified)[np.argsort(error[certified], kind="stable")]
     return SweepRecord(

@@ -28,33 +28,20 @@ if TYPE_CHECKING:
     import pandas
     import polars
 
-MOST_SHOWN = 50
-"""Number of rows that a notebook shows."""
+MOST_SHOWN = 50  # Number of rows that a notebook shows
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """The table of a study: columns of equal length.
+    """The table of a study: columns of equal length."""
 
-    Attributes
-    ----------
-    axes : values of the axes, by dotted key
-    status, reason : texts; a certified point has the reason ""
-    idle : whether each design is certified but hardly uses its velocity loop
-    numbers : error, terms, design, ratio, felt values and yardstick, by the columns of
-        `vctune.document.records.rows_json.SHOWN_COLUMNS` that the study's kind of display has; nan for a value that
-        does not exist
-    system : the problem's system of units
-    display : kind of display
-    """
-
-    axes: dict[str, Floats]
-    status: list[str]
-    idle: NDArray[np.bool_]
+    axes: dict[str, Floats]  # values of the axes, by dotted key
+    status: list[str]  # texts; a certified point has the reason ""
+    idle: NDArray[np.bool_]  # whether each design is certified but hardly uses its velocity loop
     reason: list[str]
     numbers: dict[str, Floats]
-    system: UnitSystem = "linear"
-    display: DisplayName = "admittance"
+    system: UnitSystem = "linear"  # the problem's system of units
+    display: DisplayName = "admittance"  # kind of display
 
     @property
     def certified(self) -> NDArray[np.bool_]:
@@ -141,14 +128,7 @@ def _plain(value: Any) -> Any:
 
 
 def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
-    """Return the table of a study.
-
-    Parameters
-    ----------
-    study : the study
-    rows : rows of the study, one for each point
-    keys : keys of the rows, in the order of the points
-    """
+    """Return the table of a study."""
     values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
     numbers = {name: np.full(len(keys), nan) for name in _columns(study)}
     status, idle, reason = [], [], []
@@ -198,19 +178,7 @@ def parquet_bytes(table: Table) -> bytes | None:
 
 
 def table_files(table: Table, folder: Path, stem: str) -> dict[Path, str | bytes]:
-    """Return the files of a table: CSV, and Parquet if pyarrow is installed.
-
-    Parameters
-    ----------
-    table : table with one row for each point
-    folder : folder for the files
-    stem : stem of the file names
-
-    Returns
-    -------
-    dict
-        Contents by path. Without pyarrow, there is no Parquet file.
-    """
+    """Return the files of a table: CSV, and Parquet if pyarrow is installed."""
     parquet = parquet_bytes(table)
     files: dict[Path, str | bytes] = {folder / f"{stem}.csv": csv_text(table)}
     return files if parquet is None else {**files, folder / f"{stem}.parquet": parquet}

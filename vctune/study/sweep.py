@@ -20,12 +20,11 @@ from vctune.study.points import Values, points
 from vctune.study.row import row_without_design, solve_point
 from vctune.study.rows import FAILED, Rows, constraints_key, invalid_key, key_of
 
-INVALID = "invalid"
-"""Status of a point whose values do not form a valid problem."""
+INVALID = "invalid"  # Status of a point whose values do not form a valid problem
 DIED = "its worker died, and so did the one that tried it again, alone"
 
+# Type of a function that receives the results so far: the points by status, and the best error
 OnDone = Callable[[str], None]
-"""Type of a function that receives the results so far: the points by status, and the best error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,49 +38,24 @@ class Task:
 
 @dataclass(slots=True)
 class _Sweep:
-    """The state of a sweep.
+    """The state of a sweep."""
 
-    Attributes
-    ----------
-    study, rows, pool, on_done, time_limit : arguments of `sweep`
-    statuses : number of points by status, including points of earlier runs, and "repeated" for points equal to a
-        pending one
-    best : least error of a certified point
-    infeasible : rows of infeasible points by `rows.constraints_key`
-    pending : points at the workers
-    retries : points to try again one at a time, because their worker or another worker of the pool died
-    """
-
-    study: Study
+    study: Study  # arguments of `sweep`
     rows: Rows
     pool: WorkerPool
     on_done: OnDone
     time_limit: float
     statuses: Counter[str] = field(default_factory=Counter)
-    best: float = inf
+    best: float = inf  # least error of a certified point
     infeasible: dict[str, dict[str, Any]] = field(default_factory=dict)
-    pending: dict[Future[dict[str, Any]], Task] = field(default_factory=dict)
+    pending: dict[Future[dict[str, Any]], Task] = field(default_factory=dict)  # points at the workers
     retries: list[Task] = field(default_factory=list)
 
 
 def sweep(
     study: Study, rows: Rows, pool: WorkerPool, on_done: OnDone = lambda known: None, time_limit: float = inf
 ) -> list[str]:
-    """Solve every point of a study that has no row yet. Return the key of each point's row, in the study's order.
-
-    Parameters
-    ----------
-    study : the study to solve
-    rows : existing rows; the function appends the new rows to them
-    pool : the workers
-    on_done : function that is called after each point with the results so far, as text
-    time_limit : time limit of a point, s
-
-    Raises
-    ------
-    InputError
-        If the file of rows cannot grow, or no worker can be reached; finished points stay finished.
-    """
+    """Solve every point of a study that has no row yet. Return the key of each point's row, in the study's order."""
     state, keys = _Sweep(study, rows, pool, on_done, time_limit), []
     for values in points(study):
         problem, faults = study.at(values)
@@ -105,10 +79,7 @@ def _row(study: Study, key: str, values: Values, content: dict[str, Any]) -> dic
 
 
 def _submit(state: _Sweep, task: Task) -> None:
-    """Hand a point to the workers, unless the point has a row or a worker is already solving it.
-
-    A point that differs from an infeasible point only in the weights of the error is also infeasible.
-    """
+    """Hand a point to the workers, unless the point has a row or a worker is already solving it."""
     if task.key in state.rows or any(task.key == other.key for other in state.pending.values()):
         _tell(state, next(state.rows.read([task.key]), {}) if task.key in state.rows else {})
         return

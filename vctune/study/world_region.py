@@ -1,10 +1,4 @@
-"""Find the environments that given gains can render, as cells of a plane of two parameters of an environment.
-
-A point of the plane states two parameters. The environment may have any value of the third within its range, and any
-damping above the least. A cell is feasible if the claim about a box of environments is proved for it. A cell is
-infeasible if at each of its points some environment, with some additional damping, gives the loop a pole on the unit
-circle in some hand (`vctune.proof.claims.worlds.world_cells`).
-"""
+"""Find the environments that given gains can render, as cells of a plane of two parameters of an environment."""
 
 from __future__ import annotations
 
@@ -27,23 +21,15 @@ from vctune.study.plane import DIGITS, Plane, Squares
 from vctune.study.region import Kind, Kinds, Progress, Region, divided
 
 WORLD_MASS, WORLD_DAMPING, WORLD_STIFFNESS = range(3)  # rows of a box of environments
+# Number of decades that the plane reaches below and above the greatest mass, damping and stiffness of the hands
 DECADES = (3.5, 1.5)
-"""Number of decades that the plane reaches below and above the greatest mass, damping and stiffness of the hands. With
-the default hands of a linear device, the axes go from 0.2 g to 20 kg and from 0.9 N/m to 90 kN/m."""
+# Time, s, from which the plane computes the scale of a mass, damping or stiffness that is 0 for all hands
 PERIOD = 0.01
-"""Time, s, from which the plane computes the scale of a mass, damping or stiffness that is 0 for all hands."""
-GREATEST = 1e9
-"""Value that represents an unlimited mass or stiffness."""
+GREATEST = 1e9  # Value that represents an unlimited mass or stiffness
 
 
 def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
-    """Return the reasons why there is no plane of environments over x and y.
-
-    Parameters
-    ----------
-    problem : problem whose hands hold the device
-    x, y : dotted keys, at least one of which is a key of an environment
-    """
+    """Return the reasons why there is no plane of environments over x and y."""
     others = [key for key in (x, y) if key not in WORLD]
     message = f"is no number of an environment; those are {', '.join(WORLD)}"
     mistakes = [Mistake("no-plane", key, message) for key in others]
@@ -63,16 +49,8 @@ def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
 
 
 def world_plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
-    """Return a plane of environments with logarithmic axes that begin at 0; other parameters have their stated range.
-
-    A mass or a stiffness that is neither an axis nor stated is 0, so the environments are pure springs or pure masses.
-
-    Parameters
-    ----------
-    problem : problem whose hands hold the device
-    x, y : two keys of `WORLD`
-    levels : the side of the finest cell is 2^-levels of the plane's side
-    """
+    """Return a plane of environments with logarithmic axes that begin at 0; other parameters have their stated
+    range."""
     stated = problem.worlds
     ranges = [Range(0.0, 0.0), Range(0.0, inf), Range(0.0, 0.0)]
     if stated is not None:
@@ -120,22 +98,7 @@ def world_region(
     stopped: Callable[[], bool] = lambda: False,
     squares: Squares | None = None,
 ) -> Region:
-    """Divide a plane of environments until each cell is decided or as small as the plane's edges permit.
-
-    Parameters
-    ----------
-    problem : problem with device, hands, uncertainty and safety factor; SI units
-    gains, coupling : the design that renders the environments
-    plane : plane of environments
-    progress : function that receives the decided share of the plane
-    stopped : function that returns whether to end now
-    squares : the first cells; None for the whole plane
-
-    Returns
-    -------
-    Region
-        Its cells are boxes of environments.
-    """
+    """Divide a plane of environments until each cell is decided or as small as the plane's edges permit."""
     squares = plane.coarsest_squares() if squares is None else squares
     try:
         prepared_design = rendered(problem, gains, coupling, plane.ranges[WORLD_DAMPING].min)
@@ -151,13 +114,7 @@ def _longer(squares: Squares) -> Flags:
 
 
 def judged(prepared_design: Rendered, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
-    """Return the verdict on each cell of a plane of environments. The second result, b_c, is nan for each cell.
-
-    Parameters
-    ----------
-    prepared_design : the design, prepared to prove environments
-    plane, squares : the plane and its cells
-    """
+    """Return the verdict on each cell of a plane of environments. The second result, b_c, is nan for each cell."""
     kinds = np.full(squares.shape[1], Kind.FEASIBLE if prepared_design.every else Kind.UNDECIDED)
     if not prepared_design.every:
         cells = plane.cells(squares)
@@ -170,16 +127,7 @@ def judged(prepared_design: Rendered, plane: Plane, squares: Squares) -> tuple[K
 
 
 def _common_ends(plane: Plane, low: Floats, high: Floats) -> WorldCells:
-    """For each cell, return the ends of what the environments of all its points have in common.
-
-    At each point, an environment may have any value of a parameter that is not an axis. The function therefore swaps
-    the ends of the range of this parameter: each value between the swapped ends belongs to every point.
-
-    Parameters
-    ----------
-    plane : plane, which determines which parameters are its axes
-    low, high : least and greatest mass, damping and stiffness of each cell, SI units, shape (3, n)
-    """
+    """For each cell, return the ends of what the environments of all its points have in common."""
     least, most = low.copy(), high.copy()
     least[WORLD_DAMPING] = high[WORLD_DAMPING] if WORLD_DAMPING in plane.axes else low[WORLD_DAMPING]
     most[WORLD_DAMPING] = inf

@@ -1,8 +1,4 @@
-"""Provide the transfer functions of a device's sampled loop, without a hand or in a hand, with their units.
-
-The responses come from `vctune.model.sampled` in double precision. The state spaces come from the same mechanism,
-stepped exactly over a sample. vctune proves nothing about these numbers.
-"""
+"""Provide the transfer functions of a device's sampled loop, without a hand or in a hand, with their units."""
 
 from __future__ import annotations
 
@@ -175,12 +171,7 @@ class Loop:
         return total([(float(self.gains.velocity), plant.velocity), (float(self.gains.position), plant.position)])
 
     def _driven(self, plant: PlantStates) -> dict[str, Row]:
-        """Return the states for a moving environment. The law then acts on the errors of velocity and position.
-
-        The trapezoidal rule integrates the environment's velocity. The difference between the positions of environment
-        and motor is one of the states. The states thus have no pure integrator if no other state depends on only one of
-        the positions.
-        """
+        """Return the states for a moving environment. The law then acts on the errors of velocity and position."""
         T, K_v, K_p = float(self.device.sample_time), float(self.gains.velocity), float(self.gains.position)
         command = total([(K_v + K_p * T / 2, {INPUT: 1.0}), (K_p, {"error": 1.0}), (-K_v, plant.velocity)])
         error = total([(1.0, {"error": 1.0, INPUT: T}), (-1.0, substituted(plant.moved, command))])
@@ -218,6 +209,7 @@ class Loop:
         return self.device, self.gains, self.coupling, self.hand
 
 
+# Quantity of a state by the first word of its name; all other states are forces
 OF_STATE = {
     "position": "position",
     "bend": "position",
@@ -227,7 +219,6 @@ OF_STATE = {
     "difference": "speed",
     "commanded": "speed",
 }
-"""Quantity of a state by the first word of its name; all other states are forces."""
 
 
 def _quotient(above: EvenOdd, below: EvenOdd, theta: Floats) -> Complex:

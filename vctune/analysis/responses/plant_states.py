@@ -1,10 +1,5 @@
 """Build the states of a device in a hand over one sample, including the states of delays, from the matrices of
-`vctune.model.sampled`.
-
-The mechanism and its filters come from `mechanism_in_hand`, or for a servo from `servo_rates`; `stepped` steps them
-exactly over a sample. If the sensor is late by a fraction of a sample, the firmware reads the force at a time within an
-earlier sample. All numbers are in SI units.
-"""
+`vctune.model.sampled`."""
 
 from __future__ import annotations
 
@@ -29,48 +24,26 @@ from vctune.model.sampled.velocity_loop import split_delay
 
 @dataclass(frozen=True, slots=True)
 class PlantStates:
-    """The response of a device in a hand to a command, sample by sample.
+    """The response of a device in a hand to a command, sample by sample."""
 
-    Attributes
-    ----------
-    states : next value of each state
-    position, velocity : position and velocity of the motor that the firmware reads or estimates
-    moved : change of the position over the next sample
-    felt : sensed force of the hand, with the sign of Z_seen: a resisting force is positive
-    """
-
-    states: dict[str, Row]
-    position: Row
+    states: dict[str, Row]  # next value of each state
+    position: Row  # position and velocity of the motor that the firmware reads or estimates
     velocity: Row
-    moved: Row
-    felt: Row
+    moved: Row  # change of the position over the next sample
+    felt: Row  # sensed force of the hand, with the sign of Z_seen: a resisting force is positive
 
 
 @dataclass(frozen=True, slots=True)
 class _Chain:
-    """The system x' = A x + b u with T = 1.
+    """The system x' = A x + b u with T = 1."""
 
-    Attributes
-    ----------
-    names : names of the states x
-    rates, push : A and b
-    units : SI units of the states
-    """
-
-    names: tuple[str, ...]
-    rates: Floats
+    names: tuple[str, ...]  # names of the states x
+    rates: Floats  # A and b
     push: Floats
-    units: Floats
+    units: Floats  # SI units of the states
 
     def over(self, share: float, older: float, now: Row, before: Row) -> list[Row]:
-        """Return the change of the states, in SI units, over a share of a sample.
-
-        Parameters
-        ----------
-        share : share of the sample, in (0, 1]
-        older : part of the sample in which the older input acts, < share; 0 if it does not act
-        now, before : the newer and the older input
-        """
+        """Return the change of the states, in SI units, over a share of a sample."""
         n = len(self.names)
         rates = [[0 if x == 0 else float(x) for x in (*row, b)] for row, b in zip(self.rates, self.push, strict=True)]
         matrix = scaled((*map(tuple, rates), (0,) * (n + 1)), share)
@@ -97,32 +70,20 @@ class _Chain:
 
 @dataclass(frozen=True, slots=True)
 class _Timing:
-    """Timing of the commands and of the sensed forces.
+    """Timing of the commands and of the sensed forces."""
 
-    Attributes
-    ----------
-    now, before : the newer and the older command of a sample
-    older : part of the sample in which the older command acts
-    sensed : number of whole samples by which the sensor is late
-    within : time within a sample at which the sensor samples, in (0, 1); None for the end of the sample
-    carried : whether the older command acts at that time
-    """
-
-    now: Row
+    now: Row  # the newer and the older command of a sample
     before: Row
-    older: float
-    sensed: int
-    within: float | None
-    carried: bool
+    older: float  # part of the sample in which the older command acts
+    sensed: int  # number of whole samples by which the sensor is late
+    within: float | None  # time within a sample at which the sensor samples, in (0, 1); None for the end of the sample
+    carried: bool  # whether the older command acts at that time
 
 
 def _timing(
     states: dict[str, Row], command: Row, device: Device, sensor_delay: float, *, later: bool = False
 ) -> _Timing:
-    """Return the timing of a device's commands, and add the states that store the commands.
-
-    With `later`, the commands act one sample later.
-    """
+    """Return the timing of a device's commands, and add the states that store the commands."""
     T, delay = float(device.sample_time), float(device.latency)
     whole, older = split_delay(delay, T)
     sensed, part = split_delay(sensor_delay, T)
@@ -144,13 +105,7 @@ def _sensed(states: dict[str, Row], chain: _Chain, at: _Timing, weights: Floats,
 
 
 def plant_states(device: Device, hand: Hand) -> PlantStates:
-    """Return a device in a hand over one sample, from its held command to the signals that its firmware knows.
-
-    Parameters
-    ----------
-    device : device with plain numbers, not a servo; the hand takes the place of its least operator
-    hand : M, B and K; all 0 for a device without a hand
-    """
+    """Return a device in a hand over one sample, from its held command to the signals that its firmware knows."""
     T, states = float(device.sample_time), dict[str, Row]()
     parts = mechanism_in_hand(device, hand, FLOATS)
     chain = _in_hand(parts, T, float(device.mass))
@@ -172,15 +127,7 @@ def plant_states(device: Device, hand: Hand) -> PlantStates:
 
 def velocity_states(device: Device, hand: Hand) -> PlantStates:
     """Return a device in a hand as `plant_states` does, but without duplicate states, for a law that needs only the
-    velocity estimate.
-
-    In this form, the low-passes of the velocity act on the command, so that they share the states of the delay. A
-    differenced velocity is the distance moved in the previous sample.
-
-    Parameters
-    ----------
-    device, hand : see `plant_states`
-    """
+    velocity estimate."""
     T, states = float(device.sample_time), dict[str, Row]()
     chain = _in_hand(mechanism_in_hand(device, hand, FLOATS), T, float(device.mass))
     share, order = _low_pass(device)
@@ -225,13 +172,7 @@ def _in_hand(parts: Mechanism, sample_time: float, mass: float) -> _Chain:
 
 
 def servo_states(device: Device, hand: Hand) -> PlantStates:
-    """Return a servo over one sample, from the commanded velocity to the sensed force of a hand.
-
-    Parameters
-    ----------
-    device : a servo with plain numbers; the function ignores a disc of responses
-    hand : M, B and K
-    """
+    """Return a servo over one sample, from the commanded velocity to the sensed force of a hand."""
     servo, share = device.servo, device.sensing.filter_coefficient
     assert servo is not None
     states: dict[str, Row] = {}

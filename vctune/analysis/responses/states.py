@@ -10,10 +10,8 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.analysis.responses.transfer import StateSpace
 
-Row = dict[str, float]
-"""A weighted sum of states and of the input: coefficients by name."""
-INPUT = "input"
-"""Name of the input in a row."""
+Row = dict[str, float]  # A weighted sum of states and of the input: coefficients by name
+INPUT = "input"  # Name of the input in a row
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +26,7 @@ class Signal:
 
 
 def total(terms: Iterable[tuple[float, Mapping[str, float]]]) -> Row:
-    """Return a weighted sum of rows, without zero coefficients.
-
-    Parameters
-    ----------
-    terms : pairs of a weight and a row
-    """
+    """Return a weighted sum of rows, without zero coefficients."""
     found: Row = {}
     for factor, row in terms:
         for name, x in row.items():
@@ -42,15 +35,7 @@ def total(terms: Iterable[tuple[float, Mapping[str, float]]]) -> Row:
 
 
 def late(states: dict[str, Row], name: str, row: Row, samples: int) -> Row:
-    """Return a row delayed by a number of samples, and add the states that store the row.
-
-    Parameters
-    ----------
-    states : next value of each state; the function adds the states that store the row
-    name : name of the stored row; a name that is already stored keeps its row, so a name must stand for one row
-    row : a weighted sum of the present states and input
-    samples : number of samples, >= 0
-    """
+    """Return a row delayed by a number of samples, and add the states that store the row."""
     for ago in range(1, samples + 1):
         kept = f"{name}[k-{ago}]"
         states.setdefault(kept, row)
@@ -59,18 +44,7 @@ def late(states: dict[str, Row], name: str, row: Row, samples: int) -> Row:
 
 
 def filtered(states: dict[str, Row], name: str, row: Row, coefficient: float, order: int) -> Row:
-    """Return the present value of a row after low-passes y[k] = a x[k] + (1 - a) y[k-1] in series.
-
-    The function adds the states of the low-passes.
-
-    Parameters
-    ----------
-    states : next value of each state; the function adds the states of the low-passes
-    name : name of the filtered row
-    row : x, the row that enters the low-passes
-    coefficient : coefficient a of the low-passes, in (0, 1]
-    order : number of low-passes in series
-    """
+    """Return the present value of a row after low-passes y[k] = a x[k] + (1 - a) y[k-1] in series."""
     for number in range(1, order + 1):
         kept = f"{name} low-pass {number}[k-1]"
         row = total([(coefficient, row), (1 - coefficient, {kept: 1.0})])
@@ -79,24 +53,12 @@ def filtered(states: dict[str, Row], name: str, row: Row, coefficient: float, or
 
 
 def closed(states: Mapping[str, Row], command: Row) -> dict[str, Row]:
-    """Return states after replacing their input by a sum of states and another input.
-
-    Parameters
-    ----------
-    states : next value of each state
-    command : sum that replaces the input
-    """
+    """Return states after replacing their input by a sum of states and another input."""
     return {name: substituted(row, command) for name, row in states.items()}
 
 
 def substituted(row: Row, command: Row) -> Row:
-    """Return a row after replacing its input by a sum.
-
-    Parameters
-    ----------
-    row : a sum of states and of the input
-    command : sum that replaces the input
-    """
+    """Return a row after replacing its input by a sum."""
     rest = {name: x for name, x in row.items() if name != INPUT}
     return total([(1.0, rest), (row.get(INPUT, 0.0), command)])
 
@@ -104,16 +66,7 @@ def substituted(row: Row, command: Row) -> Row:
 def matrices(
     states: Mapping[str, Row], output: Row, units: Mapping[str, str], signals: tuple[Signal, Signal], sample_time: float
 ) -> StateSpace:
-    """Return the matrices of the states that depend on the input and that affect the output.
-
-    Parameters
-    ----------
-    states : next value of each state
-    output : the present output, as a row
-    units : units of the states, by name
-    signals : names and units of input and output
-    sample_time : T, s
-    """
+    """Return the matrices of the states that depend on the input and that affect the output."""
     names = _between(states, output)
     coefficients = [np.array([states[name].get(other, 0.0) for other in (*names, INPUT)]) for name in names]
     next_values = np.array(coefficients).reshape(len(names), len(names) + 1)

@@ -19,31 +19,19 @@ from vctune.model.device import Device
 if TYPE_CHECKING:
     import control
 
-POINTS, DECADES = 1600, 5.0
-"""Number of drawn frequencies, and number of decades below Nyquist. With half as many frequencies, curves show corners.
-With twice as many, the file is twice as long."""
-MOST_SHOWN = 20
-"""Number of rows of a response that a notebook shows."""
+POINTS, DECADES = 1600, 5.0  # Number of drawn frequencies, and number of decades below Nyquist
+MOST_SHOWN = 20  # Number of rows of a response that a notebook shows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """A transfer function at frequencies up to Nyquist.
+    """A transfer function at frequencies up to Nyquist."""
 
-    Attributes
-    ----------
-    symbol : symbol of the transfer function
-    omega : frequency, rad/s, in ascending order, shape (n,)
-    values : complex values, in `unit`, shape (n,)
-    unit : unit of the values; "1" if they are dimensionless
-    sample_time : T, s
-    """
-
-    symbol: str
-    omega: Floats
-    values: Complex
-    unit: str
-    sample_time: float
+    symbol: str  # symbol of the transfer function
+    omega: Floats  # frequency, rad/s, in ascending order, shape (n,)
+    values: Complex  # complex values, in `unit`, shape (n,)
+    unit: str  # unit of the values; "1" if they are dimensionless
+    sample_time: float  # T, s
 
     @property
     def hz(self) -> Floats:
@@ -51,11 +39,7 @@ class Response:
         return self.omega / (2 * pi)
 
     def to_control(self) -> control.FrequencyResponseData:
-        """Return the response as python-control's object, with dt in s (needs the extra `control`).
-
-        The object is smooth: python-control interpolates between the frequencies, so that `stability_margins` finds
-        crossings.
-        """
+        """Return the response as python-control's object, with dt in s (needs the extra `control`)."""
         import control
 
         return control.FrequencyResponseData(
@@ -78,27 +62,19 @@ class Response:
         return html_table(caption, rows, ("frequency, Hz", f"|{self.symbol}|, {self.unit}", "phase, deg"))
 
 
-SPLINE = 3
-"""Order of python-control's interpolation. A response must have more points than this."""
+SPLINE = 3  # Order of python-control's interpolation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StateSpace:
-    """The system x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k].
+    """The system x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k]."""
 
-    Attributes
-    ----------
-    A, B, C, D : arrays of shape (n, n), (n, 1), (1, n) and (1, 1)
-    sample_time : T, s
-    states, inputs, outputs : names with units, such as "velocity, m/s"
-    """
-
-    A: Floats
+    A: Floats  # arrays of shape (n, n), (n, 1), (1, n) and (1, 1)
     B: Floats
     C: Floats
     D: Floats
-    sample_time: float
-    states: tuple[str, ...]
+    sample_time: float  # T, s
+    states: tuple[str, ...]  # names with units, such as "velocity, m/s"
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
@@ -138,30 +114,16 @@ def _plain(name: str) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Transfer:
-    """A transfer function of the sampled loop.
+    """A transfer function of the sampled loop."""
 
-    Attributes
-    ----------
-    symbol : symbol of the function, such as L, S or Z_c
-    unit : unit of the values; "1" if they are dimensionless
-    device : device of the loop, with plain numbers
-    response : function that returns the values at given omega T, rad, in (0, pi]
-    realised : function that returns the state space
-    """
-
-    symbol: str
-    unit: str
-    device: Device = field(repr=False)
+    symbol: str  # symbol of the function, such as L, S or Z_c
+    unit: str  # unit of the values; "1" if they are dimensionless
+    device: Device = field(repr=False)  # device of the loop, with plain numbers
     response: Callable[[Floats], Complex] = field(repr=False)
-    realised: Callable[[], StateSpace] = field(repr=False)
+    realised: Callable[[], StateSpace] = field(repr=False)  # function that returns the state space
 
     def at(self, omega: Floats | None = None) -> Response:
-        """Return the transfer function as an array over frequency.
-
-        Parameters
-        ----------
-        omega : frequency, rad/s, 0 < omega <= pi/T, increasing; None for five decades up to the Nyquist frequency
-        """
+        """Return the transfer function as an array over frequency."""
         grid = up_to_nyquist(self.device) if omega is None else np.atleast_1d(np.asarray(omega, float))
         T = float(self.device.sample_time)
         values = np.asarray(self.response(grid * T) + 0 * grid, np.complex128)

@@ -1,11 +1,4 @@
-"""Find the environment with which a design has the least reserve, with its hand and frequency.
-
-At that frequency the environment cancels the reactance of the loop, with the coupling divided by the safety factor.
-Among all passive environments, this environment is a mass or a spring. In a box, the environment has the least
-stiffness, and the mass that then cancels the reactance. If that mass is below the range of masses, the environment has
-the least mass, and the stiffness that then cancels the reactance. The code limits mass and stiffness to the greatest
-values of the box.
-"""
+"""Find the environment with which a design has the least reserve, with its hand and frequency."""
 
 from __future__ import annotations
 
@@ -17,8 +10,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.worlds import World, Worlds
 
-LEAST = 1e-6
-"""Distance, rad, of an angle from 0 and pi within which no environment has a reactance."""
+LEAST = 1e-6  # Distance, rad, of an angle from 0 and pi within which no environment has a reactance
 
 
 def binding_world(
@@ -30,15 +22,7 @@ def binding_world(
     factor: float,
     worlds: Worlds | None = None,
 ) -> World | None:
-    """Return the environment without additional damping; None near angles 0 and pi, where any environment suffices.
-
-    Parameters
-    ----------
-    device, gains, coupling : a design with plain numbers
-    hand, omega : hand and frequency, rad/s, with the least reserve
-    factor : the safety factor
-    worlds : the box of environments; None for every passive environment
-    """
+    """Return the environment without additional damping; None near angles 0 and pi, where any environment suffices."""
     theta = omega * device.sample_time
     if not LEAST < theta < pi - LEAST:
         return None

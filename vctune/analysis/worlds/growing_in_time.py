@@ -1,9 +1,5 @@
 """Find the environment, late or stepped by Euler's rules, with which the motion of a refuted loop grows
-(model/README.md, section 20).
-
-At a frequency where the claim fails, some member of the box holds a pole on the unit circle. The code moves from this
-member to each corner of the box and follows the pole. It returns the member with which the motion grows fastest.
-"""
+(model/README.md, section 20)."""
 
 from __future__ import annotations
 
@@ -22,26 +18,16 @@ from vctune.model.hands import Hand
 from vctune.model.sampled.worlds.loop_in_late_worlds import LEADING
 from vctune.model.worlds import Worlds
 
-LEAST_ANGLE = 1e-6
-"""Least distance, rad, of an angle from 0 and pi at which the code follows a pole. With half or twice this distance,
-the growth is the same."""
-STEPS_TO_CORNER = 6
-"""Number of steps from a member to a corner. With half as many steps, the code may lose the pole; with twice as many,
-it follows the same poles."""
-FARTHEST_MOVE = 0.3
-"""Greatest move of a pole in one step, relative to the pole's angle. With half this move, the code loses some poles;
-with twice this move, the code may switch to another pole."""
-GROWTH = 1e-9
-"""Growth per radian above which the code reports that a motion grows. This threshold exceeds the rounding error of
-Newton's method."""
-OUTSIDE = 1e-9
-"""Share of a range by which rounding may put a member outside the range."""
+LEAST_ANGLE = 1e-6  # Least distance, rad, of an angle from 0 and pi at which the code follows a pole
+STEPS_TO_CORNER = 6  # Number of steps from a member to a corner
+FARTHEST_MOVE = 0.3  # Greatest move of a pole in one step, relative to the pole's angle
+GROWTH = 1e-9  # Growth per radian above which the code reports that a motion grows
+OUTSIDE = 1e-9  # Share of a range by which rounding may put a member outside the range
+# Determinant of two factors, relative to the square of the greater factor, below which the code treats the factors as
+# parallel
 PARALLEL = 1e-12
-"""Determinant of two factors, relative to the square of the greater factor, below which the code treats the factors as
-parallel."""
 
-Member = tuple[float, float, float]
-"""Mass, damping and stiffness of an environment of the box."""
+Member = tuple[float, float, float]  # Mass, damping and stiffness of an environment of the box
 
 
 @np.errstate(all="ignore")
@@ -49,20 +35,7 @@ def growing_in_time(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float, worlds: Worlds
 ) -> GrowingEnvironment | None:
     """Return the environment of a box with which the motion in a hand grows, for a frequency at which a member holds a
-    pole.
-
-    Parameters
-    ----------
-    device, gains, coupling : a design with plain numbers
-    hand : hand in which the constraint is violated
-    omega : frequency at which the constraint is violated, rad/s, from 0 to pi/T
-    worlds : the box of environments; its greatest numbers may be inf
-
-    Returns
-    -------
-    GrowingEnvironment or None
-        None if the code finds no member with which the motion grows.
-    """
+    pole."""
     T = device.sample_time
     theta, alone = min(max(omega * T, LEAST_ANGLE), pi - LEAST_ANGLE), impedance_met(device, gains, coupling, hand)
 
@@ -93,14 +66,7 @@ def growing_in_time(
 
 
 def environment_factors(pole_angle: complex, sample_time: float, worlds: Worlds) -> np.ndarray:
-    """Return z^-n f_m, z^-n and z^-n f_k, which multiply mass, damping and stiffness (model/README.md, section 20).
-
-    Parameters
-    ----------
-    pole_angle : theta of z = e^(j theta), rad, not 0; complex away from the unit circle
-    sample_time : T, s
-    worlds : box of environments; the function uses its rule and its lateness n
-    """
+    """Return z^-n f_m, z^-n and z^-n f_k, which multiply mass, damping and stiffness (model/README.md, section 20)."""
     z = np.exp(1j * pole_angle)
     f_m = {0: 2 * (z - 1) / (z + 1), 1: z - 1, -1: 1 - 1 / z}[LEADING[worlds.rule]] / sample_time
     return np.asarray(z**-worlds.late * np.array([f_m, 1.0, 1 / f_m]))
@@ -108,22 +74,7 @@ def environment_factors(pole_angle: complex, sample_time: float, worlds: Worlds)
 
 def member_of_impedance(impedance: complex, factors: np.ndarray, worlds: Worlds) -> Member | None:
     """Return a member with this impedance. One of the member's three values is at a finite end of its range, and
-    determines the other two values.
-
-    The members with a given impedance lie on a line. In one direction along this line, one of the values decreases to
-    its least value, which is finite. The function therefore tries only finite ends.
-
-    Parameters
-    ----------
-    impedance : the wanted impedance at an angle, N s/m
-    factors : the `environment_factors` at that angle
-    worlds : box of environments; its greatest numbers may be inf
-
-    Returns
-    -------
-    tuple of float or None
-        None if no member has this impedance.
-    """
+    determines the other two values."""
     low, high = (np.array(astuple(end), float) for end in (worlds.low, worlds.high))
     scale = np.where(high < inf, (high - low) + np.abs(high), np.abs(low) + np.abs(impedance / factors))
     slack = OUTSIDE * scale

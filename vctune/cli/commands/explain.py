@@ -14,8 +14,7 @@ from vctune.cli.printing.options import output_options
 if TYPE_CHECKING:
     from vctune.document.records.printed_json import EntryRecord
 
-WIDEST = 100
-"""Greatest width of the text, characters."""
+WIDEST = 100  # Greatest width of the text, characters
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:

@@ -9,11 +9,11 @@ import click
 from vctune.api.argument_ranges import AXES_OF_REGIONS, RESOLUTIONS
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limited
 
+# Default axes in the help text
 SHOWN = (
     "gains.velocity; impedance display: coupling.damping; servo: coupling.mass",
     "gains.position; impedance display: coupling.stiffness; servo: coupling.drag",
 )
-"""Default axes in the help text."""
 
 
 @click.command(short_help="Find the whole set of feasible gains, cell by cell.")

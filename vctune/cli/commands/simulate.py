@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from vctune.document.reading import ProblemFile
     from vctune.model.gains import AnyCoupling, Gains
 
-IN_THE_LOOP = "in-the-loop"
-"""Folder for the results of a compiled controller, inside the design's folder."""
+IN_THE_LOOP = "in-the-loop"  # Folder for the results of a compiled controller, inside the design's folder
 
 
 @click.command(short_help="Simulate a design in the problem's experiments.")

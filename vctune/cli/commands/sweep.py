@@ -8,8 +8,7 @@ import click
 
 from vctune.cli.printing.options import out_option, output_options, time_limit_option, worker_options
 
-MANY = 100_000
-"""Number of points from which a sweep requires --yes."""
+MANY = 100_000  # Number of points from which a sweep requires --yes
 
 
 @click.command(short_help="Solve a problem at many points.")

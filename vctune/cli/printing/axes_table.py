@@ -19,14 +19,7 @@ if TYPE_CHECKING:
 
 
 def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> None:
-    """Print the proved claims, one line for each axis, then the reasons and warnings, then the folder of the files.
-
-    Parameters
-    ----------
-    name : name of the problem
-    designs : records of the designs by the name of the axis
-    folder : folder of the files, which the last line names
-    """
+    """Print the proved claims, one line for each axis, then the reasons and warnings, then the folder of the files."""
     report = folder / REPORT
     with page(WIDE, folder, [f"open {report}"] if report.exists() else []) as console:
         console.print(f"[bold]{escape(printable(name))}[/bold]")

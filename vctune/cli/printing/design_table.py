@@ -19,32 +19,15 @@ if TYPE_CHECKING:
     from vctune.document.records.design_json import DesignRecord, RepairRecord
     from vctune.document.records.rows_json import Cells, CornerRecord, SweepRecord
 
+# Width of the terminal, in characters, below which each group heading of a design's table has a separate line
 LEAST_WIDTH = 80
-"""Width of the terminal, in characters, below which each group heading of a design's table has a separate line."""
-WIDE = 120
-"""Width of tables, in characters, if stdout is not a terminal. On a terminal narrower than this, side_by_side.py stacks
-its tables."""
-COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
-"""Colour of each status."""
+WIDE = 120  # Width of tables, in characters, if stdout is not a terminal
+COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}  # Colour of each status
 
 
 @contextmanager
 def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[Console]:
-    """Print either the whole output of this block or nothing.
-
-    The folder of the files and the next steps follow at the end.
-
-    Parameters
-    ----------
-    least_width : least width of a line, characters, even if the terminal is narrower
-    folder : folder of the files
-    steps : next steps for the user
-
-    Returns
-    -------
-    context manager of Console
-        Yields the console to print with.
-    """
+    """Print either the whole output of this block or nothing."""
     console = Console(highlight=False)
     console.width = max(console.width, least_width)
     with console.capture() as page:
@@ -57,10 +40,7 @@ def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[
 
 
 def _linked(path: Path, console: Console) -> str:
-    """Return a path as a link (OSC 8) if the output is a terminal; otherwise its text.
-
-    A notebook accepts colours like a terminal, but would show the control characters of a link.
-    """
+    """Return a path as a link (OSC 8) if the output is a terminal; otherwise its text."""
     text = escape(str(path))
     return f"[link={path.resolve().as_uri()}]{text}[/link]" if console.file.isatty() else text
 
@@ -78,15 +58,7 @@ def _write(console: Console, text: str) -> None:
 
 def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), *, verbose: bool = False) -> None:
     """Print the status and the proved claims of a design, its numbers, its repairs, its warnings, and the folder of its
-    files.
-
-    Parameters
-    ----------
-    record : record of the design, or of the reason why there is none
-    folder : folder of the files, which the output names before the next steps
-    steps : next steps for the user
-    verbose : whether to print the parts that the search omitted
-    """
+    files."""
     on_terminal = Console().is_terminal  # lines wrap at words on a terminal, but not in a file
     with page(0 if on_terminal else WIDE, folder, steps) as console:
 
@@ -130,10 +102,7 @@ def _repairs(repairs: list[RepairRecord]) -> str:
 
 
 def _table(record: DesignRecord, width: int) -> Table:
-    """Return the rows of a design.
-
-    The name of a group stands in front of its rows or, on a narrow terminal, above them.
-    """
+    """Return the rows of a design."""
     groups, narrow = _ordered(record), width < LEAST_WIDTH
     rows: list[tuple[str, ...]] = []
     for group, group_rows in groups.items():
@@ -164,14 +133,7 @@ def _ordered(record: DesignRecord) -> dict[str, list[tuple[str, str, str]]]:
 
 
 def print_lines(lines: Sequence[str], folder: Path, steps: Sequence[str]) -> None:
-    """Print lines and the folder of the files; on a terminal, wrap the lines at words and print the next steps.
-
-    Parameters
-    ----------
-    lines : plain text; if stdout is not a terminal, the last line ends with the folder
-    folder : folder of the files
-    steps : next steps for the user
-    """
+    """Print lines and the folder of the files; on a terminal, wrap the lines at words and print the next steps."""
     if not Console().is_terminal:
         click.echo("\n".join([*lines[:-1], f"{lines[-1]}; written to {folder}"]))
         return
@@ -181,13 +143,7 @@ def print_lines(lines: Sequence[str], folder: Path, steps: Sequence[str]) -> Non
 
 
 def print_sweep(rows: SweepRecord, folder: Path) -> None:
-    """Print the results of a sweep and the folder of its files.
-
-    Parameters
-    ----------
-    rows : summary of the sweep
-    folder : folder of the files; on a terminal, a next step follows
-    """
+    """Print the results of a sweep and the folder of its files."""
     on_terminal = Console().is_terminal
     shown = "error.svg" if (folder / "error.svg").exists() else "table.csv"
     with page(0, folder, [f"open {folder / shown}"] if on_terminal else []) as console:

@@ -44,11 +44,7 @@ def as_json(checks: list[Checked]) -> str:
 
 
 def github(checks: list[Checked]) -> str:
-    """Return workflow commands that annotate the lines of the files: the message of each check, then its warnings.
-
-    The level of a message follows the verdict without regard to warnings. With `--strict`, a warning has the level
-    "error".
-    """
+    """Return workflow commands that annotate the lines of the files: the message of each check, then its warnings."""
     levels = {CheckVerdict.PASSED: "notice", CheckVerdict.UNDECIDED: "warning"}
     lines = []
     for checked in checks:
@@ -73,10 +69,7 @@ def _property(value: str) -> str:
 
 
 def junit(checks: list[Checked]) -> str:
-    """Return JUnit XML with the elements and attributes of Jenkins' schema, with one test case for each check.
-
-    An undecided check counts as a failure, bad input as an error.
-    """
+    """Return JUnit XML with the elements and attributes of Jenkins' schema, with one test case for each check."""
     failed = [checked.result in (CheckVerdict.FAILED, CheckVerdict.UNDECIDED) for checked in checks]
     broken = [checked.result is CheckVerdict.BAD_INPUT for checked in checks]
     counts = {"tests": str(len(checks)), "failures": str(sum(failed)), "errors": str(sum(broken))}
@@ -103,6 +96,7 @@ def _warning_lines(checked: Checked) -> list[str]:
     return [f"warning: {printable(warning)}" for warning in checked.warnings]
 
 
+# Rule for warnings: rule id, level, short description, full description, help
 WARNING = (
     "warning",
     "warning",
@@ -111,7 +105,7 @@ WARNING = (
     "velocity loop, or that the gains were made for another problem.",
     "Read the message. `vctune check --strict` fails if there is a warning.",
 )
-"""Rule for warnings: rule id, level, short description, full description, help."""
+# Rules for checks that do not pass, in the same form
 RULES = {
     CheckVerdict.FAILED: (
         "violated",
@@ -138,17 +132,13 @@ RULES = {
         "Correct the key on the line that the message names.",
     ),
 }
-"""Rules for checks that do not pass, in the same form."""
 
 
 _RULES = [*RULES.values(), WARNING]
 
 
 def sarif(checks: list[Checked]) -> str:
-    """Return a SARIF 2.1.0 log with the fields that GitHub requires.
-
-    The log has one result for each check whose verdict is not "passed", and one for each warning.
-    """
+    """Return a SARIF 2.1.0 log with the fields that GitHub requires."""
     results = []
     for checked in checks:
         if rule := RULES.get(checked.verdict):

@@ -14,19 +14,12 @@ from vctune.api.messages import printable
 if TYPE_CHECKING:
     from vctune.document.records.identification_json import IdentificationRecord
 
-WIDTH = 140
-"""Least width of a line, characters, even if the terminal is narrower. The table then keeps a line for each number."""
+WIDTH = 140  # Least width of a line, characters, even if the terminal is narrower
 
 
 def print_identification(record: IdentificationRecord, folder: Path) -> None:
     """Print the recordings, the parameters with their intervals, the warnings and remarks, the suggested excitation,
-    and the folder of the files.
-
-    Parameters
-    ----------
-    record : record of the identification
-    folder : folder of the files, which the last line names
-    """
+    and the folder of the files."""
     console = Console(highlight=False)
     console.width = max(console.width, WIDTH)
     console.print(f"[bold]{escape(printable(record.name))}[/bold]")

@@ -15,17 +15,7 @@ if TYPE_CHECKING:
 
 
 def after_design(record: DesignRecord, folder: Path, problem: Path) -> list[str]:
-    """Return the next steps.
-
-    If there are repairs: apply the first one, then view the report. For any other certified design: view the report,
-    export the design, check its gains in CI. Otherwise: view the report.
-
-    Parameters
-    ----------
-    record : record of the design, or of a problem without one
-    folder : folder of the design's files
-    problem : path of the problem file, or - for standard input
-    """
+    """Return the next steps."""
     report, design = folder / REPORT, quote(str(folder / DESIGN_FILE))
     look = [f"open {report}" if report.exists() else f"vctune report {design}"]
     if record.repairs:
@@ -37,14 +27,8 @@ def after_design(record: DesignRecord, folder: Path, problem: Path) -> list[str]
 
 
 def after_bound(record: DesignRecord, design: Path, problem: Path) -> list[str]:
-    """Return the next steps after a search for a bound: resume an unfinished search, then the steps of `after_design`.
-
-    Parameters
-    ----------
-    record : record of the design, including the bound
-    design : path of the design's design.json
-    problem : path of the problem file, or - for standard input
-    """
+    """Return the next steps after a search for a bound: resume an unfinished search, then the steps of
+    `after_design`."""
     found = record.optimality
     going_on = found is not None and found.verdict == "open" and record.status == "certified"
     again = ["run it again to resume"] if going_on else []

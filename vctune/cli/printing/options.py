@@ -12,34 +12,21 @@ import click
 
 from vctune.running import time_limit_of_command
 
-Added = Callable[[Any], Any]
-"""A decorator that adds an argument or an option to a command."""
-SHORT = "vctune.json"
-"""Key of the context's `meta` under which `_short` records whether the user gave --json."""
+Added = Callable[[Any], Any]  # A decorator that adds an argument or an option to a command
+SHORT = "vctune.json"  # Key of the context's `meta` under which `_short` records whether the user gave --json
 
 problem_argument: Added = click.argument("problem", type=click.Path(path_type=Path))
 
 
 def out_option(holds: str = "NAME/", default: str | None = "results") -> Added:
-    """Return the option `--out`.
-
-    Parameters
-    ----------
-    holds : content of the folder, for the help text; "" for a help text without it
-    default : default folder; None if the command determines it
-    """
+    """Return the option `--out`."""
     path, text = click.Path(path_type=Path), f"Folder for OUT/{holds}." if holds else "Output folder."
     return click.option("--out", type=path, default=default, show_default=default is not None, help=text)
 
 
 def output_options(*more: str) -> Added:
     """Return a decorator that adds the options `--format`, `--json` and `--quiet`; the command receives `style` and
-    `quiet`.
-
-    Parameters
-    ----------
-    more : formats in addition to text and json
-    """
+    `quiet`."""
     options = (
         click.option(
             "--format",
@@ -82,12 +69,7 @@ def _style(context: click.Context, parameter: click.Parameter, value: str) -> st
 
 
 def time_limit_option(of: str = "") -> Added:
-    """Return a decorator that adds the option `--time-limit`; the command receives `time_limit`, inf by default.
-
-    Parameters
-    ----------
-    of : words for the help text that name the work which the limit ends, with a leading blank; "" for the command
-    """
+    """Return a decorator that adds the option `--time-limit`; the command receives `time_limit`, inf by default."""
     text = f"Stop{of} after S seconds, keep the result so far, and exit with code 3."
     return click.option(
         "--time-limit",

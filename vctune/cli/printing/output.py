@@ -33,25 +33,13 @@ def emit(text: str) -> None:
 
 
 def warn(code: Code, text: str) -> None:
-    """Print a warning on stderr.
-
-    Parameters
-    ----------
-    code : code of the warning
-    text : text of the warning
-    """
+    """Print a warning on stderr."""
     click.echo(coded(printable(text), code), err=True)
 
 
 def warn_of_doubts(*problems: Problem | ProblemFile, quiet: bool) -> None:
-    """Print probable mistakes in problems to stderr before the work begins, so that no user waits for a useless answer.
-
-    Parameters
-    ----------
-    *problems : valid problems or their files. The function prints a mistake only once, even if several problems share
-        it
-    quiet : whether to print nothing
-    """
+    """Print probable mistakes in problems to stderr before the work begins, so that no user waits for a useless
+    answer."""
     from vctune.api.messages import doubts
 
     for doubt in () if quiet else dict.fromkeys(doubt for problem in problems for doubt in doubts(problem)):
@@ -59,15 +47,7 @@ def warn_of_doubts(*problems: Problem | ProblemFile, quiet: bool) -> None:
 
 
 def answer(style: str, quiet: bool, data: Callable[[], Any], people: Callable[[], object]) -> None:
-    """Print the result of a command.
-
-    Parameters
-    ----------
-    style : "json" for the object, "text" for a text for people
-    quiet : whether to omit the text for people
-    data : function that makes the object
-    people : function that prints the text for people
-    """
+    """Print the result of a command."""
     if style == "json":
         import json
 

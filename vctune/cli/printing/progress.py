@@ -1,7 +1,4 @@
-"""Show progress on stderr, only on a terminal, and erase it when the work is done.
-
-The line shows the current stage, the result so far and, if the work reports it, the progress.
-"""
+"""Show progress on stderr, only on a terminal, and erase it when the work is done."""
 
 from __future__ import annotations
 
@@ -11,24 +8,12 @@ from contextlib import contextmanager
 
 from vctune.running import progress_sent_to
 
-Progress = Callable[[str], None]
-"""Type of a function that receives the current stage."""
+Progress = Callable[[str], None]  # Type of a function that receives the current stage
 
 
 @contextmanager
 def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], None]]:
-    """Show a spinner with the stage of the work, and yield a function that sets the stage.
-
-    Parameters
-    ----------
-    title : text before the stage
-    shown : whether to show the spinner if stderr is a terminal
-
-    Returns
-    -------
-    context manager
-        Yields the function that sets the stage.
-    """
+    """Show a spinner with the stage of the work, and yield a function that sets the stage."""
     if not (shown and sys.stderr.isatty()):
         yield lambda stage: None
         return
@@ -51,19 +36,8 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
 
 @contextmanager
 def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[str], None]]:
-    """Show a bar with the rate, the remaining time and the result so far. Yield a function that adds a finished item.
-
-    Parameters
-    ----------
-    title : text before the bar
-    total : number of items
-    shown : whether to show the bar if stderr is a terminal
-
-    Returns
-    -------
-    context manager
-        Yields the function, which receives the result so far.
-    """
+    """Show a bar with the rate, the remaining time and the result so far. Yield a function that adds a finished
+    item."""
     if not (shown and sys.stderr.isatty()):
         yield lambda known: None
         return

@@ -22,20 +22,12 @@ if TYPE_CHECKING:
     from vctune.document.records.simulation_json import DifferenceRecord, LeastVirtualRecord, SimulationRecord
     from vctune.model.numbers.units import Units
 
-LEAST = {"": 6, "A": 8, "B": 8}
-"""Least width of the columns under each heading on a narrow terminal."""
-WIDEST = 1000
-"""Width, in characters, of tables that must not be wrapped."""
+LEAST = {"": 6, "A": 8, "B": 8}  # Least width of the columns under each heading on a narrow terminal
+WIDEST = 1000  # Width, in characters, of tables that must not be wrapped
 
 
 def print_simulation(record: SimulationRecord, folder: Path) -> None:
-    """Print the measures of a simulation and the folder of its files; on a terminal, a next step follows.
-
-    Parameters
-    ----------
-    record : record of the simulation
-    folder : folder of the files
-    """
+    """Print the measures of a simulation and the folder of its files; on a terminal, a next step follows."""
     from vctune.api.experiments import HEADINGS, dwell_line, measured_rows
 
     narrow = Console().is_terminal and Console().width < WIDE
@@ -71,13 +63,7 @@ def _wide(rows: list[tuple[str, ...]], headings: Sequence[str]) -> Table:
 
 
 def _stacked(rows: list[tuple[str, ...]], headings: Sequence[str]) -> Iterator[Table]:
-    """Yield a table for each experiment, with a column for each controller, for narrow terminals.
-
-    Parameters
-    ----------
-    rows : runs; the first cell is the experiment, the second cell the controller
-    headings : headings of the cells
-    """
+    """Yield a table for each experiment, with a column for each controller, for narrow terminals."""
     for name in dict.fromkeys(row[0] for row in rows):
         runs = [row for row in rows if row[0] == name]
         table = Table(box=None, pad_edge=False)
@@ -133,12 +119,7 @@ def _least_virtual_line(least: LeastVirtualRecord, units: Units) -> str:
 
 def print_comparison(comparison: ComparisonRecord) -> None:
     """Print two designs side by side: their files and status, the keys in which the problems differ, then both results.
-    Reasons why there is no design follow, and on a terminal the next step.
-
-    Parameters
-    ----------
-    comparison : comparison, as `vctune compare --json` prints it
-    """
+    Reasons why there is no design follow, and on a terminal the next step."""
     terminal = Console()
     narrow = terminal.is_terminal and terminal.width < WIDE
     console = Console(highlight=False, width=terminal.width if narrow else WIDEST)

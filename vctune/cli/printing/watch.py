@@ -9,18 +9,11 @@ from typing import NoReturn
 
 import click
 
-PAUSE = 0.2
-"""Time between two checks of the file, s."""
+PAUSE = 0.2  # Time between two checks of the file, s
 
 
 def on_every_save(path: Path, run: Callable[[], object]) -> NoReturn:
-    """Run a function now, and again each time a file is saved, until Ctrl-C. Print the mistakes of the file.
-
-    Parameters
-    ----------
-    path : path of the file
-    run : function to run
-    """
+    """Run a function now, and again each time a file is saved, until Ctrl-C. Print the mistakes of the file."""
     from vctune import InputError
 
     while True:

@@ -1,9 +1,4 @@
-"""Bound the couplings of a box of designs: their least elements, and their least share in the error.
-
-A coupling has two elements: b_c and m_c, or 1/k_c and 1/b_c for an impedance display. If an element grows, the
-constraints are easier to meet, but the error grows. The constraints and the bounds of the variables determine the least
-value of each element in a box (design/bound/README.md, section 1).
-"""
+"""Bound the couplings of a box of designs: their least elements, and their least share in the error."""
 
 from __future__ import annotations
 
@@ -26,38 +21,22 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 
 @dataclass(frozen=True, slots=True)
 class LeastCoupling:
-    """Lower bounds on the elements of the couplings in each box, as arrays of shape (boxes,).
+    """Lower bounds on the elements of the couplings in each box, as arrays of shape (boxes,)."""
 
-    Attributes
-    ----------
-    first, second : the least b_c and m_c; for an impedance display the least 1/k_c and 1/b_c
-    none : flags of the boxes whose conditions permit no coupling
-    """
-
-    first: Floats
+    first: Floats  # the least b_c and m_c; for an impedance display the least 1/k_c and 1/b_c
     second: Floats
-    none: Flags
+    none: Flags  # flags of the boxes whose conditions permit no coupling
 
 
 class Offer(Protocol):
     """The resistance Re Z_c of couplings at some places, or Re(1/Z_c)/s^2 for an impedance display."""
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least first and the least second element of couplings whose resistance without drag is 1.
-
-        Both arrays have the shape (boxes, places).
-        """
+        """Return the least first and the least second element of couplings whose resistance without drag is 1."""
 
 
 def elements_for(required: Floats, offer: Offer, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-    """Return the least first and second element with which couplings can have a required resistance, at each place.
-
-    Parameters
-    ----------
-    required : lower bound of the required resistance of the coupling with its drag, shape (boxes, places)
-    offer : resistance of the couplings at these places
-    boxes : n boxes of designs
-    """
+    """Return the least first and second element with which couplings can have a required resistance, at each place."""
     needed = np.maximum(required - boxes.high[B_0][:, None], 0.0)
     first, second = (np.where(needed > 0, needed * each, 0.0) for each in offer.least_elements(boxes))
     return first, second
@@ -78,33 +57,15 @@ class Couplings(Protocol):
         """Return the least and the greatest ratio of the second element to the first in each box."""
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of the weighted coupling term of the squared error, over all designs of each box.
-
-        Parameters
-        ----------
-        least : the least elements that each box's couplings may have
-        boxes : n boxes of designs
-
-        Returns
-        -------
-        array of float
-            The bound, dimensionless. For norm "rms" the bound is the mean over the band, shape (n, devices), or (n, 1)
-            if all devices have the same mean. For "peak" there is a bound for each frequency, shape (n, frequencies).
-        """
+        """Return a lower bound of the weighted coupling term of the squared error, over all designs of each box."""
 
 
 @dataclass(frozen=True, slots=True)
 class SeriesCouplings:
-    """The couplings of an admittance display, b_0 + b_c x j/(1 + x j) with x = omega tau_c.
+    """The couplings of an admittance display, b_0 + b_c x j/(1 + x j) with x = omega tau_c."""
 
-    Attributes
-    ----------
-    problem : problem in SI units
-    omega : frequencies of the error, rad/s; None for the mean over the band
-    """
-
-    problem: Problem
-    omega: Floats | None
+    problem: Problem  # problem in SI units
+    omega: Floats | None  # frequencies of the error, rad/s; None for the mean over the band
 
     @property
     def first(self) -> Range:
@@ -122,22 +83,8 @@ class SeriesCouplings:
         return boxes.low[TAU_C], boxes.high[TAU_C]
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of the weighted |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, or of its mean over the band.
-
-        Here s is x^2/(1 + x^2), or the mean of this expression over the band. s grows with tau_c, and s/tau_c^2
-        decreases. With a fixed b_c, the last term is therefore least at the least tau_c. With a fixed m_c = b_c tau_c,
-        this term is least at the greatest tau_c. The function uses the larger of these two values.
-
-        Parameters
-        ----------
-        least : the least b_c and m_c of each box
-        boxes : n boxes of designs
-
-        Returns
-        -------
-        array of float
-            The bound, dimensionless, shape (n, frequencies), or (n, 1) for the mean.
-        """
+        """Return a lower bound of the weighted |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, or of its mean over the
+        band."""
         b_c, m_c, b_0 = (each[:, None] for each in (least.first, least.second, boxes.low[B_0]))
         shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
         light, heavy = self._transmitted(shortest), self._transmitted(longest)
@@ -158,20 +105,12 @@ class SeriesCouplings:
 
 @dataclass(frozen=True, slots=True)
 class SeriesOffer:
-    """The resistance Re Z_c at omega. In the sampled loop omega is (2/T) tan(theta/2).
+    """The resistance Re Z_c at omega. In the sampled loop omega is (2/T) tan(theta/2)."""
 
-    Attributes
-    ----------
-    omega : frequencies, rad/s
-    """
-
-    omega: Floats
+    omega: Floats  # frequencies, rad/s
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least b_c = 1 + 1/x^2, at the greatest tau_c, and the least m_c = tau_c + 1/(omega^2 tau_c).
-
-        The least m_c occurs at the tau_c of the box that is nearest to 1/omega.
-        """
+        """Return the least b_c = 1 + 1/x^2, at the greatest tau_c, and the least m_c = tau_c + 1/(omega^2 tau_c)."""
         shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
         nearest = np.clip(1 / self.omega, shortest, longest)
         return 1 + 1 / np.square(self.omega * longest), nearest + 1 / (np.square(self.omega) * nearest)
@@ -179,18 +118,11 @@ class SeriesOffer:
 
 @dataclass(frozen=True, slots=True)
 class SpringDampers:
-    """The couplings of an impedance display, b_c F in parallel with k_c T/(1 - z^-1).
+    """The couplings of an impedance display, b_c F in parallel with k_c T/(1 - z^-1)."""
 
-    Attributes
-    ----------
-    problem : problem in SI units
-    compliance : weighted |1/Z_c|^2 as a function of boxes of b_c and k_c, at frequencies or over intervals
-    devices : number of devices, whose intervals follow one another; None if `compliance` is at frequencies
-    """
-
-    problem: Problem
+    problem: Problem  # problem in SI units
     compliance: BoundedQuotient
-    devices: int | None
+    devices: int | None  # number of devices, whose intervals follow one another; None if `compliance` is at frequencies
 
     @property
     def first(self) -> Range:
@@ -209,20 +141,7 @@ class SpringDampers:
             return 1 / boxes.high[TAU_C], 1 / boxes.low[TAU_C]
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of the weighted |1/Z_c|^2.
-
-        |Z_c|^2 is a convex function of b_c and k_c, so its greatest value over a box is at a vertex.
-
-        Parameters
-        ----------
-        least : the least 1/k_c and 1/b_c of each box
-        boxes : n boxes of designs
-
-        Returns
-        -------
-        array of float
-            The bound, dimensionless, shape (n, frequencies), or (n, devices) for the mean.
-        """
+        """Return a lower bound of the weighted |1/Z_c|^2."""
         with np.errstate(divide="ignore", invalid="ignore"):
             k_c, b_c = 1 / least.first, 1 / least.second
             k_c = np.fmin(k_c, b_c / boxes.low[TAU_C])
@@ -237,19 +156,11 @@ def _inverse(range_: Range) -> Range:
 
 @dataclass(frozen=True, slots=True)
 class SpringOffer:
-    """Re(1/Z_c)/s^2 of spring-dampers at some angles theta, with s = sin(theta/2) and tau = b_c/k_c.
+    """Re(1/Z_c)/s^2 of spring-dampers at some angles theta, with s = sin(theta/2) and tau = b_c/k_c."""
 
-    For k_c = 1 this is (a_0 + a_1 tau)/(b_0 + b_1 tau + b_2 tau^2).
-
-    Attributes
-    ----------
-    stiff, damped : the 1/k_c and the 1/b_c for which Re(1/Z_c)/s^2 = 1, as functions of boxes of tau
-    best_time_constant : tau with the least 1/k_c, s, shape (places,)
-    """
-
-    stiff: LeastQuotient
+    stiff: LeastQuotient  # the 1/k_c and the 1/b_c for which Re(1/Z_c)/s^2 = 1, as functions of boxes of tau
     damped: LeastQuotient
-    best_time_constant: Floats
+    best_time_constant: Floats  # tau with the least 1/k_c, s, shape (places,)
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
         """Return the least 1/k_c and 1/b_c for which Re(1/Z_c)/s^2 = 1; inf if Re(1/Z_c)/s^2 is positive nowhere in the
@@ -268,18 +179,7 @@ class SpringOffer:
 
 
 def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringOffer:
-    """Return Re(1/Z_c)/s^2 of spring-dampers as a function of tau = b_c/k_c, at angles of several devices.
-
-    Parameters
-    ----------
-    devices : devices with exactly known parameters
-    angles : theta = omega T of each device, rad, in [0, pi], shape (k,) each
-
-    Returns
-    -------
-    SpringOffer
-        The function at the angles of all devices, one device after another.
-    """
+    """Return Re(1/Z_c)/s^2 of spring-dampers as a function of tau = b_c/k_c, at angles of several devices."""
     each = []
     for device, theta in zip(devices, angles, strict=True):
         (a_1, a_0), (b_2, b_1, b_0) = spring_forms(device.converted(decimal), Enclosure(theta), ENCLOSURES)

@@ -12,8 +12,7 @@ from vctune.design.variables import coordinates
 from vctune.model.problem import Problem
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 
-K_V, K_P, TAU_C, B_0 = range(4)
-"""Rows of `DesignBoxes`: K_v, K_p, tau_c = m_c/b_c, b_0. For an impedance display tau_c = b_c/k_c and K_p = b_0 = 0."""
+K_V, K_P, TAU_C, B_0 = range(4)  # Rows of `DesignBoxes`: K_v, K_p, tau_c = m_c/b_c, b_0
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,47 +32,21 @@ class DesignBoxes:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A variable, with the coordinate log(scale + x) in which the search halves it.
+    """A variable, with the coordinate log(scale + x) in which the search halves it."""
 
-    Attributes
-    ----------
-    low, high : range of the variable
-    scale : 0; or, for a variable that may be 0, the size below which changes of the variable hardly affect a design
-    """
-
-    low: float
+    low: float  # range of the variable
     high: float
-    scale: float
+    scale: float  # 0
 
     def middle(self, low: Floats, high: Floats) -> Floats:
-        """Return the points at which the search halves intervals: their midpoints in the coordinate.
-
-        Parameters
-        ----------
-        low, high : edges of n intervals, in the unit of the variable, shape (n,)
-
-        Returns
-        -------
-        array of float
-            The points, in the unit of the variable, shape (n,).
-        """
+        """Return the points at which the search halves intervals: their midpoints in the coordinate."""
         if self.scale == 0:
             return np.clip(np.sqrt(low) * np.sqrt(high), low, high)
         z = 0.5 * (np.log1p(low / self.scale) + np.log1p(high / self.scale))
         return np.clip(self.scale * np.expm1(z), low, high)
 
     def share(self, low: Floats, high: Floats) -> Floats:
-        """Return the share of the axis that each interval covers.
-
-        Parameters
-        ----------
-        low, high : edges of n intervals, in the unit of the variable, shape (n,)
-
-        Returns
-        -------
-        array of float
-            Shares from 0 to 1 in the coordinate, shape (n,); 0 for a fixed variable.
-        """
+        """Return the share of the axis that each interval covers."""
         if self.low == self.high:
             return np.zeros_like(low)
         whole = np.log((self.scale + self.high) / (self.scale + self.low))
@@ -110,19 +83,7 @@ def all_designs(axes: tuple[Axis, ...]) -> DesignBoxes:
 
 
 def halves(axis: Axis, row: int, boxes: DesignBoxes) -> tuple[DesignBoxes, DesignBoxes]:
-    """Return the lower and the upper halves of boxes along an axis.
-
-    Parameters
-    ----------
-    axis : axis along which the function halves the boxes
-    row : row of the axis in `DesignBoxes`
-    boxes : n boxes
-
-    Returns
-    -------
-    tuple of DesignBoxes
-        n lower and n upper halves, in the order of the boxes.
-    """
+    """Return the lower and the upper halves of boxes along an axis."""
     middle = axis.middle(boxes.low[row], boxes.high[row])
     low, high = boxes.low.copy(), boxes.high.copy()
     low[row] = high[row] = middle

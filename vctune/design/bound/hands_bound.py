@@ -1,10 +1,4 @@
-"""Bound R in hands in the sampled loop from below, over boxes of gains (design/bound/README.md, section 1).
-
-In a hand, F and P are affine in the gains; their constants depend on the angle and the hand
-(`vctune.model.sampled.hand_loop`). Both sides of |F|^2 Re Z_c >= factor (-o/2) are therefore quadratic in the gains. In
-any passive hand on an impedance display, both sides are quadratic in K_v (`vctune.model.sampled.any_hand`). The bound
-is valid for any set of places. A place is an angle with a hand, or an angle for any passive hand.
-"""
+"""Bound R in hands in the sampled loop from below, over boxes of gains (design/bound/README.md, section 1)."""
 
 from __future__ import annotations
 
@@ -29,40 +23,24 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES
 
-NO_GAINS = Gains(0.0, 0.0)
-"""Gains with which the code evaluates the parts of a loop that do not depend on the gains."""
+NO_GAINS = Gains(0.0, 0.0)  # Gains with which the code evaluates the parts of a loop that do not depend on the gains
 
 
 @dataclass(frozen=True, slots=True)
 class SampledConditions:
-    """The constraint on the coupling in the sampled loop at some places of several devices, one device after another.
+    """The constraint on the coupling in the sampled loop at some places of several devices, one device after
+    another."""
 
-    Attributes
-    ----------
-    offer : resistance of the couplings at these places
-    required : R, the resistance that the loop requires of the coupling; for an impedance display R/s^2
-    """
-
-    offer: Offer
-    required: LeastQuotient
+    offer: Offer  # resistance of the couplings at these places
+    required: LeastQuotient  # R, the resistance that the loop requires of the coupling; for an impedance display R/s^2
 
     def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
-        """Return the least elements of the coupling at each place, and the boxes that permit no coupling.
-
-        Parameters
-        ----------
-        boxes : n boxes of designs
-        factor : safety factor, the least permitted ratio of Re Z_c to R
-        """
+        """Return the least elements of the coupling at each place, and the boxes that permit no coupling."""
         R, none = self.least_required(boxes)
         return *elements_for(factor * R, self.offer, boxes), none
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R, at least 0, shape (boxes, places), and the boxes that permit no coupling.
-
-        A box permits no coupling if the denominator of R is negative for all its gains at some place. A passive hand
-        then makes the loop with K_v and without a coupling unstable.
-        """
+        """Return a lower bound of R, at least 0, shape (boxes, places), and the boxes that permit no coupling."""
         middle = 0.5 * (boxes.low + boxes.high)
         K_v, K_p = middle[K_V][:, None], middle[K_P][:, None]
         guess = self.required.above.at(K_v, K_p) / self.required.below.at(K_v, K_p)
@@ -71,18 +49,7 @@ class SampledConditions:
 
 
 def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> SampledConditions:
-    """Return the constraint on the coupling in hands at some places, for each of several devices.
-
-    Parameters
-    ----------
-    devices : d devices with exactly known parameters
-    places : k frequencies omega, rad/s, in [0, pi/T], each with a hand
-
-    Returns
-    -------
-    SampledConditions
-        The conditions at d k places, one device after another.
-    """
+    """Return the constraint on the coupling in hands at some places, for each of several devices."""
     angles = [angles_of(device, places.at) for device in devices]
     each = [
         coefficients_in_hands(device, theta, places.hands)[:2] for device, theta in zip(devices, angles, strict=True)
@@ -91,31 +58,14 @@ def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> Sam
 
 
 def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledConditions:
-    """Return the constraint on the coupling in any passive hand, for each of several impedance displays.
-
-    Parameters
-    ----------
-    devices : d devices with exactly known parameters
-    omega : frequencies, rad/s, in [0, pi/T], shape (k,)
-
-    Returns
-    -------
-    SampledConditions
-        The conditions at d k places, one device after another.
-    """
+    """Return the constraint on the coupling in any passive hand, for each of several impedance displays."""
     angles = [angles_of(device, omega) for device in devices]
     each = [_in_any_hand(device, theta) for device, theta in zip(devices, angles, strict=True)]
     return _conditions(devices, angles, each)
 
 
 def angles_of(device: Device, omega: Floats) -> Floats:
-    """Return the angles omega T, at most pi.
-
-    Parameters
-    ----------
-    device : the device, whose sample time is T
-    omega : angular frequencies, rad/s
-    """
+    """Return the angles omega T, at most pi."""
     return np.minimum(omega * device.sample_time, np.pi)
 
 
@@ -136,14 +86,7 @@ def _conditions(
 def coefficients_in_hands(
     device: Device, theta: Floats, hands: Hand
 ) -> tuple[Coefficients, Coefficients, Coefficients]:
-    """Return the coefficients of -o/2, |F|^2 and e/2 as quadratics in the gains (model/README.md, section 14).
-
-    Parameters
-    ----------
-    device : device with exactly known parameters
-    theta : angles omega T, rad
-    hands : hand at each angle
-    """
+    """Return the coefficients of -o/2, |F|^2 and e/2 as quadratics in the gains (model/README.md, section 14)."""
     plant = plant_in_hand(device.bare.converted(decimal), hands.mapped(decimal), delays_of(device), ENCLOSURES)
     at, sin = loop_in_hand(plant, Enclosure(theta), ENCLOSURES), ENCLOSURES.sin(Enclosure(theta) / 2)
 

@@ -21,45 +21,26 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 
 @dataclass(frozen=True, slots=True)
 class LlewellynConditions:
-    """Llewellyn's conditions at some frequencies of several devices, one device after another.
+    """Llewellyn's conditions at some frequencies of several devices, one device after another."""
 
-    Attributes
-    ----------
-    offer : resistance of the couplings at these frequencies
-    D2, C2, P, resistance : |D|^2, |C|^2, Re(C conj D) and the loop's resistance, rounded up
-    operator_relief : 2 b_h Re(C conj N), rounded up; None without an operator
-    D2_low, C2_low : |D|^2 and |C|^2, rounded down
-    im_low, im_high : Im(C conj D), rounded down and rounded up
-    """
-
-    offer: SeriesOffer
-    D2: Quadratic
+    offer: SeriesOffer  # resistance of the couplings at these frequencies
+    D2: Quadratic  # |D|^2, |C|^2, Re(C conj D) and the loop's resistance, rounded up
     C2: Quadratic
     P: Quadratic
     resistance: Quadratic
-    operator_relief: Quadratic | None
-    D2_low: Quadratic
+    operator_relief: Quadratic | None  # 2 b_h Re(C conj N), rounded up; None without an operator
+    D2_low: Quadratic  # |D|^2 and |C|^2, rounded down
     C2_low: Quadratic
-    im_low: Quadratic
+    im_low: Quadratic  # Im(C conj D), rounded down and rounded up
     im_high: Quadratic
 
     def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
-        """Return the least elements of the coupling at each frequency, and the boxes that permit no coupling.
-
-        Parameters
-        ----------
-        boxes : n boxes of designs
-        factor : safety factor, the least permitted ratio of Re Z_c to R
-        """
+        """Return the least elements of the coupling at each frequency, and the boxes that permit no coupling."""
         R, none = self.least_required(boxes)
         return *elements_for(factor * R, self.offer, boxes), none
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R, at least 0, shape (boxes, frequencies), and the boxes that permit no coupling.
-
-        R is (excess - relief)/(2 r) with the loop's resistance r. A box permits no coupling if, at some frequency, r is
-        positive for no gains of the box.
-        """
+        """Return a lower bound of R, at least 0, shape (boxes, frequencies), and the boxes that permit no coupling."""
         im = np.maximum(np.maximum(self.im_low.least(boxes), -self.im_high.greatest(boxes)), 0.0) * (1 - GUARD)
         resistance, P = self.resistance.greatest(boxes), self.P.greatest(boxes)
         weight = np.sqrt(self.C2.greatest(boxes) * self.D2.greatest(boxes)) * (1 + GUARD) + P
@@ -73,18 +54,7 @@ class LlewellynConditions:
 
 
 def llewellyn_conditions(devices: Sequence[Device], omega: Floats) -> LlewellynConditions:
-    """Return Llewellyn's conditions at some frequencies, for each of several devices (model/README.md, section 4).
-
-    Parameters
-    ----------
-    devices : d devices with exactly known parameters
-    omega : frequencies, rad/s, > 0, shape (k,)
-
-    Returns
-    -------
-    LlewellynConditions
-        The conditions at d k frequencies, one device after another.
-    """
+    """Return Llewellyn's conditions at some frequencies, for each of several devices (model/README.md, section 4)."""
     return _conditions(repeated(devices, len(omega)), np.tile(omega, len(devices)))
 
 

@@ -1,7 +1,5 @@
-"""Compute lower bounds on the error of the designs of a box, from a relaxation of their problem.
-
-See model/README.md, section 8; design/bound/README.md, section 1.
-"""
+"""Compute lower bounds on the error of the designs of a box, from a relaxation of their problem. See model/README.md,
+section 8; design/bound/README.md, section 1."""
 
 from __future__ import annotations
 
@@ -22,33 +20,15 @@ from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 @dataclass(frozen=True, slots=True)
 class LowerBounds:
-    """Lower bounds on the error of the designs of each box, as arrays of shape (boxes,).
+    """Lower bounds on the error of the designs of each box, as arrays of shape (boxes,)."""
 
-    Attributes
-    ----------
-    error : a lower bound on the error of the feasible designs; inf if no design is feasible
-    infeasibility : a lower bound of the greatest of |S| and the coupling's elements, each divided by its limit; if this
-        bound is above 1, no design is feasible
-    """
-
-    error: Floats
-    infeasibility: Floats
+    error: Floats  # a lower bound on the error of the feasible designs; inf if no design is feasible
+    infeasibility: Floats  # a lower bound of the greatest of |S| and the coupling's elements, each divided by its limit
 
 
 @np.errstate(all="ignore")
 def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
-    """Return lower bounds of the error and of the infeasibility of the designs in each box.
-
-    Parameters
-    ----------
-    relaxed : the relaxed problem
-    boxes : n boxes of designs
-
-    Returns
-    -------
-    LowerBounds
-        Two arrays of shape (n,). The bound on the error is inf if no design of a box is feasible.
-    """
+    """Return lower bounds of the error and of the infeasibility of the designs in each box."""
     problem, objective = relaxed.problem, relaxed.objective
     couplings, least = objective.couplings, least_coupling(relaxed, boxes)
     infeasibility = _sensitivity_over_limit(relaxed, boxes)
@@ -71,23 +51,7 @@ def _sensitivity_over_limit(relaxed: Relaxation, boxes: DesignBoxes) -> Floats:
 
 
 def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
-    """Return the boxes in which no feasible design has K_p > 0, because b_0 lies below R at omega = 0.
-
-    With k = K_v - tau K_p, the limit of R is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k))
-    (`vctune.model.loop.limits`). This formula is valid for a device without a structure that is ideal or has no
-    operator.
-
-    Parameters
-    ----------
-    problem : problem in SI units
-    boxes : n boxes of designs
-
-    Returns
-    -------
-    array of bool
-        Flags of the boxes, shape (n,). All flags are False if the problem does not impose the condition at omega = 0,
-        or if no formula is known.
-    """
+    """Return the boxes in which no feasible design has K_p > 0, because b_0 lies below R at omega = 0."""
     device = problem.device
     beyond = device.structure is not None or (device.operator is not None and not device.ideal)
     if not problem.passive or problem.stability.band.min > 0 or beyond:
@@ -101,18 +65,7 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
 
 
 def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
-    """Return the least elements of the coupling that the conditions and the bounds permit in each box.
-
-    Parameters
-    ----------
-    relaxed : the relaxed problem
-    boxes : n boxes of designs
-
-    Returns
-    -------
-    LeastCoupling
-        Lower bounds on the elements, shape (n,).
-    """
+    """Return the least elements of the coupling that the conditions and the bounds permit in each box."""
     of, none = relaxed.objective.couplings, np.zeros(len(boxes), bool)
     lowest, highest = of.ratio(boxes)
     first, second = np.fmax(of.first.min, of.second.min / highest), np.full(len(boxes), of.second.min)

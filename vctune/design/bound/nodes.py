@@ -13,18 +13,11 @@ from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 @dataclass(frozen=True, slots=True)
 class OpenNodes:
-    """Boxes that the search has neither pruned nor halved.
+    """Boxes that the search has neither pruned nor halved."""
 
-    Attributes
-    ----------
-    boxes : n boxes
-    bound : a lower bound on the error in each box, shape (n,)
-    stable : whether all loops of the box are proved stable, shape (n,)
-    """
-
-    boxes: DesignBoxes
-    bound: Floats
-    stable: Flags
+    boxes: DesignBoxes  # n boxes
+    bound: Floats  # a lower bound on the error in each box, shape (n,)
+    stable: Flags  # whether all loops of the box are proved stable, shape (n,)
 
     def __len__(self) -> int:
         return len(self.bound)

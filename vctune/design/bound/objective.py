@@ -1,10 +1,4 @@
-"""Bound the error of the designs of a box from below, term by term (design/bound/README.md, section 1).
-
-Every term is a quotient |X|^2/|Y|^2. X and Y are affine functions of the gains, or of b_c and k_c for the term
-1/|Z_c|^2. Let X_0 be the value of X if both gains are 0. By the inequality of Cauchy and Schwarz, the mean of
-|X|^2/|Y|^2 over an interval is at least |integral of X conj X_0|^2/(integral of |X_0|^2 |Y|^2). Arb encloses the
-coefficients of both integrals.
-"""
+"""Bound the error of the designs of a box from below, term by term (design/bound/README.md, section 1)."""
 
 from __future__ import annotations
 
@@ -42,44 +36,22 @@ from vctune.proof.enclosures.array_intervals import Enclosure, Floats, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.running import check_time
 
-PRECISION = 2.0**-44
-"""Relative precision of the integrals, 6e-14, about the size of `GUARD`. With half or twice this precision, the
-relative change of the bound is about the precision, and Gauss's rule has one node more or less."""
+PRECISION = 2.0**-44  # Relative precision of the integrals, 6e-14, about the size of `GUARD`
 
 
 @dataclass(frozen=True, slots=True)
 class Objective:
-    """The terms of the squared error.
+    """The terms of the squared error."""
 
-    Attributes
-    ----------
-    admittance, tracking : the two terms of the loop
-    couplings : the couplings, which give the third term
-    omega : frequencies of the error for norm "peak", rad/s; None for "rms"
-    devices : number of devices, whose terms follow one another; the objective is the greatest of their errors
-    """
-
-    admittance: BoundedQuotient
+    admittance: BoundedQuotient  # the two terms of the loop
     tracking: BoundedQuotient
-    couplings: Couplings
-    omega: Floats | None
-    devices: int
+    couplings: Couplings  # the couplings, which give the third term
+    omega: Floats | None  # frequencies of the error for norm "peak", rad/s; None for "rms"
+    devices: int  # number of devices, whose terms follow one another; the objective is the greatest of their errors
 
 
 def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) -> Objective:
-    """Return the terms of a problem's squared error as quotients, with methods that bound them over boxes.
-
-    Parameters
-    ----------
-    problem : problem in SI units
-    devices : devices with exactly known parameters; the objective is the greatest of their errors
-    intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
-
-    Returns
-    -------
-    Objective
-        The terms of all devices, one device after another.
-    """
+    """Return the terms of a problem's squared error as quotients, with methods that bound them over boxes."""
     wanted, kind, omega = problem.transparency, problem.device.kind, None
     weights, unit = wanted.weights, kind.reference(wanted.reference_impedance)
     scales = [(weights.admittance * unit) ** 2, weights.tracking**2]
@@ -121,10 +93,7 @@ def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
 
 def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Term]:
     """Return the terms of the mean over log frequency, with the inequality of Cauchy and Schwarz on each of several
-    equal intervals.
-
-    For a term with weight 0, the function sets all coefficients to 1 and computes no integral.
-    """
+    equal intervals."""
     exact, first = device_ball(device.bare), ball(band.min).log()
     length = ball(band.max).log() - first
     edges = [first + length * k / intervals for k in range(intervals + 1)]

@@ -1,7 +1,5 @@
-"""Compute the coefficients of quadratics in the gains from the constants of a loop that is affine in the gains.
-
-See design/bound/README.md, section 1.
-"""
+"""Compute the coefficients of quadratics in the gains from the constants of a loop that is affine in the gains. See
+design/bound/README.md, section 1."""
 
 from __future__ import annotations
 
@@ -19,43 +17,21 @@ from vctune.model.transparency import Quotient
 from vctune.proof.enclosures.array_intervals import Enclosure, Floats, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES
 
+# Coefficients of a quadratic: constant, linear, square and cross
 Coefficients = tuple[
     Enclosure, tuple[Enclosure, Enclosure] | None, tuple[Enclosure, Enclosure] | None, Enclosure | None
 ]
-"""Coefficients of a quadratic: constant, linear, square and cross."""
 
 
 class Term(NamedTuple):
-    """A term |X|^2/|Y|^2 of the squared error, prepared for the inequality of Cauchy and Schwarz.
+    """A term |X|^2/|Y|^2 of the squared error, prepared for the inequality of Cauchy and Schwarz."""
 
-    The mean of the term over an interval is at least |A|^2/S. Here A and S are the integrals of `along` and `size` over
-    this interval.
-
-    Attributes
-    ----------
-    along : X conj X_0, where X_0 is the value of X if both gains are 0
-    size : |X_0|^2 |Y|^2
-    """
-
-    along: Affine
-    size: Coefficients
+    along: Affine  # X conj X_0, where X_0 is the value of X if both gains are 0
+    size: Coefficients  # |X_0|^2 |Y|^2
 
 
 def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, crossed: bool) -> Coefficients:
-    """Return the coefficients of a real product of two numbers that are affine in the gains.
-
-    Parameters
-    ----------
-    of : function that returns Re or Im of the first number times the conjugate of the second
-    a, b : two numbers at the same frequencies; a coefficient of the result is None if no product contributes to it
-    crossed : whether the product K_v K_p has a coefficient; it has no coefficient if the complex coefficients of K_v
-        and K_p are at right angles
-
-    Returns
-    -------
-    Coefficients
-        The enclosed coefficients constant, linear, square and cross, with the shape of the frequencies.
-    """
+    """Return the coefficients of a real product of two numbers that are affine in the gains."""
 
     def product(*pairs: tuple[Pair | None, Pair | None]) -> Number:
         found = [of(x, y) for x, y in pairs if x is not None and y is not None]
@@ -79,18 +55,7 @@ def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, cross
 
 
 def error_term(of: Quotient, *, crossed: bool) -> Term:
-    """Return a term |X|^2/|Y|^2 of the squared error, prepared for the inequality of Cauchy and Schwarz.
-
-    Parameters
-    ----------
-    of : X and Y at some frequencies, affine in the gains; X_0 is the value of X if both gains are 0
-    crossed : whether the product K_v K_p has a coefficient in |Y|^2, see `quadratic`
-
-    Returns
-    -------
-    Term
-        X conj X_0 and |X_0|^2 |Y|^2.
-    """
+    """Return a term |X|^2/|Y|^2 of the squared error, prepared for the inequality of Cauchy and Schwarz."""
     X, Y = of.above, of.below
     assert X.constant is not None
     idle, weight = X.constant, X.constant.abs2()
@@ -103,18 +68,7 @@ def error_term(of: Quotient, *, crossed: bool) -> Term:
 
 
 def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coefficients:
-    """Apply a function to each coefficient of a quadratic.
-
-    Parameters
-    ----------
-    coefficients : coefficients of a quadratic; a part that is None stays None
-    f : function of one coefficient; `mapped` calls it in the order constant, linear, square, cross
-
-    Returns
-    -------
-    Coefficients
-        The results, in the same order.
-    """
+    """Apply a function to each coefficient of a quadratic."""
     constant, linear, square, cross = coefficients
     return (
         f(constant),
@@ -125,12 +79,7 @@ def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coeffic
 
 
 def summed(a: Coefficients, b: Coefficients) -> Coefficients:
-    """Return the coefficients of the sum of two quadratics at the same places.
-
-    Parameters
-    ----------
-    a, b : coefficients of the quadratics
-    """
+    """Return the coefficients of the sum of two quadratics at the same places."""
 
     def both(x: Number, y: Number) -> Number:
         return y if x is None else x if y is None else x + y
@@ -151,18 +100,7 @@ def listed(term: Term) -> list[Number]:
 
 
 def replaced(term: Term, numbers: Iterable[Number]) -> Term:
-    """Return a term with other coefficients.
-
-    Parameters
-    ----------
-    term : a term of the same form; its None entries stay None
-    numbers : coefficients in the order of `listed`
-
-    Returns
-    -------
-    Term
-        A term of the same form.
-    """
+    """Return a term with other coefficients."""
     found = iter(numbers)
     along = (None if part is None else Pair(next(found), next(found)) for part in _pairs(term.along))
     return Term(Affine(*along), mapped(term.size, lambda _: next(found)))
@@ -173,12 +111,7 @@ def _pairs(affine: Affine) -> tuple[Pair | None, Pair | None, Pair | None]:
 
 
 def concatenated(parts: Sequence[Sequence[Number]]) -> list[Number]:
-    """Concatenate the arrays of several devices, one device after another.
-
-    Parameters
-    ----------
-    parts : the enclosed numbers of each device, in the same order for all devices
-    """
+    """Concatenate the arrays of several devices, one device after another."""
     return [
         Enclosure(np.concatenate([x.mid for x in row]), np.concatenate([x.rad for x in row]))
         for row in zip(*parts, strict=True)
@@ -195,35 +128,12 @@ def joined(parts: Sequence[Coefficients]) -> Coefficients:
 
 
 def repeated(devices: Sequence[Device], count: int) -> Device:
-    """Return several devices as one device with arrays of parameters, which repeat the parameters of each device.
-
-    Parameters
-    ----------
-    devices : d devices with the same parts
-    count : number of times that the arrays repeat the parameters of each device
-
-    Returns
-    -------
-    Device
-        A device with parameters of shape (d count,). If there is only one device, the function returns it unchanged.
-    """
+    """Return several devices as one device with arrays of parameters, which repeat the parameters of each device."""
     if len(devices) == 1:
         return devices[0]
     return stacked([device for device in devices for _ in range(count)])
 
 
 def loop_at(device: Device, omega: Floats) -> LoopConstants:
-    """Return the constants of a device's loop without a hand, as enclosures (model/README.md, section 2).
-
-    Parameters
-    ----------
-    device : device with plain numbers, each of which represents the decimal that Python prints, or with arrays of the
-        shape of omega
-    omega : frequencies, rad/s, > 0
-
-    Returns
-    -------
-    LoopConstants
-        Each number of the loop as an affine function of the gains, with the shape of omega.
-    """
+    """Return the constants of a device's loop without a hand, as enclosures (model/README.md, section 2)."""
     return loop_constants(device_response(device.bare.converted(decimal), Enclosure(omega), ENCLOSURES))

@@ -11,64 +11,27 @@ from vctune.design.bound.design_boxes import K_P, K_V, DesignBoxes
 from vctune.design.bound.quadratic_coefficients import Coefficients
 from vctune.proof.enclosures.array_intervals import Enclosure, Floats
 
+# Allowance for the rounding of a quadratic in the gains and of the operations after it, relative to their moduli
 GUARD = 1e-14
-"""Allowance for the rounding of a quadratic in the gains and of the operations after it, relative to their moduli.
-
-The allowance is 90 u with u = 2^-53. A coefficient of such a quadratic has at most 3 roundings. In `less` these are the
-product, the difference, and the sum with its share of `GUARD`; in `rounded_up` they are two sums. A square's term has
-at most 6 further roundings: 3 in gain (linear + gain square), and 3 in the sum of the terms. The other terms have
-fewer. The error of the value is therefore at most 9 u times the sum of the moduli of its terms, except for products of
-roundings (Higham 2002, section 3.1). No gain is negative. If the code raises each coefficient by `GUARD` of its
-modulus, the value therefore rises by ten times this error bound.
-
-At the minimum of a convex quadratic the slope is 0, so a rounding error of the minimiser has only a second-order effect
-on the value. With curvatures from l to h over gains up to w, the error of the minimiser is at most w, and at most w h
-u/l. This error changes the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2.
-
-In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u. This factor is enough for some 30 operations and a logarithm
-with an error of 8 units in the last place. With half or twice this allowance, only the fourteenth digit of the bound
-changes.
-"""
 
 
 @dataclass(frozen=True, slots=True)
 class Quadratic:
     """constant + linear . K + square . K^2 + cross K_v K_p at several points, with all coefficients rounded in one
-    direction.
+    direction."""
 
-    Attributes
-    ----------
-    constant : shape (points,)
-    linear, square : coefficients of K_v and of K_p, each of shape (points,); None for 0
-    cross : mixed coefficient, shape (points,); None if the complex contributions of K_v and K_p are at right angles
-    """
-
-    constant: Floats
-    linear: tuple[Floats, Floats] | None = None
+    constant: Floats  # shape (points,)
+    linear: tuple[Floats, Floats] | None = None  # coefficients of K_v and of K_p, each of shape (points,); None for 0
     square: tuple[Floats, Floats] | None = None
-    cross: Floats | None = None
+    cross: Floats | None = None  # mixed coefficient, shape (points,)
 
     def at(self, K_v: Floats, K_p: Floats) -> Floats:
-        """Return the value for given gains. The rounding error of the sum may have either sign.
-
-        Parameters
-        ----------
-        K_v, K_p : N s/m and N/m, shape (boxes, points) or (boxes, 1)
-
-        Returns
-        -------
-        array of float
-            The values, shape (boxes, points).
-        """
+        """Return the value for given gains. The rounding error of the sum may have either sign."""
         crossed = 0.0 if self.cross is None else K_v * K_p * self.cross
         return np.asarray(self.constant + self._part(K_V, K_v) + self._part(K_P, K_p) + crossed)
 
     def greatest(self, boxes: DesignBoxes) -> Floats:
-        """Return an upper bound of the values over each box of gains, shape (boxes, points).
-
-        Without a cross term, or if no coefficient of `square` is negative, the bound is the greatest value. Otherwise
-        the bound is the sum of the greatest values of the terms.
-        """
+        """Return an upper bound of the values over each box of gains, shape (boxes, points)."""
         if self.cross is not None and self.square is not None and all(np.all(square >= 0) for square in self.square):
             vertices = [(K_v, K_p) for K_v in self._ends(K_V, boxes) for K_p in self._ends(K_P, boxes)]
             values = (self._part(K_V, K_v) + self._part(K_P, K_p) + K_v * K_p * self.cross for K_v, K_p in vertices)
@@ -77,11 +40,7 @@ class Quadratic:
         return total if self.cross is None else total + np.maximum(*self._crossed(boxes))
 
     def least(self, boxes: DesignBoxes) -> Floats:
-        """Return the least value over each box of gains, shape (boxes, points).
-
-        With a cross term, the least value is on an edge of the box or at the point at which both partial derivatives
-        are 0.
-        """
+        """Return the least value over each box of gains, shape (boxes, points)."""
         if self.cross is not None:
             return np.minimum(self._least_on_edges(boxes), self._least_inside(boxes))
         return self.constant + sum(np.minimum.reduce(self._extremes(axis, boxes)) for axis in (K_V, K_P))
@@ -137,18 +96,7 @@ class Quadratic:
 
 
 def less(a: Quadratic, factor: Floats, b: Quadratic) -> Quadratic:
-    """Return a quadratic that is at most a - factor b for all gains >= 0.
-
-    Parameters
-    ----------
-    a, b : quadratics with coefficients of shape (points,)
-    factor : numbers >= 0, shape (boxes, points)
-
-    Returns
-    -------
-    Quadratic
-        The quadratic, with coefficients of shape (boxes, points).
-    """
+    """Return a quadratic that is at most a - factor b for all gains >= 0."""
 
     def difference(x: Floats | float, y: Floats | float) -> Floats:
         taken = factor * y
@@ -168,20 +116,11 @@ def less(a: Quadratic, factor: Floats, b: Quadratic) -> Quadratic:
 
 @dataclass(frozen=True, slots=True)
 class BoundedQuotient:
-    """A quotient of quadratics in the gains at several points: a term of the squared error, or |S|^2.
+    """A quotient of quadratics in the gains at several points: a term of the squared error, or |S|^2."""
 
-    A point is a frequency, or an interval over which the term is averaged.
-
-    Attributes
-    ----------
-    above : numerator, rounded down
-    below : denominator, rounded up
-    scale : factor of the quotient, rounded down
-    """
-
-    above: Quadratic
-    below: Quadratic
-    scale: float = 1.0
+    above: Quadratic  # numerator, rounded down
+    below: Quadratic  # denominator, rounded up
+    scale: float = 1.0  # factor of the quotient, rounded down
 
     def least(self, boxes: DesignBoxes) -> Floats:
         """Return a lower bound over each box of gains, shape (boxes, points)."""
@@ -192,35 +131,14 @@ class BoundedQuotient:
 
 @dataclass(frozen=True, slots=True)
 class LeastQuotient:
-    """A quotient of quadratics, bounded from below over boxes where its denominator is positive.
+    """A quotient of quadratics, bounded from below over boxes where its denominator is positive."""
 
-    Attributes
-    ----------
-    above : numerator, rounded down
-    below, below_low : denominator, rounded up and rounded down
-    """
-
-    above: Quadratic
-    below: Quadratic
+    above: Quadratic  # numerator, rounded down
+    below: Quadratic  # denominator, rounded up and rounded down
     below_low: Quadratic
 
     def least(self, boxes: DesignBoxes, guess: Floats) -> Floats:
-        """Return a lower bound of the quotient over each box, at least 0.
-
-        Let m be the least value of above - r below over the box. The quotient is at least r + m/below, for any r. The
-        bound is tightest if r is the least quotient. The function computes the bound for r = 0, then for the guess, and
-        then for the greater of the two bounds.
-
-        Parameters
-        ----------
-        boxes : n boxes of designs
-        guess : a first r, shape (n, points); any number is valid
-
-        Returns
-        -------
-        array of float
-            The bound, shape (n, points).
-        """
+        """Return a lower bound of the quotient over each box, at least 0."""
         most, least = self.below.greatest(boxes), np.maximum(self.below_low.least(boxes), 0.0)
 
         def from_guess(r: Floats) -> Floats:
@@ -234,18 +152,7 @@ class LeastQuotient:
 
 
 def upper(coefficients: Coefficients, factor: int = 1) -> Quadratic:
-    """Return a quadratic whose coefficients are upper bounds of the enclosed ones.
-
-    Parameters
-    ----------
-    coefficients : enclosed coefficients, shape (points,)
-    factor : factor of the quadratic; a power of 2, so that the product has no rounding error
-
-    Returns
-    -------
-    Quadratic
-        The quadratic, with coefficients of shape (points,).
-    """
+    """Return a quadratic whose coefficients are upper bounds of the enclosed ones."""
     constant, linear, square, cross = coefficients
 
     def up(x: Enclosure) -> Floats:

@@ -1,11 +1,5 @@
-"""Relax a design problem, so that many boxes of designs can be bounded at once.
-
-See model/README.md, section 8; design/bound/README.md, section 1.
-
-The relaxation imposes the constraints only at some frequencies, angles and hands, so every feasible design of the
-problem also meets the constraints of the relaxation. At each of these places, the constraint contains constants of the
-device and the unknown gains (`llewellyn_bound.py`, `hands_bound.py`). `objective.py` bounds the error term by term.
-"""
+"""Relax a design problem, so that many boxes of designs can be bounded at once. See model/README.md, section 8;
+design/bound/README.md, section 1."""
 
 from __future__ import annotations
 
@@ -37,50 +31,27 @@ class Conditions(Protocol):
 
     def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
         """Return the least elements of the coupling, each of shape (boxes, places), and the boxes that permit no
-        coupling.
-
-        Parameters
-        ----------
-        boxes : n boxes of designs
-        factor : safety factor, the least permitted ratio of Re Z_c to R
-        """
+        coupling."""
 
 
 @dataclass(frozen=True, slots=True)
 class Relaxation:
-    """A relaxed design problem: fewer frequencies, and bounds instead of values.
+    """A relaxed design problem: fewer frequencies, and bounds instead of values."""
 
-    Attributes
-    ----------
-    problem : the problem
-    devices, places : devices and places for which the relaxation imposes the constraints
-    conditions : constraints on the coupling
-    sensitivity : |S|^2 of the sampled loop of each device
-    objective : the terms of the squared error
-    """
-
-    problem: Problem
-    devices: list[Device]
+    problem: Problem  # the problem
+    devices: list[Device]  # devices and places for which the relaxation imposes the constraints
     places: Places
-    conditions: list[Conditions]
-    sensitivity: BoundedQuotient
-    objective: Objective
+    conditions: list[Conditions]  # constraints on the coupling
+    sensitivity: BoundedQuotient  # |S|^2 of the sampled loop of each device
+    objective: Objective  # the terms of the squared error
 
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """The places at which a relaxation imposes the constraints.
+    """The places at which a relaxation imposes the constraints."""
 
-    Attributes
-    ----------
-    omega : frequencies of the stability band for Llewellyn's conditions, rad/s
-    sensitivity : frequencies up to Nyquist for the limit on |S|, rad/s
-    in_hands : frequencies, each with a hand, for the constraint in hands
-    any_hand : frequencies for the constraint in any passive hand on an impedance display, rad/s
-    """
-
-    omega: Floats
-    sensitivity: Floats
+    omega: Floats  # frequencies of the stability band for Llewellyn's conditions, rad/s
+    sensitivity: Floats  # frequencies up to Nyquist for the limit on |S|, rad/s
     in_hands: PlacesInHands = field(default_factory=lambda: PlacesInHands.of(()))
     any_hand: Floats = field(default_factory=lambda: np.zeros(0))
 
@@ -107,24 +78,7 @@ class Places:
 def relaxation(
     problem: Problem, devices: list[Device], objective: list[Device], places: Places, intervals: int
 ) -> Relaxation:
-    """Relax a problem: impose its constraints at some places only, and bound the terms of its error from below.
-
-    See design/bound/README.md, section 1.
-
-    Parameters
-    ----------
-    problem : problem in SI units
-    devices : d devices with exactly known parameters, at which the relaxation imposes the constraints
-    objective : the devices among them whose greatest error is the objective
-    places : frequencies, angles and hands at which the relaxation imposes the constraints
-    intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
-
-    Returns
-    -------
-    Relaxation
-        The relaxation. Each feasible design of the problem is also feasible for the relaxation, and its error is not
-        greater there.
-    """
+    """Relax a problem: impose its constraints at some places only, and bound the terms of its error from below."""
     terms = objective_of(problem, objective, intervals)
     return Relaxation(
         problem,
@@ -137,18 +91,7 @@ def relaxation(
 
 
 def at_places(relaxed: Relaxation, places: Places) -> Relaxation:
-    """Return a relaxation with the constraints at other places, and with the same terms of the error.
-
-    Parameters
-    ----------
-    relaxed : the relaxed problem
-    places : frequencies, angles and hands at which the relaxation imposes the constraints on each device
-
-    Returns
-    -------
-    Relaxation
-        The relaxation, which is tighter if `places` includes the previous places.
-    """
+    """Return a relaxation with the constraints at other places, and with the same terms of the error."""
     problem, devices = relaxed.problem, relaxed.devices
     return replace(
         relaxed,

@@ -17,33 +17,15 @@ from vctune.version import __version__
 
 @dataclass(frozen=True, slots=True)
 class ResumeState:
-    """The state of a search, from which a later search continues.
+    """The state of a search, from which a later search continues."""
 
-    Attributes
-    ----------
-    nodes : nodes that are still open
-    pruned_bound : the least lower bound of the pruned boxes
-    boxes : number of lower bounds computed so far
-    """
-
-    nodes: OpenNodes
-    pruned_bound: float
-    boxes: int
+    nodes: OpenNodes  # nodes that are still open
+    pruned_bound: float  # the least lower bound of the pruned boxes
+    boxes: int  # number of lower bounds computed so far
 
 
 def resume_bytes(sha256: str, state: ResumeState) -> bytes:
-    """Return the content of the file from which a later search of the same problem continues.
-
-    Parameters
-    ----------
-    sha256 : digest of the problem file, by which `read_resume` recognises the file
-    state : state of the search
-
-    Returns
-    -------
-    bytes
-        A compressed NumPy archive.
-    """
+    """Return the content of the file from which a later search of the same problem continues."""
     nodes, stream = state.nodes, BytesIO()
     np.savez_compressed(
         stream,
@@ -58,18 +40,7 @@ def resume_bytes(sha256: str, state: ResumeState) -> bytes:
 
 
 def read_resume(path: Path, sha256: str) -> ResumeState | None:
-    """Return the state of an earlier search of the same problem by the same version of vctune.
-
-    Parameters
-    ----------
-    path : path of the file
-    sha256 : digest of the problem file
-
-    Returns
-    -------
-    ResumeState or None
-        None if the file is absent or damaged, or belongs to another problem or version.
-    """
+    """Return the state of an earlier search of the same problem by the same version of vctune."""
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             if str(file["owner"]) != _owner(sha256):

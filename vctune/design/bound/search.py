@@ -1,11 +1,4 @@
-"""Compute a lower bound on the error of all feasible designs, by branch and bound.
-
-See design/bound/README.md.
-
-The search halves boxes of (K_v, K_p, tau_c, b_0), or of (K_v, tau_c) for an impedance display. The search begins with
-the boxes with the least lower bounds. It prunes a box in three cases: the lower bound is within the gap of the best
-known error, no design of the box meets the constraints, or all loops of the box are unstable.
-"""
+"""Compute a lower bound on the error of all feasible designs, by branch and bound. See design/bound/README.md."""
 
 from __future__ import annotations
 
@@ -37,39 +30,25 @@ from vctune.model.problem import Problem
 from vctune.model.transparency import TermName
 from vctune.running import OutOfTimeError, out_of_time
 
+# Number of frequencies of the first relaxation, and number of intervals of the transparency band
 FREQUENCIES, INTERVALS = 40, 48
-"""Number of frequencies of the first relaxation, and number of intervals of the transparency band. The time of a bound
-is proportional to both. With smaller numbers, the bounds are weaker and the search needs more boxes."""
-MOST_FREQUENCIES = 160
-"""Number of frequencies at which the search stops adding places. Up to this number, it adds the places at which the
-design in the middle of a box violates a constraint. A bound with this number of frequencies takes four times as long as
-a bound of the first relaxation. Near the end of a search, the middles of boxes violate no constraint at a new place.
-"""
-LOWEST_ANGLE = 1e-3
-"""Least angle above 0 for any passive hand, relative to pi. At smaller angles R differs from its limit at 0 by at most
-1e-5."""
+MOST_FREQUENCIES = 160  # Number of frequencies at which the search stops adding places
+LOWEST_ANGLE = 1e-3  # Least angle above 0 for any passive hand, relative to pi
+# Positions in the range of each parameter of a hand, from 0 to 1, and number of angles per decade, for the first places
+# in hands
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
-"""Positions in the range of each parameter of a hand, from 0 to 1, and number of angles per decade, for the first
-places in hands."""
+# Substitute for a gain of 0, relative to its upper bound, when the search tries the design in the middle of a box
 LITTLE = 1e-3
-"""Substitute for a gain of 0, relative to its upper bound, when the search tries the design in the middle of a box."""
-CHUNK = 1024
-"""Number of boxes that the search halves in one round. With this number NumPy's calls have little overhead, and the
-arrays for all halves (4 axes, 2 halves, 160 frequencies) take tens of MB. With half this number, the search needs
-slightly fewer boxes and slightly more time for each box. With twice this number, the reverse is true."""
+CHUNK = 1024  # Number of boxes that the search halves in one round
+# Number of rounds after which the search tries the box with the least bound: it adds violated places and looks for a
+# better design
 TRY_EVERY = 8
-"""Number of rounds after which the search tries the box with the least bound: it adds violated places and looks for a
-better design. With half as many rounds, it finds better designs earlier; with twice as many, fewer attempts fail."""
-VIOLATED = 1e-4
-"""Relative violation of a constraint above which the search adds its place. With a smaller violation, the new place
-would raise the bound only negligibly."""
+VIOLATED = 1e-4  # Relative violation of a constraint above which the search adds its place
+# Share by which the error of a design must be below that of the incumbent for the design to count as better
 BETTER = 1e-3
-"""Share by which the error of a design must be below that of the incumbent for the design to count as better. This
-share is less than the usual gap of 1 %, and more than the difference between two results of the optimiser for one
-optimum."""
 
+# Function that returns a certified design found from given gains with an error below a limit, or None
 Improve = Callable[[Gains, float], Judgement | None]
-"""Function that returns a certified design found from given gains with an error below a limit, or None."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,28 +72,15 @@ class SearchState:
 
 @dataclass(frozen=True, slots=True)
 class Optimality:
-    """The proved bound on the error of every feasible design.
+    """The proved bound on the error of every feasible design."""
 
-    The error contains only the terms that can differ between designs; usually these are all terms.
-
-    Attributes
-    ----------
-    bound : the lower bound; inf if no design is feasible
-    incumbent : error of the best known design; inf without one
-    proved : whether the bound is within the required gap
-    improved : a better design than the given one; None if the search found none
-    terms : terms of the error that the bound covers; empty if it covers all
-    history : states of the search; the last entry is the current one
-    resume : the remaining work; it has no open node if the gap is proved
-    """
-
-    bound: float
-    incumbent: float
-    proved: bool
-    improved: Judgement | None
-    terms: tuple[TermName, ...]
-    history: list[SearchState]
-    resume: ResumeState
+    bound: float  # the lower bound; inf if no design is feasible
+    incumbent: float  # error of the best known design; inf without one
+    proved: bool  # whether the bound is within the required gap
+    improved: Judgement | None  # a better design than the given one; None if the search found none
+    terms: tuple[TermName, ...]  # terms of the error that the bound covers; empty if it covers all
+    history: list[SearchState]  # states of the search; the last entry is the current one
+    resume: ResumeState  # the remaining work; it has no open node if the gap is proved
 
     @property
     def gap(self) -> float:
@@ -124,26 +90,15 @@ class Optimality:
 
 @dataclass(slots=True)
 class _Search:
-    """The state that changes during the search.
+    """The state that changes during the search."""
 
-    Attributes
-    ----------
-    relaxed : the relaxation with all places so far
-    incumbent : error of the best known design
-    improved : the best known design, if the search found it; else None
-    pruned_bound : the least lower bound of the pruned boxes
-    boxes : number of lower bounds computed
-    history : states so far
-    stability_boxes : number of boxes of frequency and gains in the proofs of stable loops
-    """
-
-    relaxed: Relaxation
-    incumbent: float
-    improved: Judgement | None
-    pruned_bound: float
-    boxes: int
-    history: list[SearchState]
-    stability_boxes: int = 0
+    relaxed: Relaxation  # the relaxation with all places so far
+    incumbent: float  # error of the best known design
+    improved: Judgement | None  # the best known design, if the search found it; else None
+    pruned_bound: float  # the least lower bound of the pruned boxes
+    boxes: int  # number of lower bounds computed
+    history: list[SearchState]  # states so far
+    stability_boxes: int = 0  # number of boxes of frequency and gains in the proofs of stable loops
 
 
 def bound(
@@ -159,32 +114,7 @@ def bound(
     stopped: Callable[[], bool] = lambda: False,
     progress: Callable[[SearchState], None] = lambda state: None,
 ) -> Optimality:
-    """Prove a lower bound on the error of every feasible design of a problem (design/bound/README.md).
-
-    Parameters
-    ----------
-    posed : a problem in SI units in which some variable is free
-    best : the best known design; None without one
-    improve : function that looks for a design with a lower error near given gains
-    gap : the search ends when the incumbent's error is at most 1 + gap times the bound
-    most_boxes : number of lower bounds after which the search ends without a proof of the gap
-    most_stability_boxes : the same limit for the boxes in the proofs of stable or unstable loops
-    jobs : number of threads
-    resume : state of an earlier search of the same problem; the function ignores it if the earlier search pruned boxes
-        that a search with this gap must keep open
-    stopped : function that returns whether to end the search now
-    progress : function that receives the state of the search in every round
-
-    Returns
-    -------
-    Optimality
-        The bound, which is valid even if the search ends early, for example at the time limit.
-
-    Raises
-    ------
-    OutOfTimeError
-        If the time limit ends the search before it has a relaxation.
-    """
+    """Prove a lower bound on the error of every feasible design of a problem (design/bound/README.md)."""
     given, posed = posed, with_acting_terms(posed)
     axes = axes_of(posed.problem)
     incumbent = best.acting_error if best else inf
@@ -274,10 +204,7 @@ def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, brok
 
 
 def _devices(cases: tuple[Problem, ...]) -> list[Device]:
-    """Return the devices of some problems without unmodelled responses, and without duplicates.
-
-    Without an unmodelled response, the constraints can only be easier to meet, so the relaxation stays valid.
-    """
+    """Return the devices of some problems without unmodelled responses, and without duplicates."""
     return list(dict.fromkeys(case.device.modelled for case in cases))
 
 

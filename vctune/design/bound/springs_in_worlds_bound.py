@@ -1,15 +1,5 @@
-"""Bound the coupling that an impedance display with a box of environments requires (design/bound/README.md, section 1).
-
-Let W = p a + G be the admittance that the virtual tool meets, with 1/Z_c = a/k_c and the share p = y/k_c of the
-coupling's compliance (model/README.md, section 18). No environment puts a pole at this angle only if one of
-
-    Re W + b_1 |W|^2,   Im W - (m_2 u - k_1/u) |W|^2,   (m_1 u - k_2/u) |W|^2 - Im W
-
-is positive. Each of these margins is quadratic in p. Its coefficients are sums of products of a function of K_v and a
-function of tau = b_c/k_c. With the greatest values of the coefficients over a box, the least p at which the quadratic
-is positive is a lower bound for every design of the box. One margin must be positive for the share y = 1/g, so 1/k_c is
-at least g times the smallest of these p.
-"""
+"""Bound the coupling that an impedance display with a box of environments requires (design/bound/README.md, section
+1)."""
 
 from __future__ import annotations
 
@@ -34,8 +24,8 @@ from vctune.model.worlds import Worlds
 from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES
 
+# Allowance for the rounding of a coefficient or a discriminant, relative to the sum of the moduli of its terms
 ROUNDING = 20 * GUARD
-"""Allowance for the rounding of a coefficient or a discriminant, relative to the sum of the moduli of its terms."""
 
 
 class Interval(NamedTuple):
@@ -66,14 +56,9 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Bounded:
-    """A quadratic in K_v, or in tau, rounded down and rounded up.
+    """A quadratic in K_v, or in tau, rounded down and rounded up."""
 
-    Attributes
-    ----------
-    lower, upper : the quadratic with rounded coefficients
-    """
-
-    lower: Quadratic
+    lower: Quadratic  # the quadratic with rounded coefficients
     upper: Quadratic
 
     def over(self, boxes: DesignBoxes) -> Interval:
@@ -83,40 +68,24 @@ class Bounded:
 
 @dataclass(frozen=True, slots=True)
 class SpringsInWorlds:
-    """The constraint on the coupling of an impedance display with a box of environments, at places of several devices.
+    """The constraint on the coupling of an impedance display with a box of environments, at places of several
+    devices."""
 
-    Attributes
-    ----------
-    lost, size, swing : R/s^2 times |F|^2, |F|^2, and e/2 (`coefficients_in_hands`), as functions of K_v
-    above, spring, below : 1/Z_c/s^2 = (above + j spring/s)/below for k_c = 1, as functions of tau
-    met : |P|^2/4
-    heavy, light : s c (k_1/u - m_2 u), None if the mass has no limit; and s c (m_1 u - k_2/u), None if the stiffness
-        has no limit
-    kept : b_1, the least damping of the environments
-    cos, square : c = cos(theta/2), and s^2 with s = sin(theta/2)
-    """
-
-    lost: Bounded
+    lost: Bounded  # R/s^2 times |F|^2, |F|^2, and e/2 (`coefficients_in_hands`), as functions of K_v
     size: Bounded
     swing: Bounded
-    above: Bounded
+    above: Bounded  # 1/Z_c/s^2 = (above + j spring/s)/below for k_c = 1, as functions of tau
     spring: Bounded
     below: Bounded
-    met: Interval
-    heavy: Interval | None
+    met: Interval  # |P|^2/4
+    heavy: Interval | None  # s c (k_1/u - m_2 u), None if the mass has no limit
     light: Interval | None
-    kept: Interval
-    cos: Interval
+    kept: Interval  # b_1, the least damping of the environments
+    cos: Interval  # c = cos(theta/2), and s^2 with s = sin(theta/2)
     square: Interval
 
     def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
-        """Return the least 1/k_c at each place, 0 for 1/b_c, and the boxes that permit no coupling.
-
-        Parameters
-        ----------
-        boxes : n boxes of designs
-        factor : safety factor g
-        """
+        """Return the least 1/k_c at each place, 0 for 1/b_c, and the boxes that permit no coupling."""
         tau = DesignBoxes(*(np.stack((edge[TAU_C], 0 * edge[TAU_C])) for edge in (boxes.low, boxes.high)))
         lost, size, swing = (each.over(boxes) for each in (self.lost, self.size, self.swing))
         above, spring, below = (each.over(tau) for each in (self.above, self.spring, self.below))
@@ -154,14 +123,7 @@ def _first_positive(square: Interval, slope: Interval, constant: Interval) -> Fl
 
 
 def springs_in_worlds(devices: Sequence[Device], places: PlacesInHands, worlds: Worlds) -> SpringsInWorlds:
-    """Return the constraint on the coupling of impedance displays with a box of environments, at some places.
-
-    Parameters
-    ----------
-    devices : d impedance displays with exactly known parameters
-    places : k frequencies omega, rad/s, in [0, pi/T], each with a hand
-    worlds : linear environments by the trapezoidal rule, on time
-    """
+    """Return the constraint on the coupling of impedance displays with a box of environments, at some places."""
     angles = [angles_of(device, places.at) for device in devices]
     pairs = list(zip(devices, angles, strict=True))
     lost, size, swing = (

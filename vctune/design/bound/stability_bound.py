@@ -16,37 +16,15 @@ from vctune.proof.engine.boxes import Cells
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """Proved stability and instability of the loops in each of n boxes of designs.
+    """Proved stability and instability of the loops in each of n boxes of designs."""
 
-    Attributes
-    ----------
-    stable : whether all loops of the box are stable, shape (n,)
-    unstable : whether no loop of the box is stable; both are False if nothing is proved
-    boxes : number of boxes of frequency and gains in the proofs
-    """
-
-    stable: Flags
-    unstable: Flags
-    boxes: int
+    stable: Flags  # whether all loops of the box are stable, shape (n,)
+    unstable: Flags  # whether no loop of the box is stable; both are False if nothing is proved
+    boxes: int  # number of boxes of frequency and gains in the proofs
 
 
 def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
-    """Return the boxes whose designs all have stable loops, and those whose designs all have an unstable loop.
-
-    With K_p = 0 the loop does not contain the position. If a box begins at K_p = 0, its loops with K_p = 0 need a
-    separate proof.
-
-    Parameters
-    ----------
-    posed : the problem, whose claims determine which loops must be stable: the sampled loop without a hand, the sampled
-        loop in a hand, or the frequency model
-    boxes : n boxes; only their gains matter
-
-    Returns
-    -------
-    Stability
-        Flags of shape (n,), and the number of boxes.
-    """
+    """Return the boxes whose designs all have stable loops, and those whose designs all have an unstable loop."""
     gains = np.concatenate((boxes.low[: K_P + 1], boxes.high[: K_P + 1]))
     rectangles, rectangle_of = np.unique(gains, axis=1, return_inverse=True)  # many boxes have the same gains
     low, high = rectangles[:2], rectangles[2:]

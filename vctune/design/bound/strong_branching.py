@@ -1,13 +1,5 @@
-"""Strong branching: halve boxes along every axis on trial, and keep the halves of the axis that raises the bound most.
-
-Achterberg, Koch and Martin (2005, section 2) give the rule. The score of an axis is a weighted sum of the increases of
-the lower bound in both halves,
-
-    score = min(increase_1, increase_2) + BETTER_HALF max(increase_1, increase_2).
-
-The smaller increase has the greater weight, because it determines the new bound of the box. The code uses the bounds
-themselves instead of their increases, since the bound of the parent is the same for all axes.
-"""
+"""Strong branching: halve boxes along every axis on trial, and keep the halves of the axis that raises the bound
+most."""
 
 from __future__ import annotations
 
@@ -26,33 +18,18 @@ from vctune.design.bound.relaxation import Relaxation
 from vctune.model.problem import Problem
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 
-BETTER_HALF = 0.1
-"""Weight of the greater increase relative to the smaller one. In the paper's mixed-integer programs it is 0.2 (mu =
-1/6)."""
-LENGTH = 1e-2
-"""Weight, in the score, of the share of an axis that a box spans. This term decides if no axis raises the bound, for
-example at the root; otherwise it is small compared with the increases. With the weight 0, a search whose bound does not
-rise might halve the same axis again and again."""
-DIGITS = 9
-"""Number of decimals to which the code rounds scores before it compares them. Otherwise, rounding errors that differ
-between machines could decide which axis the search chooses."""
+BETTER_HALF = 0.1  # Weight of the greater increase relative to the smaller one
+LENGTH = 1e-2  # Weight, in the score, of the share of an axis that a box spans
+DIGITS = 9  # Number of decimals to which the code rounds scores before it compares them
 
 
 @dataclass(frozen=True, slots=True)
 class Halved:
-    """Boxes after halving each along its best axis.
+    """Boxes after halving each along its best axis."""
 
-    Attributes
-    ----------
-    nodes : two nodes for each box
-    along_gains : for each box, whether it was halved along K_v or K_p, so that its loops may have become provably
-        stable
-    worked_out : number of lower bounds computed
-    """
-
-    nodes: OpenNodes
+    nodes: OpenNodes  # two nodes for each box
     along_gains: Flags
-    worked_out: int
+    worked_out: int  # number of lower bounds computed
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,24 +44,7 @@ class _Candidate:
 def halved(
     relaxed: Relaxation, axes: Sequence[Axis], parents: OpenNodes, incumbent: float, pool: ThreadPoolExecutor
 ) -> Halved:
-    """Halve each box along the axis with the greatest score.
-
-    If all variables are fixed, the function computes the bound of the single box again. Until a design is known, the
-    score uses the bounds of the infeasibility instead of the bounds of the error.
-
-    Parameters
-    ----------
-    relaxed : the relaxed problem
-    axes : axes of the designs, in the order of the rows of `DesignBoxes`
-    parents : n open boxes
-    incumbent : error of the best known design; inf without one
-    pool : threads that share the lower bounds
-
-    Returns
-    -------
-    Halved
-        2 n boxes, or the same n boxes if all variables are fixed.
-    """
+    """Halve each box along the axis with the greatest score."""
     candidates = _candidates(relaxed, axes, parents.boxes, pool)
     if not candidates:
         error = np.maximum(lower_bounds(relaxed, parents.boxes).error, parents.bound)

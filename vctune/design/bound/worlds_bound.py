@@ -1,15 +1,4 @@
-"""Bound the coupling that a box of environments requires, over boxes of gains (design/bound/README.md, section 1).
-
-A design meets the condition of model/README.md, section 18, at an angle in a hand only if one of four margins is
-positive. If
-
-    (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 > c e/2
-
-for all gains of a box, `above` and `turned` are negative for every coupling. The coupling then needs a resistance Re
-Z_c > g (R - b_1) or a reactance s c Im Z_c > g (k_2 (T/2) c^2 - m_1 (2/T) s^2 + c e/(2 |F|^2)). Times |F|^2, both sides
-of all three inequalities are quadratic in the gains. If the first inequality is false for some gains of a box, the
-relaxation imposes no constraint at this place.
-"""
+"""Bound the coupling that a box of environments requires, over boxes of gains (design/bound/README.md, section 1)."""
 
 from __future__ import annotations
 
@@ -33,34 +22,17 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 
 @dataclass(frozen=True, slots=True)
 class ConditionsInWorlds:
-    """The constraint on the coupling with a box of environments, at some places of several devices.
+    """The constraint on the coupling with a box of environments, at some places of several devices."""
 
-    Attributes
-    ----------
-    offer : resistance of the couplings at these places
-    required : R, the resistance that the loop requires of the coupling, N s/m
-    kept : b_1, the least damping of the environments, N s/m
-    light_enough : (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2; if it is positive, `above` is negative for every
-        coupling. None if the mass has no limit
-    reactive : the least s c Im Z_c/g for which `below` is positive; None if the stiffness has no limit
-    inertia : (2/T) s^2 at each place
-    """
-
-    offer: SeriesOffer
-    required: LeastQuotient
-    kept: float
-    light_enough: Quadratic | None
-    reactive: LeastQuotient | None
-    inertia: Floats
+    offer: SeriesOffer  # resistance of the couplings at these places
+    required: LeastQuotient  # R, the resistance that the loop requires of the coupling, N s/m
+    kept: float  # b_1, the least damping of the environments, N s/m
+    light_enough: Quadratic | None  # (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2
+    reactive: LeastQuotient | None  # the least s c Im Z_c/g for which `below` is positive
+    inertia: Floats  # (2/T) s^2 at each place
 
     def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
-        """Return the least b_c and m_c at each place, shape (boxes, places), and the boxes that permit no coupling.
-
-        Parameters
-        ----------
-        boxes : n boxes of designs
-        factor : safety factor g
-        """
+        """Return the least b_c and m_c at each place, shape (boxes, places), and the boxes that permit no coupling."""
         resistance = factor * (_least(self.required, boxes) - self.kept)
         first, second = elements_for(resistance, self.offer, boxes)
         if self.light_enough is not None:
@@ -73,10 +45,7 @@ class ConditionsInWorlds:
         return first, second, np.zeros(len(boxes), bool)
 
     def _elements_of_reactance(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least b_c and the least m_c for s c Im Z_c = 1.
-
-        The least b_c occurs at the tau_c nearest to 1/omega, the least m_c at the least tau_c.
-        """
+        """Return the least b_c and the least m_c for s c Im Z_c = 1."""
         shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
         nearest, omega2 = np.clip(1 / self.offer.omega, shortest, longest), np.square(self.offer.omega)
         b_c, m_c = (1 + omega2 * np.square(nearest)) / nearest, 1 + omega2 * np.square(shortest)
@@ -90,14 +59,7 @@ def _least(quotient: LeastQuotient, boxes: DesignBoxes) -> Floats:
 
 
 def conditions_in_worlds(devices: Sequence[Device], places: PlacesInHands, worlds: Worlds) -> ConditionsInWorlds:
-    """Return the constraint on the coupling with a box of environments at some places, for each of several devices.
-
-    Parameters
-    ----------
-    devices : d devices with exactly known parameters, all of them admittance displays or servos
-    places : k frequencies omega, rad/s, in [0, pi/T], each with a hand
-    worlds : linear environments by the trapezoidal rule, on time
-    """
+    """Return the constraint on the coupling with a box of environments at some places, for each of several devices."""
     angles = [angles_of(device, places.at) for device in devices]
     each = [_at(device, theta, places, worlds) for device, theta in zip(devices, angles, strict=True)]
     lost, size, heavy, soft = (joined([found[k] for found in each]) for k in range(4))
@@ -116,11 +78,7 @@ def conditions_in_worlds(devices: Sequence[Device], places: PlacesInHands, world
 
 
 def _at(device: Device, theta: Floats, places: PlacesInHands, worlds: Worlds) -> tuple[Coefficients, ...]:
-    """Return the coefficients of four quadratics; an infinite m_2 or k_2 counts as 0.
-
-    The quadratics are -o/2, |F|^2, (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2, and (k_2 (T/2) c^2 - m_1 (2/T) s^2)
-    |F|^2 + c e/2.
-    """
+    """Return the coefficients of four quadratics; an infinite m_2 or k_2 counts as 0."""
     lost, size, swing = coefficients_in_hands(device, theta, places.hands)
     half, T, ends = Enclosure(theta) / 2, decimal(device.sample_time), worlds.converted(decimal)
     sin, cos = ENCLOSURES.sin(half), ENCLOSURES.cos(half)

@@ -47,34 +47,19 @@ from vctune.model.sampled.worlds.loop_in_worlds import posed as posed_in
 from vctune.model.transparency import TERMS, log_quadrature
 from vctune.model.worlds import WorldsMet
 
-NEAR_SIDE = 1e-2
-"""Distance within which a point counts as lying on a side of the trust box. If the error is nearly constant there,
-IPOPT's barrier keeps the point away from the side. If a point counts as lying on a side, the exchange takes another
-round. With half this distance, the exchange misses some optima on a side; with twice this distance it takes another
-round."""
-TRACKING_REACH = 0.5
-"""Greatest change of the log frequency of a tracked peak of |S| in one NLP. This limit is less than the distance
-between two peaks. With a delay, the frequencies of two peaks differ by about a factor of two. With half this distance
-the exchange takes more rounds, because it repeats each NLP whose peak reaches the end of its range. With twice this
-distance the NLP may end at another stationary point of |S|."""
+NEAR_SIDE = 1e-2  # Distance within which a point counts as lying on a side of the trust box
+TRACKING_REACH = 0.5  # Greatest change of the log frequency of a tracked peak of |S| in one NLP
 
 
 @dataclass(frozen=True, slots=True)
 class NlpNumbers:
-    """The numbers of an NLP.
+    """The numbers of an NLP."""
 
-    Attributes
-    ----------
-    guess, low, high : start and bounds of the variables
-    parameters : parameters of the NLP, in the order of `nlp_parameters.tables`
-    least, most : bounds of the constraints; least is -inf for an unused constraint
-    """
-
-    guess: Floats
-    parameters: Floats
+    guess: Floats  # start and bounds of the variables
+    parameters: Floats  # parameters of the NLP, in the order of `nlp_parameters.tables`
     low: Floats
     high: Floats
-    least: Floats
+    least: Floats  # bounds of the constraints; least is -inf for an unused constraint
     most: Floats
 
 
@@ -87,18 +72,7 @@ def numbers_of(
     working_set: WorkingSet,
     tightening: float,
 ) -> NlpNumbers:
-    """Return the numbers of the NLP of a dimensionless problem on a working set.
-
-    Parameters
-    ----------
-    posed : prepared problem, dimensionless
-    structure : structure of the NLP
-    free : the n free variables of the NLP
-    start : all variables of the design from which IPOPT starts, including the fixed ones
-    box : least and greatest coordinates, each of shape (n,)
-    working_set : points at which the relaxation imposes the constraints
-    tightening : relative tightening of the constraints, so that rounding the result does not violate them
-    """
+    """Return the numbers of the NLP of a dimensionless problem on a working set."""
     low, high = (list(bound) for bound in box)
     guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
     y = [log(point.omega) for point in working_set.tracked_peaks]
@@ -113,18 +87,7 @@ def numbers_of(
 
 
 def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
-    """Solve the NLP of a structure with the given numbers. Ctrl-C waits for IPOPT's answer.
-
-    Parameters
-    ----------
-    structure : structure of the NLP
-    given : numbers of the NLP, from `numbers_of` for the same structure
-
-    Returns
-    -------
-    Solution
-        The point at which IPOPT stopped, converged or not.
-    """
+    """Solve the NLP of a structure with the given numbers. Ctrl-C waits for IPOPT's answer."""
     with interrupt_deferred():
         solver = compiled(structure)
         result = solver(
@@ -147,22 +110,7 @@ def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
 
 
 def lagrangian(structure: NlpStructure, given: NlpNumbers, solution: Solution) -> float:
-    """Return the Lagrangian of an NLP at a guess, with the multipliers and the other unknowns of a solution.
-
-    By the envelope theorem (Fiacco 1983), the derivative of the Lagrangian with respect to the parameters of the NLP
-    equals the derivative of the least objective.
-
-    Parameters
-    ----------
-    structure : structure of the NLP
-    given : numbers of the NLP; its guess contains the free variables
-    solution : solution of an NLP of the same structure, with the same number of used constraints
-
-    Returns
-    -------
-    float
-        The Lagrangian without the constant product of multipliers and constraint bounds.
-    """
+    """Return the Lagrangian of an NLP at a guess, with the multipliers and the other unknowns of a solution."""
     unknowns = np.concatenate((given.guess[: len(structure.free)], solution.others))
     multipliers = np.zeros(given.least.shape)
     multipliers[given.least > -inf] = solution.multipliers
@@ -217,18 +165,7 @@ def _parameters(
 
 
 def unmodelled_radius(posed: Posed, point: ConstraintPoint) -> float:
-    """Return the radius of the unmodelled dynamics at a dimensionless point.
-
-    Parameters
-    ----------
-    posed : prepared problem, dimensionless, with a disc of unmodelled dynamics
-    point : point; only its frequency matters, rad per sample time
-
-    Returns
-    -------
-    float
-        The radius r, relative to the response.
-    """
+    """Return the radius of the unmodelled dynamics at a dimensionless point."""
     assert posed.problem.uncertainty is not None
     return float(FLOATS.interpolated(point.omega / (2 * pi), posed.problem.uncertainty.unmodelled))
 

@@ -1,8 +1,4 @@
-"""State the design problem on a finite set of frequencies as a CasADi NLP (design/README.md, section 7).
-
-The response of device, hold and delay at each frequency is a parameter of the NLP, so one compiled NLP serves every
-problem of its structure.
-"""
+"""State the design problem on a finite set of frequencies as a CasADi NLP (design/README.md, section 7)."""
 
 from __future__ import annotations
 
@@ -45,6 +41,7 @@ from vctune.model.sampled.worlds.loop_in_worlds import Seen, disjuncts, offered_
 from vctune.model.transparency import PANEL_NODES, TERMS, loop_terms, squared_terms
 from vctune.model.worlds import World, Worlds
 
+# Options of IPOPT
 OPTIONS: dict[str, Any] = {
     "print_time": False,
     "show_eval_warnings": False,
@@ -65,9 +62,6 @@ OPTIONS: dict[str, Any] = {
     "ipopt.min_refinement_steps": 0,
     "ipopt.max_refinement_steps": 1,
 }
-"""Options of IPOPT. CasADi does not compute the multipliers of the parameters, because vctune does not need them and
-CasADi would warn on stderr if one is not finite. The last six options shorten the run time: an NLP with some thirty
-well-scaled constraints needs neither scaling nor exact solutions of the barrier problems."""
 
 
 class _SymbolArithmetic:
@@ -133,20 +127,13 @@ SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 @dataclass(frozen=True, slots=True)
 class _AtOneFrequency:
-    """The expressions of the NLP as symbols at one frequency. `assembled` applies them to all frequencies.
+    """The expressions of the NLP as symbols at one frequency. `assembled` applies them to all frequencies."""
 
-    Attributes
-    ----------
-    z, common, epigraph : free variables, parameters common to all frequencies, epigraph variable
-    inputs : parameters at a frequency, for each kind of constraint and for the nodes of the quadrature
-    values : value of the constraint, or term of the objective, for each kind
-    """
-
-    z: ca.SX
+    z: ca.SX  # free variables, parameters common to all frequencies, epigraph variable
     common: ca.SX
     epigraph: ca.SX
     inputs: dict[str, ca.SX]
-    values: dict[str, Number]
+    values: dict[str, Number]  # value of the constraint, or term of the objective, for each kind
 
 
 def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
@@ -211,10 +198,9 @@ def _room(L: Pair) -> Number:
     return (ca.log(Pair(1 + L.re, L.im).abs2()) - ca.log(L.abs2())) / 2
 
 
+# Scale of the asinh with which the constraint in a hand compares Re Z_c and R, in units of Z_0, or Re(1/Z_c)/s^2 and R
+# of an impedance display, in units of 1/Z_0
 SCALE_IN_HAND = 0.05
-"""Scale of the asinh with which the constraint in a hand compares Re Z_c and R, in units of Z_0, or Re(1/Z_c)/s^2 and R
-of an impedance display, in units of 1/Z_0. Far above this scale asinh acts like a logarithm. Far below it asinh is
-linear, so that R may be 0 or negative. With half or twice this scale, IPOPT takes as many iterations."""
 
 
 def _coupling_response(coupling: AnyCoupling, frequency: dict[str, ca.SX]) -> Pair:
@@ -229,10 +215,7 @@ def _low_pass(numbers: dict[str, ca.SX]) -> Pair:
 
 
 def _margin_in_hand(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return asinh(Re Z_c) - asinh(factor R), scaled, which is >= 0 if the coupling suffices in a hand.
-
-    For an impedance display, Re(1/Z_c)/s^2 replaces Re Z_c, and R/s^2 replaces R, with s = sin(theta/2).
-    """
+    """Return asinh(Re Z_c) - asinh(factor R), scaled, which is >= 0 if the coupling suffices in a hand."""
     if isinstance(coupling, SpringDamper):
         (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(in_hand["lost"]), ca.vertsplit(in_hand["size"]), gains.velocity
         required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
@@ -244,14 +227,9 @@ def _margin_in_hand(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupli
     return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
 
 
+# Amount that the NLP subtracts from a margin that the problem does not have, so that this margin is never the greatest
 UNPOSED = 1e3
-"""Amount that the NLP subtracts from a margin that the problem does not have, so that this margin is never the
-greatest."""
-BLUNT = 1e-2
-"""Width of the smooth function that replaces the maximum of several margins. Smoothing allows IPOPT to move from a
-design at which one margin is positive to a design at which another is. If two margins are equal at an optimum,
-smoothing makes the coupling too large by a share of 0.7 times this width. With a tenth of this width, exchanges do not
-converge; with three tenths, they take twice as many rounds."""
+BLUNT = 1e-2  # Width of the smooth function that replaces the maximum of several margins
 
 
 def _demanded_in_hand(
@@ -266,10 +244,9 @@ def _demanded_in_hand(
     return _margin_in_hand(in_hand, gains, coupling)
 
 
+# Number of sides of the polygon of late environments whose margins are nearly equal at low frequencies; `_greatest`
+# needs this number
 ALIKE = 4
-"""Number of sides of the polygon of late environments whose margins are nearly equal at low frequencies; `_greatest`
-needs this number. With half this number, the answers violate their own constraints; with twice this number, the
-coupling is 0.3 % greater."""
 
 
 def _margin_in_time(structure: NlpStructure, in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
@@ -284,11 +261,7 @@ def _margin_in_time(structure: NlpStructure, in_hand: dict[str, ca.SX], gains: G
 
 
 def _margin_in_worlds(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, share: float = 1.0) -> Number:
-    """Return a smooth lower bound of the greatest of the margins, one of which must be positive.
-
-    For an impedance display, the result depends on the share of the coupling; for the other displays the margins cover
-    all shares.
-    """
+    """Return a smooth lower bound of the greatest of the margins, one of which must be positive."""
     low, high = _box_of(in_hand)
     theta, factor, raised = in_hand["theta"], in_hand["reserve"], in_hand["factor"]
     if isinstance(coupling, SpringDamper):
@@ -306,9 +279,7 @@ def _margin_in_worlds(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoup
     return _greatest([margins[name] - UNPOSED * (1 - in_hand[f"by_{name}"]) for name in margins], alike)
 
 
-ENDLESS = 1e12
-"""Substitute for the greatest mass of a box that does not limit the mass, in units of Z_0 T. The formulas for walls
-need a finite number."""
+ENDLESS = 1e12  # Substitute for the greatest mass of a box that does not limit the mass, in units of Z_0 T
 
 
 def _margin_with_walls(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX) -> Number:
@@ -326,13 +297,7 @@ def _margin_with_walls(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCou
 
 
 def _greatest(margins: list[Number], alike: Number = 2) -> Number:
-    """Return a smooth lower bound of the greatest of some margins.
-
-    Parameters
-    ----------
-    margins : the margins
-    alike : greatest number of margins that may be nearly equal to the greatest one
-    """
+    """Return a smooth lower bound of the greatest of some margins."""
     greatest = reduce(ca.fmax, margins)
     others = sum(ca.exp((margin - greatest) / BLUNT) for margin in margins)
     return greatest + BLUNT * (ca.log(others) - ca.log(alike))
@@ -394,15 +359,7 @@ def compiled(structure: NlpStructure) -> ca.Function:
 
 
 def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
-    """Return the NLP of a structure.
-
-    Returns
-    -------
-    dict
-        x, f, g and p for `casadi.nlpsol`. x contains the free coordinates, the log frequencies of tracked peaks and the
-        epigraph variable. f is log(error). g contains the constraints in the order of `DEMANDS`, then the constraints
-        on tracked peaks and on mean errors. p contains the parameters in the layout of `nlp_parameters.packed`.
-    """
+    """Return the NLP of a structure."""
     one = _at_one_frequency(structure)
     columns = {name: ca.MX.sym(name, table.rows, table.columns) for name, table in tables(structure).items()}
     z, common, y = ca.MX.sym("z", len(structure.free)), columns["common"], ca.MX.sym("y", structure.tracked_peaks)

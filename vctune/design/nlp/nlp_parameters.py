@@ -1,9 +1,4 @@
-"""Arrange the parameters of an NLP by name, in the same layout for CasADi's symbols and for numbers.
-
-The parameters are several tables, stored one after another and column by column. The table `common` has one column.
-Each kind of constraint, and the quadrature, has a table with one column for each of its frequencies. A layout names the
-rows of a table.
-"""
+"""Arrange the parameters of an NLP by name, in the same layout for CasADi's symbols and for numbers."""
 
 from __future__ import annotations
 
@@ -27,56 +22,49 @@ from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
 from vctune.model.sampled.worlds.loop_in_worlds import Disjuncts
 from vctune.model.transparency import PANEL_NODES, TERMS
 
+# Types of the optional parts of a `DeviceResponse`, by its fields
 PARTS: dict[str, Any] = {"estimate": FilterResponse, "sensor": FilterResponse, "spring": Spring, "factor": Pair}
-"""Types of the optional parts of a `DeviceResponse`, by its fields."""
-Layout = dict[str, int]
-"""Number of rows for each name, in order."""
+Layout = dict[str, int]  # Number of rows for each name, in order
 
+# Real and imaginary parts of the pulse transfer functions from force to velocity and position, at a frequency for |S|
 PULSE_TRANSFER: Layout = {"re_G_v": 1, "im_G_v": 1, "re_G_x": 1, "im_G_x": 1}
-"""Real and imaginary parts of the pulse transfer functions from force to velocity and position, at a frequency for
-|S|."""
+# The rows of `PULSE_TRANSFER`, and the logarithm of the radius of unmodelled dynamics
 PERTURBED_LOOP: Layout = {**PULSE_TRANSFER, "log_radius": 1}
-"""The rows of `PULSE_TRANSFER`, and the logarithm of the radius of unmodelled dynamics."""
+# The angle theta, the least permitted ratio Re Z_c / R, and the loop in a hand at this angle
 LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
     f"{part}_{side}": 1 for part in LoopInHand._fields for side in ("even", "odd")
 }
-"""The angle theta, the least permitted ratio Re Z_c / R, and the loop in a hand at this angle."""
+# F, the firmware's low-passes, through which the coupling of an impedance display acts
 FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
-"""F, the firmware's low-passes, through which the coupling of an impedance display acts."""
+# The loop of an impedance display, in one hand or in any passive hand: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2
+# K_v^2)
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
-"""The loop of an impedance display, in one hand or in any passive hand: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2
-K_v^2)."""
+# The loop of an impedance display in one hand, for a problem with a box of environments
 FORCE_IN_WORLDS: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER} | {
     f"{part}_{side}": 1 for part in ForceInHand._fields for side in ("even", "odd")
 }
-"""The loop of an impedance display in one hand, for a problem with a box of environments. Its constraint also needs the
-reactance."""
+# R and -s Im Z_seen of a servo in a hand, which do not depend on any gain
 COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1, "swing": 1}
-"""R and -s Im Z_seen of a servo in a hand, which do not depend on any gain."""
 IN_HAND: dict[DisplayName, Layout] = {
     "admittance": LOOP_IN_HAND,
     "impedance": FORCE_IN_HAND,
     "servo": COMMAND_IN_HAND,
 }
+# Rows that a box of environments adds to the loop in a hand
 WORLDS_IN_HAND: Layout = {
     **{f"environment_{end}_{name}": 1 for end in ("low", "high") for name in ("mass", "damping", "stiffness")},
     **{f"by_{name}": 1 for name in Disjuncts._fields},
     "reserve": 1,
     "spare": 1,
 }
-"""Rows that a box of environments adds to the loop in a hand.
-
-The rows `by_...` are 1 for the margins that the NLP may use, else 0. `reserve` is the safety factor g, and `spare` is
-the tightening.
-"""
+# Rows that environments late or by Euler's rules add to the loop in a hand: the sides of their polygon, and the
+# tightening
 SIDES_IN_HAND: Layout = {f"side_{k}_{part}": 1 for k in range(SIDES) for part in HalfPlane._fields} | {"spare": 1}
-"""Rows that environments late or by Euler's rules add to the loop in a hand: the sides of their polygon, and the
-tightening."""
+# Rows that walls add: `walled` is 1 for the condition on walls and 0 for the condition on linear environments; the
+# other rows are the fields of `AtWall`
 WALLS_IN_HAND: Layout = {"walled": 1, "share": 1, "lead": 1}
-"""Rows that walls add: `walled` is 1 for the condition on walls and 0 for the condition on linear environments; the
-other rows are the fields of `AtWall`."""
+# Rows of a tangent of the stability boundary: the fields of `Cut`
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
-"""Rows of a tangent of the stability boundary: the fields of `Cut`."""
 
 
 def in_hand_layout(structure: NlpStructure) -> Layout:
@@ -88,12 +76,7 @@ def in_hand_layout(structure: NlpStructure) -> Layout:
 
 
 def common_layout(structure: NlpStructure) -> Layout:
-    """Return the layout of the parameters that all frequencies share.
-
-    These parameters are the device's mass and damping, the scales of the variables, the values of the fixed variables,
-    and the weights of the error. For a device with a damped least operator, they also include the operator's damping
-    and the safety factor.
-    """
+    """Return the layout of the parameters that all frequencies share."""
     numbers = len(structure.kind.keys) + structure.walls
     layout = {"mass": 1, "damping": 1, "scales": numbers, "fixed": numbers, "weights": len(TERMS)}
     return layout | ({"operator_damping": 1, "safety_factor": 1} if structure.operator_damping else {})
@@ -118,10 +101,7 @@ def plant_layout(structure: NlpStructure) -> Layout:
 
 
 def device_numbers(at: DeviceResponse) -> dict[str, Any]:
-    """Return a device's constants at frequencies, keyed by the names of `frequency_layout`, without absent parts.
-
-    A missing parameter of a part, such as the handle's own damping, becomes 0.
-    """
+    """Return a device's constants at frequencies, keyed by the names of `frequency_layout`, without absent parts."""
     numbers = {"omega": at.omega, "drive_re": at.drive.re, "drive_lag": at.drive.lag}
     numbers |= {"mass": at.mass, "damping": at.damping}
     for name in PARTS:
@@ -134,14 +114,7 @@ def device_numbers(at: DeviceResponse) -> dict[str, Any]:
 
 def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -> DeviceResponse:
     """Return the response of a device at a frequency from symbols by name. The function is the inverse of
-    `device_numbers`.
-
-    Parameters
-    ----------
-    structure : structure of the NLP
-    numbers : numbers, keyed by the names of `common_layout` and `frequency_layout`; the latter take precedence
-    operator : damping of the least operator; None without one
-    """
+    `device_numbers`."""
     parts = {
         name: PARTS[name](**{field.name: numbers[f"{name}_{field.name}"] for field in fields(PARTS[name])})
         for name in structure.parts
@@ -160,13 +133,7 @@ def plant_numbers(plant: SampledPlant) -> dict[str, Any]:
 
 
 def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> SampledPlant:
-    """Return a sampled plant from symbols by name. The function is the inverse of `plant_numbers`.
-
-    Parameters
-    ----------
-    structure : structure of the NLP
-    rows : the constants, keyed by the names of `plant_layout`
-    """
+    """Return a sampled plant from symbols by name. The function is the inverse of `plant_numbers`."""
     return SampledPlant(
         open=tuple(rows["open"]),
         velocity=(tuple(rows["velocity_newer"]), tuple(rows["velocity_older"])),
@@ -180,16 +147,10 @@ def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> Sampled
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of the parameters.
+    """A table of the parameters."""
 
-    Attributes
-    ----------
-    layout : names of the table's rows
-    columns : number of the table's columns
-    """
-
-    layout: Layout
-    columns: int
+    layout: Layout  # names of the table's rows
+    columns: int  # number of the table's columns
 
     @property
     def rows(self) -> int:
@@ -214,26 +175,13 @@ def tables(structure: NlpStructure) -> dict[str, Table]:
 
 
 def unpacked(layout: Layout, column: Any) -> dict[str, Any]:
-    """Return the parts of a column of numbers or symbols, by name.
-
-    Parameters
-    ----------
-    layout : layout of the column's table
-    column : column that has the rows of the layout
-    """
+    """Return the parts of a column of numbers or symbols, by name."""
     ends = np.cumsum([*layout.values()]).tolist()
     return {name: column[end - count : end] for (name, count), end in zip(layout.items(), ends, strict=True)}
 
 
 def packed(parts: dict[str, Table], numbers: dict[str, dict[str, Any]]) -> Floats:
-    """Return all parameters as one array.
-
-    Parameters
-    ----------
-    parts : the tables, from `tables`
-    numbers : for each table, arrays of shape (columns,) or (rows, columns), keyed by the names of its rows. If a table
-        has more columns than the arrays, the last column is repeated. A table without an entry is filled with 0
-    """
+    """Return all parameters as one array."""
     return np.concatenate([_packed(table, numbers.get(name)) for name, table in parts.items()])
 
 

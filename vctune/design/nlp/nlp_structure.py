@@ -18,69 +18,37 @@ from vctune.model.parts import VelocityEstimate
 from vctune.model.problem import Norm
 from vctune.model.transparency import TERMS, TermName
 
+# Names of the kinds of constraint, in the order of `NlpStructure.capacities`
 DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
-"""Names of the kinds of constraint, in the order of `NlpStructure.capacities`."""
+# Steps in which the number of slots for each kind of constraint grows, in the order of `DEMANDS`
 CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
-"""Steps in which the number of slots for each kind of constraint grows, in the order of `DEMANDS`. A slot is one
-constraint of the NLP at one point. Infinite bounds switch off unused slots, so a growing working set rarely needs
-another compiled solver. Compiling a solver takes tens of milliseconds; an unused slot takes some microseconds. With
-half these steps vctune compiles more often; with twice these steps the iterations are slower. The answers are the
-same."""
-IN_WORLDS = 36
-"""Step for the loops in hands with a box of environments. The exchange adds several of these points at a time, so the
-step is larger. With half this step vctune compiles twice; with twice this step every iteration is slower."""
+IN_WORLDS = 36  # Step for the loops in hands with a box of environments
 
 
 @dataclass(frozen=True, slots=True)
 class NlpStructure:
-    """The content of an NLP. Two problems with the same structure share one compiled solver.
+    """The content of an NLP. Two problems with the same structure share one compiled solver."""
 
-    Attributes
-    ----------
-    kind : kind of the device
-    rigid : whether b_c is infinite
-    worlds : whether the environments form a box
-    walls : whether the environments include walls; the corner of the multiplier is then a variable, unless the problem
-        states it
-    in_time : whether the environments run late or by Euler's rules
-    shares : shares of the coupling for each of which the NLP imposes the constraint with environments
-    free : (index among a design's variables, whether it may be 0) for each free variable
-    integrator : whether the law has the term K_p/s
-    terms : terms of the error with a positive weight
-    norm : "rms", or "peak", which adds an epigraph variable
-    panels : number of panels of the quadrature; 0 for "peak"
-    capacities : number of slots for each kind of constraint in `DEMANDS`
-    tracked_peaks : number of peaks of |S| whose frequencies are variables
-    operator_damping : whether the damping of a least operator relaxes the constraints
-    parts : fields of `DeviceResponse` that the device has and an ideal device lacks
-    order : order of the sampled device; 1 for an ideal device
-    differenced, low_passes : whether the device computes the velocity as a difference of positions, and number of
-        low-passes of this velocity
-    uncertain : whether the device is uncertain; if so, each frequency has the mass and damping of its device. Devices
-        that differ only in their delays need no such numbers
-    objective_devices : number of devices whose greatest error is the objective, for "rms"
-    """
-
-    kind: Display
-    rigid: bool
-    worlds: bool
-    walls: bool
-    in_time: bool
+    kind: Display  # kind of the device
+    rigid: bool  # whether b_c is infinite
+    worlds: bool  # whether the environments form a box
+    walls: bool  # whether the environments include walls
+    in_time: bool  # whether the environments run late or by Euler's rules
     shares: tuple[float, ...]
-    free: tuple[tuple[int, bool], ...]
-    integrator: bool
-    terms: tuple[TermName, ...]
-    norm: Norm
-    panels: int
-    capacities: tuple[int, ...]
-    tracked_peaks: int
-    operator_damping: bool
-    parts: tuple[str, ...]
-    order: int
+    free: tuple[tuple[int, bool], ...]  # (index among a design's variables, whether it may be 0) for each free variable
+    integrator: bool  # whether the law has the term K_p/s
+    terms: tuple[TermName, ...]  # terms of the error with a positive weight
+    norm: Norm  # "rms", or "peak", which adds an epigraph variable
+    panels: int  # number of panels of the quadrature; 0 for "peak"
+    capacities: tuple[int, ...]  # number of slots for each kind of constraint in `DEMANDS`
+    tracked_peaks: int  # number of peaks of |S| whose frequencies are variables
+    operator_damping: bool  # whether the damping of a least operator relaxes the constraints
+    parts: tuple[str, ...]  # fields of `DeviceResponse` that the device has and an ideal device lacks
+    order: int  # order of the sampled device; 1 for an ideal device
     differenced: bool
     low_passes: int
-    uncertain: bool
-    objective_devices: int
+    uncertain: bool  # whether the device is uncertain
+    objective_devices: int  # number of devices whose greatest error is the objective, for "rms"
 
     @property
     def epigraph(self) -> bool:
@@ -102,16 +70,7 @@ def nlp_structure(
     posed: Posed, free: tuple[Coordinate, ...], working_set: WorkingSet, panels: int, *, integrator: bool
 ) -> NlpStructure:
     """Return the structure of the NLP of a problem on a working set. The NLP omits constraints and terms that have no
-    effect.
-
-    Parameters
-    ----------
-    posed : prepared problem, dimensionless
-    free : the free variables
-    working_set : points at which the relaxation imposes the constraints
-    panels : number of panels of the error's quadrature
-    integrator : whether K_p > 0
-    """
+    effect."""
     problem, weights = posed.problem, posed.problem.transparency.weights
     estimate = problem.device.velocity or VelocityEstimate()
     in_time = problem.worlds is not None and not problem.worlds.lossless

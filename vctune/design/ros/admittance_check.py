@@ -37,10 +37,7 @@ from vctune.model.numbers.units import UNITS, Units, UnitSystem
 from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode
 from vctune.simulation.scene import designed_scene
 
-SLOW = 0.1
-"""Share of the Nyquist frequency below which vctune warns of a filter's corner frequency. With half this share, vctune
-would not warn of the usual coefficient 0.05 at 500 Hz or less. With twice this share, it would warn of filters that a
-hand cannot feel."""
+SLOW = 0.1  # Share of the Nyquist frequency below which vctune warns of a filter's corner frequency
 
 
 def check_admittance(
@@ -51,29 +48,7 @@ def check_admittance(
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
     """Check the selected axes of a parameter file. If several axes have the same values, the function proves only one
-    of them.
-
-    Parameters
-    ----------
-    problem : the device with its velocity loop, whose gains are fixed
-    path : path of the parameter file
-    given : the parameter file
-    only : names of the axes to check; empty for all
-    progress : function that receives the current stage
-
-    Returns
-    -------
-    list of Checked
-        One check for each axis, in the file's order. If an axis rotates and the device is linear, or if the axis
-        translates and the device is rotary, the function skips the axis, and its check is undecided.
-
-    Raises
-    ------
-    InputError
-        If the problem is an impedance display, lacks gains, or has a force sensor with a filter in addition to the
-        filter of the file; if `only` names an axis that the file does not select or that has the other kind of motion;
-        or if no axis has the device's kind of motion.
-    """
+    of them."""
     tables, axes = _device(problem, given), _chosen(problem, path, given, only)
     fitting = " ".join(f"--axis {axis.axis}" for axis in axes if _moves_as(axis, problem))
     checks: list[Checked] = []
@@ -103,19 +78,7 @@ def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile, only: Seque
 
 
 def axes_asked_for(path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
-    """Return the axes of a parameter file to check, in the file's order.
-
-    Parameters
-    ----------
-    path : path of the file, for messages
-    given : the parameter file
-    only : names of the axes to check; empty for all
-
-    Raises
-    ------
-    InputError
-        If `only` names an axis that the file does not select.
-    """
+    """Return the axes of a parameter file to check, in the file's order."""
     selected = [axis.axis for axis in given.axes]
     if unknown := [name for name in only if name not in selected]:
         message = f"selects {', '.join(selected)}, and --axis asks for {', '.join(unknown)}; name axes that it selects"

@@ -1,10 +1,4 @@
-"""Write a design for a servo as parameters of a ROS 2 admittance_controller.
-
-The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`). The
-parameters M = m_c + D T and D = b_0 therefore render the mass and drag of a design. The controller has no damper in
-series with the mass. The file states D by two parameters: a damping ratio, which refers to M and S, and joint_damping.
-All axes have the same joint_damping. On an axis without stiffness, joint_damping gives all the damping.
-"""
+"""Write a design for a servo as parameters of a ROS 2 admittance_controller."""
 
 from __future__ import annotations
 
@@ -19,28 +13,18 @@ from vctune.model.device import Device
 from vctune.model.gains import Coupling
 from vctune.model.problem import Problem
 
-DIGITS = 7
-"""Number of significant digits to which the code rounds a damping up. With half as many digits, the damping would be up
-to a hundredth of a per cent greater. Twice as many digits would have no benefit."""
+DIGITS = 7  # Number of significant digits to which the code rounds a damping up
+# Time constant, s, of a weak spring that the file states only because the damping ratio refers to a stiffness
 RETURN = 1e4
-"""Time constant, s, of a weak spring that the file states only because the damping ratio refers to a stiffness. With
-half or twice this time, the damping changes by a millionth."""
 
 
 @dataclass(frozen=True, slots=True)
 class RenderedAxis:
-    """The design of one axis.
+    """The design of one axis."""
 
-    Attributes
-    ----------
-    axis : name of the axis, one of `AXES`
-    device : device of the axis, a servo
-    coupling : coupling of the design; the controller cannot render its damper b_c
-    """
-
-    axis: str
-    device: Device
-    coupling: Coupling
+    axis: str  # name of the axis, one of `AXES`
+    device: Device  # device of the axis, a servo
+    coupling: Coupling  # coupling of the design; the controller cannot render its damper b_c
 
     @property
     def stiffness(self) -> float:
@@ -67,18 +51,7 @@ def axes_of(problem: Problem) -> tuple[str, ...]:
 
 
 def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFile:
-    """Return the parameters that render designs, one design for each selected axis.
-
-    Parameters
-    ----------
-    designs : designs, at least one
-    source : name of the problem in messages
-
-    Raises
-    ------
-    InputError
-        If the axes have different sample times or filters; a controller has one of each for all axes.
-    """
+    """Return the parameters that render designs, one design for each selected axis."""
     for key, values in (
         ("device.sample_time", {design.device.sample_time for design in designs}),
         (f"device.{FILTER_OF_SAMPLES}", {design.filter_coefficient for design in designs}),

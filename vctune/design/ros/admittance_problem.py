@@ -1,15 +1,4 @@
-"""Join a problem file and a ROS 2 parameter file: the problem of a device whose coupling is the ROS 2 admittance.
-
-The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. This equals
-a mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. A mass by backward Euler equals a coupling
-by the trapezoidal rule with b_c = 2 (M - D T)/T and m_c = M - D T. The proof covers every passive environment, and thus
-the spring.
-
-For a servo this form is exact. S acts on the measured position, which has the lag of the servo. S is therefore the
-servo's own spring, and the code does not subtract S T/2 from the drag. The filter of the controller acts on samples,
-like the filter in the model of a servo. The controller commands a position, the sum of T v. The servo interpolates
-between these positions, so it moves as if v were the command.
-"""
+"""Join a problem file and a ROS 2 parameter file: the problem of a device whose coupling is the ROS 2 admittance."""
 
 from __future__ import annotations
 
@@ -19,31 +8,19 @@ from typing import Any
 from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.model.gains import Coupling
 
-OF_FILE = ("admittance", "ft_sensor")
-"""Names of the tables of a parameter file. A joint document has these tables and the tables of the problem."""
+OF_FILE = ("admittance", "ft_sensor")  # Names of the tables of a parameter file
+# Keys under which the joint problem states the controller's filter: for a servo, and for any other device
 FILTER_OF_SAMPLES, FILTER_AS_CORNER = "force_sensor.filter_coefficient", "force_sensor.bandwidth_hz"
-"""Keys under which the joint problem states the controller's filter: for a servo, and for any other device."""
 
 
 def device_tables(document: dict[str, Any]) -> dict[str, Any]:
-    """Return the tables of a problem that describe its device and hands, with the criterion "hands".
-
-    Parameters
-    ----------
-    document : document of the problem
-    """
+    """Return the tables of a problem that describe its device and hands, with the criterion "hands"."""
     tables = {key: value for key, value in document.items() if key not in ("experiment", "coupling")}
     return {**tables, "stability": {**tables.get("stability", {}), "criterion": "hands"}}
 
 
 def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admittance) -> dict[str, Any]:
-    """Return the tables of a device together with the tables of a parameter file for one axis.
-
-    Parameters
-    ----------
-    device : tables of the problem file
-    given, axis : the parameter file, and one of its axes
-    """
+    """Return the tables of a device together with the tables of a parameter file for one axis."""
     rendered = {
         "mass": axis.mass,
         "damping_ratio": axis.damping_ratio,
@@ -55,12 +32,7 @@ def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admitt
 
 def as_problem(document: dict[str, Any]) -> dict[str, Any]:
     """Return the tables of a problem whose coupling is the admittance of a joint document, as the controller computes
-    it.
-
-    Parameters
-    ----------
-    document : see `document_of_both`
-    """
+    it."""
     device, coefficient = document["device"], document["ft_sensor"]["filter_coefficient"]
     axis, T = Admittance(axis="", line=0, **document["admittance"]), float(device["sample_time"])
     coupling = coupling_of_admittance(axis, T, servo="servo" in device)
@@ -87,30 +59,12 @@ def _with_filter(device: dict[str, Any], key: str, number: float) -> dict[str, A
 
 
 def corner_hz(coefficient: float, sample_time: float) -> float:
-    """Return the corner frequency of the filter y += coefficient (x - y), Hz.
-
-    Parameters
-    ----------
-    coefficient : weight of a new sample, in (0, 1)
-    sample_time : T, s
-    """
+    """Return the corner frequency of the filter y += coefficient (x - y), Hz."""
     return -log(1 - coefficient) / (2 * pi * sample_time)
 
 
 def coupling_of_admittance(axis: Admittance, sample_time: float, *, servo: bool = False) -> Coupling:
-    """Return the coupling that equals an admittance without its spring, as the controller computes it.
-
-    Parameters
-    ----------
-    axis : the rendered environment
-    sample_time : T, s
-    servo : whether the device is a servo; for any other device, the explicit step of the spring reduces the drag
-
-    Returns
-    -------
-    Coupling
-        The coupling, whose mass or drag is negative if the explicit step is not passive.
-    """
+    """Return the coupling that equals an admittance without its spring, as the controller computes it."""
     mass = axis.mass - axis.damping * sample_time
     taken = 0.0 if servo else axis.stiffness * sample_time / 2
     return Coupling(2 * mass / sample_time, mass, axis.damping - taken)

@@ -1,8 +1,4 @@
-"""Find repairs of a refuted axis of a ROS 2 parameter file: first changes of the axis, then changes of the problem.
-
-The file states no coupling. The search therefore changes the parameters of the file, as a user would, and not the
-coupling.
-"""
+"""Find repairs of a refuted axis of a ROS 2 parameter file: first changes of the axis, then changes of the problem."""
 
 from __future__ import annotations
 
@@ -24,20 +20,7 @@ from vctune.model.problem import Problem
 def repairs_of_axis(
     document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress
 ) -> list[Repair] | None:
-    """Return the changes of one value after which an axis passes or uses its loop; None if the axis needs no change.
-
-    Parameters
-    ----------
-    document : the tables of the device and of the parameter file (`document_of_both`)
-    problem : problem that the tables state
-    judgement : judgement of the axis
-    progress : function that receives the current stage
-
-    Returns
-    -------
-    list of Repair
-        Repairs of the parameter file first, then repairs of the problem; in each part the least error comes first.
-    """
+    """Return the changes of one value after which an axis passes or uses its loop; None if the axis needs no change."""
     tables = as_problem(document)
     if judgement.idle:
         changes, test = changes_of_demands(tables, problem), OF_FIXED_IN_USE
@@ -52,13 +35,7 @@ def repairs_of_axis(
 
 
 def remedy(repairs: Sequence[Repair], source: str) -> str:
-    """Return the best repair in words.
-
-    Parameters
-    ----------
-    repairs : repairs of an axis
-    source : path of the problem file
-    """
+    """Return the best repair in words."""
     words = [
         f"{place}{', or '.join(map(str, found))} would pass"
         for place, found in (

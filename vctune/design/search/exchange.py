@@ -1,10 +1,5 @@
 """The exchange method: solve an NLP with few frequencies, add the frequencies at which its answer violates a
-constraint, and repeat.
-
-See design/README.md, section 6. Each NLP is confined to a trust box in log coordinates around the last point with a
-stable loop. Without this box, the exchange could end at an unstable loop, because unstable loops beyond |S| = inf also
-satisfy the constraints at single frequencies.
-"""
+constraint, and repeat."""
 
 from __future__ import annotations
 
@@ -34,56 +29,24 @@ from vctune.running import OutOfTimeError, check_time
 
 # tests/design/test_search_constants.py solves references and basins with each constant halved and doubled.
 
-TIGHTENING = 1e-6
-"""Relative tightening of the constraints. The tightening covers the rounding to eight digits and IPOPT's tolerance of
-1e-9. The tightening increases the error by about the same share. If it is too small, the proof refutes the design, and
-the search repeats the exchange with ten times the tightening."""
-ROUNDS = 40
-"""Greatest number of NLPs in an exchange; one to three are usual. With half this number, an exchange that converges
-slowly along the stability boundary ends too early. With twice this number, the exchange takes longer without a better
-result."""
-STALLED = 8
-"""Number of rounds within which the greatest violation must halve; otherwise the exchange ends. This rule applies to an
-exchange with a box of environments that has no feasible answer although another start has one. Such an exchange may add
-a few points in each round and hardly reduce the violation. An exchange whose violation falls slowly can still find a
-design."""
-RADIUS = 2.0
-"""Half-width of the first trust box, and the greatest half-width, in log coordinates. This width permits variables from
-1/7 to 7 times those of the start, which is near a local minimum. With twice this width IPOPT ends beyond |S| = inf more
-often; with half this width it needs another round."""
-GROWTH = 2.0
-"""Factor by which the exchange widens the trust box after a useful answer. After any other answer, it halves the
-box."""
-NEARER = 0.8
-"""Ratio of successive violations below which an infeasible answer counts as useful. The trust box may contain no
-feasible design at first, for example because the scan missed a sharp resonance. With half this ratio, the exchange ends
-too early for a display with hardly any damping; with 0.9 it finds the design in the same number of rounds."""
+TIGHTENING = 1e-6  # Relative tightening of the constraints
+ROUNDS = 40  # Greatest number of NLPs in an exchange; one to three are usual
+STALLED = 8  # Number of rounds within which the greatest violation must halve; otherwise the exchange ends
+RADIUS = 2.0  # Half-width of the first trust box, and the greatest half-width, in log coordinates
+GROWTH = 2.0  # Factor by which the exchange widens the trust box after a useful answer
+NEARER = 0.8  # Ratio of successive violations below which an infeasible answer counts as useful
+# Half-width of the trust box at which the exchange ends: 0.1 %, the accuracy to which the search distinguishes basins
 LEAST_RADIUS = 1e-3
-"""Half-width of the trust box at which the exchange ends: 0.1 %, the accuracy to which the search distinguishes basins.
-With half this size the exchange takes one more round; with twice this size it takes one round less."""
-FIRST_FREQUENCIES = 9
-"""Number of log-spaced frequencies at which the first NLP imposes each constraint without a hand. With this number, the
-first answer violates the constraints only slightly; the exchange adds the missing frequencies later. With half as many
-frequencies, the exchange takes one or two more rounds; with twice as many, every round is slower."""
+FIRST_FREQUENCIES = 9  # Number of log-spaced frequencies at which the first NLP imposes each constraint without a hand
 PANELS = 4
-MAX_PANELS = 256
-"""First and greatest number of panels of the error's quadrature, with eight nodes each. The exchange doubles them until
-the NLP's error is accurate to `OBJECTIVE_TOLERANCE`. With half of `PANELS`, the exchange takes another round. For a
-device with an undamped resonance, half of `MAX_PANELS` is too small.
-"""
+MAX_PANELS = 256  # First and greatest number of panels of the error's quadrature, with eight nodes each
+# Permitted relative difference between the NLP's objective and the error of its answer, for each norm
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
-"""Permitted relative difference between the NLP's objective and the error of its answer, for each norm. With norm
-"peak", each round reduces this difference only by a factor of three or four, because the frequency of the greatest
-error changes with the gains. With a limit of 1e-5, the exchange takes 5 % more time. With half or twice the limit, the
-error of the design changes by about the same share."""
+# Half-width of the trust box in which the exchange solves the NLP of an impedance display with a box of environments
+# for its multipliers
 NEAR = 0.02
-"""Half-width of the trust box in which the exchange solves the NLP of an impedance display with a box of environments
-for its multipliers. The optimum is already known, and the trust box only keeps IPOPT near it."""
+# Share by which the error of an answer must exceed that of a known design for the exchange to reject the answer
 UPHILL = 1e-4
-"""Share by which the error of an answer must exceed that of a known design for the exchange to reject the answer. This
-share exceeds the effect of the tightening and of IPOPT's tolerance. The share is well below 0.1 %, the accuracy to
-which the search distinguishes basins.
-"""
 
 
 def polish(
@@ -97,37 +60,7 @@ def polish(
     demands: WorkingSet | None = None,
 ) -> Polished | None:
     """Improve a start to a local optimum of the semi-infinite problem; return None if the exchange finds no feasible
-    design.
-
-    If environments run late or by Euler's rules, the function first requires only a positive margin of the real part,
-    and starts a second exchange with all margins from the result. The polygons of such environments are thin, so an
-    exchange with all margins seldom becomes feasible from the original start. Environments that answer ahead need no
-    first exchange. Impedance displays with a box of environments have their own search
-    (`search/in_worlds/stiffest.py`).
-
-    Parameters
-    ----------
-    posed : prepared problem, dimensionless
-    start : start from the scan
-    scanned : result of the scan, which decides which constraints the first NLP has
-    incumbent : error above which the exchange ends, because more frequencies can only raise the error of the NLP
-    tightening : relative tightening of the constraints
-    witnesses : points at which a proof has refuted a design; the first NLP includes these points
-    demands : points of the first NLP if the start is a known optimum; None for a coarse grid and the worst points at
-        the start
-
-    Returns
-    -------
-    Polished or None
-        A dimensionless design that meets the tightened constraints in double precision, without a proof. If the time
-        limit ends the exchange, the result is the best feasible answer so far.
-
-    Raises
-    ------
-    OutOfTimeError
-        If the time limit ends before the exchange has a feasible answer, or ends the search for the stiffest coupling
-        of an impedance display.
-    """
+    design."""
     again = partial(_exchanged, scanned=scanned, tightening=tightening, witnesses=witnesses, demands=demands)
     worlds = posed.problem.worlds
     if by_scale(posed.problem):
@@ -147,12 +80,7 @@ def polish(
 
 
 def by_scale(problem: Problem) -> bool:
-    """Return whether the search computes the coupling from the scales that environments forbid.
-
-    Parameters
-    ----------
-    problem : problem in any units
-    """
+    """Return whether the search computes the coupling from the scales that environments forbid."""
     return problem.worlds is not None and problem.device.kind.inverse
 
 
@@ -223,42 +151,26 @@ def _exchanged(
 
 @dataclass(slots=True)
 class _Search:
-    """The state of an exchange.
-
-    Attributes
-    ----------
-    cases : problems of the devices at which the relaxation imposes the constraints
-    witnesses : points in hands at which a proof refuted an earlier design
-    reference : centre of the trust box: the last answer with stable loops and Re(D + Z_h) > 0, or the best known design
-        if that answer was worse
-    warm_start : design from which IPOPT starts
-    radius : half-width of the trust box in log coordinates
-    known, known_error : the best known feasible design, an answer or the start, and its error
-    missed : greatest violation of the last answer
-    trail : greatest violation of each answer with stable loops
-    start_examined : whether the exchange has evaluated the start as a known design
-    unstable : whether the last answer was unstable. After one unstable answer a new cut may suffice; after two in a
-        row, or without a new cut, the exchange halves the trust box
-    """
+    """The state of an exchange."""
 
     start: Start
-    cases: list[Problem]
-    witnesses: list[ConstraintPoint]
+    cases: list[Problem]  # problems of the devices at which the relaxation imposes the constraints
+    witnesses: list[ConstraintPoint]  # points in hands at which a proof refuted an earlier design
     tightening: float
     incumbent: float
     working_set: WorkingSet
     reference: Point
-    warm_start: Point
-    known: Point
-    radius: float
+    warm_start: Point  # design from which IPOPT starts
+    known: Point  # the best known feasible design, an answer or the start, and its error
+    radius: float  # half-width of the trust box in log coordinates
     panels: int
     rounds: list[Round] = field(default_factory=list)
     best: Polished | None = None
     known_error: float = inf
-    missed: float = 0.0
-    trail: list[float] = field(default_factory=list)
-    start_examined: bool = False
-    unstable: bool = False
+    missed: float = 0.0  # greatest violation of the last answer
+    trail: list[float] = field(default_factory=list)  # greatest violation of each answer with stable loops
+    start_examined: bool = False  # whether the exchange has evaluated the start as a known design
+    unstable: bool = False  # whether the last answer was unstable
     finished: bool = False
 
 
@@ -316,11 +228,7 @@ def _step(posed: Posed, search: _Search) -> None:
 
 def _examine_start(posed: Posed, search: _Search, error: float) -> None:
     """Scale the coupling of the start up until it is feasible, and remember this design if it may be better than an
-    answer.
-
-    IPOPT first moves away from bounds. From a start on a bound, it may therefore end in another basin with a greater
-    error.
-    """
+    answer."""
     if search.start_examined or not (1 + UPHILL) * search.start.error < error:
         return
     search.start_examined = True
@@ -345,11 +253,8 @@ def _remember(search: _Search, values: Point, error: float) -> None:
 
 
 def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, joined: bool) -> bool:
-    """Refine the objective of the next NLP if it differs from the error of the last answer; return whether it changed.
-
-    With norm "rms" the quadrature gets more panels. With norm "peak" the objective changes if the exchange has added a
-    frequency: without the frequencies of the greatest errors, the NLP underestimates the error.
-    """
+    """Refine the objective of the next NLP if it differs from the error of the last answer; return whether it
+    changed."""
     norm = problem.transparency.norm
     error = min(design.error, search.best.error) if norm == "peak" and search.best else design.error
     if abs(design.solution.error - error) <= OBJECTIVE_TOLERANCE[norm] * error:
@@ -361,10 +266,7 @@ def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, j
 
 
 def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> WorkingSet:
-    """Return a coarse grid of points and the worst hands at the start.
-
-    The set has no points for |S| if |S| was below its limit throughout the scan.
-    """
+    """Return a coarse grid of points and the worst hands at the start."""
     problem, coarse = posed.problem, np.geomspace(*posed.span, FIRST_FREQUENCIES)
     first = WorkingSet()
     if problem.passive and (problem.bounds.velocity.max > 0 or start.gains.position > 0):

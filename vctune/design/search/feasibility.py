@@ -16,26 +16,16 @@ from vctune.model.loop.impedances import LoopResponse
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem
 
-Kinds = NDArray[np.int8]
-"""Array of values of `Missed`."""
+Kinds = NDArray[np.int8]  # Array of values of `Missed`
 
 
 @dataclass(frozen=True, slots=True)
 class LoopFeasibility:
-    """The violations of loops: arrays with one entry for each pair of gains.
+    """The violations of loops: arrays with one entry for each pair of gains."""
 
-    Attributes
-    ----------
-    missed : the most serious violated constraint, over all devices
-    violation : amount of that violation. For |S| it is log(|S|/max_sensitivity). For Re(D + Z_h) it is the magnitude of
-        the negative value, relative to the loop's impedance. For an unstable loop it is the magnitude of the gains,
-        because unstable loops with smaller gains are nearer to stability.
-    peak_sensitivity : greatest |S| up to Nyquist on any device
-    """
-
-    missed: Kinds
-    violation: Floats
-    peak_sensitivity: Floats
+    missed: Kinds  # the most serious violated constraint, over all devices
+    violation: Floats  # amount of that violation
+    peak_sensitivity: Floats  # greatest |S| up to Nyquist on any device
 
     @property
     def feasible(self) -> NDArray[np.bool_]:
@@ -45,15 +35,7 @@ class LoopFeasibility:
 
 
 def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse]) -> LoopFeasibility:
-    """Return the constraints that loops violate, each on the device with the most serious violation.
-
-    Parameters
-    ----------
-    problem : problem, dimensionless
-    samples : samples of the scan
-    gains : gains, arrays that broadcast against each other
-    bands : responses of the loops on the stability band, one for each device (`grid.responses`)
-    """
+    """Return the constraints that loops violate, each on the device with the most serious violation."""
     worst, *others = (
         _on_one_device(problem, there, gains, band) for there, band in zip(samples.everywhere, bands, strict=True)
     )

@@ -1,15 +1,4 @@
-"""Find the greatest feasible K_v at each corner frequency, where most good designs lie.
-
-    K_v |     infeasible
-        |  _____
-        | /     `--..__  <- the limit, by |S| or by stability
-        |/  feasible   `-.
-        +----------------- corner K_p/(b + K_v)
-
-The error decreases as K_v rises to the limit. Half a grid step below the limit, the error may be a third higher than at
-the limit. The scan therefore locates the limit first, by dividing the grid step that contains it. The designs at the
-limit then form a separate grid over the other three axes.
-"""
+"""Find the greatest feasible K_v at each corner frequency, where most good designs lie."""
 
 from __future__ import annotations
 
@@ -27,45 +16,22 @@ from vctune.model.gains import Gains
 from vctune.model.problem import Problem
 from vctune.running import check_time
 
+# Number of times that the code divides the step with the limit, and number of parts of each division
 ROUNDS, PARTS = 3, 4
-"""Number of times that the code divides the step with the limit, and number of parts of each division. The last parts
-are 1/64 of a grid step, or 1 % of K_v."""
-BELOW, ABOVE = 0.93, 1.03
-"""Factors of the limit that give the neighbours of a design at the limit. The best design with a coupling may need a
-K_v slightly below the limit. A distance of 3 % above the limit is enough, because the frequencies of the scan determine
-the limit to within 1 %."""
+BELOW, ABOVE = 0.93, 1.03  # Factors of the limit that give the neighbours of a design at the limit
 
 
 @dataclass(frozen=True, slots=True)
 class GainLimits:
-    """The greatest feasible K_v at each corner frequency at which the grid contains a limit.
+    """The greatest feasible K_v at each corner frequency at which the grid contains a limit."""
 
-    Attributes
-    ----------
-    corner, below : index of the corner in the grid, and index of the last K_v of the grid below the limit
-    velocity : greatest feasible K_v, accurate to 1 %
-    scores : scores of the designs at the limits, shape (corners, 1, time constants, drags)
-    """
-
-    corner: NDArray[np.intp]
+    corner: NDArray[np.intp]  # index of the corner in the grid, and index of the last K_v of the grid below the limit
     below: NDArray[np.intp]
-    velocity: Floats
-    scores: Scores
+    velocity: Floats  # greatest feasible K_v, accurate to 1 %
+    scores: Scores  # scores of the designs at the limits, shape (corners, 1, time constants, drags)
 
     def places(self, problem: Problem, grid: Axes, minima: list[tuple[int, ...]]) -> Axes:
-        """Return small grids around designs at the limits: on each axis the design and its two neighbours.
-
-        Parameters
-        ----------
-        problem : problem, dimensionless
-        grid : grid to which the limits belong
-        minima : indices of designs in `scores`
-
-        Returns
-        -------
-        Axes
-            Three points on each axis for each design, axes of shape (minima, 3).
-        """
+        """Return small grids around designs at the limits: on each axis the design and its two neighbours."""
         near = between_neighbours(
             grid, [(int(self.below[k]), int(self.corner[k]), tau, drag) for k, _, tau, drag in minima]
         )
@@ -75,20 +41,7 @@ class GainLimits:
 
 
 def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasibility) -> GainLimits:
-    """Find the greatest feasible K_v at all corners of a grid at once, and score the designs with these K_v.
-
-    Parameters
-    ----------
-    problem : problem, dimensionless
-    samples : samples of the scan
-    grid : one grid of designs
-    loops : violations of the grid's loops, shape (velocities, corners)
-
-    Returns
-    -------
-    GainLimits
-        The limits and the scores of the designs at the limits; empty if no corner has a limit.
-    """
+    """Find the greatest feasible K_v at all corners of a grid at once, and score the designs with these K_v."""
     last = loops.feasible[:-1] & ~loops.feasible[1:]
     corner = np.flatnonzero(last.any(axis=0))
     if not corner.size:

@@ -1,14 +1,4 @@
-"""Evaluate the constraints and the error over a grid of designs, with the coupling in closed form.
-
-For given K_v, K_p, b_0 and tau_c = m_c/b_c, the least feasible b_c is a maximum over frequency,
-
-    b_c >= (safety_factor R - b_0) (1 + 1/(omega tau_c)^2),
-
-and the error grows with b_c. A design is therefore a point (K_v, corner, tau_c, b_0). The corner K_p/(b + K_v) is the
-frequency below which the integral action outweighs K_v and the damping. All quantities of this module are dimensionless
-(Z_0 = T = 1). The constraints and the error are estimates, because the module evaluates them only at a fixed set of
-frequencies.
-"""
+"""Evaluate the constraints and the error over a grid of designs, with the coupling in closed form."""
 
 from __future__ import annotations
 
@@ -35,20 +25,9 @@ from vctune.model.problem import Problem, Range
 from vctune.model.transparency import loop_terms
 from vctune.running import check_time
 
-COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
-"""Least number of points on each axis.
-
-The grid need only be fine enough for each basin to have a local minimum on it; the gain limits and the refinement then
-locate the minimum exactly. With half as many K_v, corners or time constants, the error of no reference problem and of
-no basin of the tests rises by more than 0.1 %. With half as many drags, one problem has twice the error. With twice as
-many points on any axis, the scan finds no better design.
-"""
-PER_DECADE = 3.5
-"""Least number of corners, and of time constants, in a decade. With usual bounds, `COUNTS` gives this density; with
-wide bounds, the grid gets more points."""
-LOOPS_AT_ONCE = 160
-"""Number of loops that the code evaluates at once. Their arrays, with a hundred frequencies for each loop, fit into the
-processor's cache. The number affects only the speed."""
+COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}  # Least number of points on each axis
+PER_DECADE = 3.5  # Least number of corners, and of time constants, in a decade
+LOOPS_AT_ONCE = 160  # Number of loops that the code evaluates at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,23 +47,12 @@ class Axes:
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """The scores of designs in lexicographic order: violated constraint, violation, error, coupling.
+    """The scores of designs in lexicographic order: violated constraint, violation, error, coupling."""
 
-    All arrays have one shape. On a grid the axes are K_v, corner, tau_c and b_0.
-
-    Attributes
-    ----------
-    missed : most serious violated constraint
-    violation : amount of the violation; 0 without one
-    error : transparency error if the design violates no constraint, else inf
-    scale : least scale (b_c, m_c of a rigid coupling, or 1/k_c) that meets the constraint and the lower bounds. It
-        decides between designs with equal errors. It exceeds the upper bound where `missed` names the coupling
-    """
-
-    missed: Kinds
-    violation: Floats
-    error: Floats
-    scale: Floats
+    missed: Kinds  # most serious violated constraint
+    violation: Floats  # amount of the violation; 0 without one
+    error: Floats  # transparency error if the design violates no constraint, else inf
+    scale: Floats  # least scale (b_c, m_c of a rigid coupling, or 1/k_c) that meets the constraint and the lower bounds
 
     def __getitem__(self, index: Any) -> Scores:
         """Return the scores of the designs with the given index."""
@@ -118,18 +86,7 @@ class Scores:
 
 @lru_cache(maxsize=4)
 def axes(posed: Posed, *, integral: bool) -> Axes:
-    """Return the coarse grid of a problem with or without an integrator.
-
-    Parameters
-    ----------
-    posed : prepared problem, dimensionless
-    integral : whether K_p > 0; if not, the only corner is 0
-
-    Returns
-    -------
-    Axes
-        The axes of one grid, each in ascending order.
-    """
+    """Return the coarse grid of a problem with or without an integrator."""
     problem, (low, high) = posed.problem, posed.span
     device, bounds = problem.device, problem.bounds
     loop_impedance = device.mass / device.loop_lag + device.damping
@@ -157,10 +114,7 @@ def _count(name: str, low: float, high: float) -> int:
 
 def _axis(bounds: Range, count: int, floor: float) -> Floats:
     """Return a logarithmic grid over the bounds. If the least value is 0 or far below `floor`, the next point is
-    `floor`.
-
-    A least value other than 0 is then an additional point, so that the grid above it keeps its spacing.
-    """
+    `floor`."""
     if bounds.fixed:
         return np.array([bounds.min])
     floor = min(floor, bounds.max / 10)
@@ -170,38 +124,14 @@ def _axis(bounds: Range, count: int, floor: float) -> Floats:
 
 
 def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
-    """Return K_p for a corner frequency, within its bounds; 0 without an integrator.
-
-    Parameters
-    ----------
-    problem : problem, dimensionless
-    K_v : velocity gains, in the optimiser's units, an array of any shape
-    corner : K_p/(b + K_v), an array that broadcasts against K_v
-
-    Returns
-    -------
-    array of float
-        K_p in the shape to which both arrays broadcast.
-    """
+    """Return K_p for a corner frequency, within its bounds; 0 without an integrator."""
     bounds = problem.bounds.position
     K_p = np.clip((problem.device.damping + K_v) * corner, bounds.min, bounds.max)
     return np.where(corner > 0, K_p, 0.0)
 
 
 def evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, LoopFeasibility]:
-    """Score every design of a grid, or of several grids along leading axes, and the loops of these designs.
-
-    Parameters
-    ----------
-    problem : problem, dimensionless
-    samples : samples of the scan
-    at : the axes of the grids
-
-    Returns
-    -------
-    tuple of Scores and LoopFeasibility
-        Scores of shape (..., K_v, corner, tau_c, b_0), and violations of shape (..., K_v, corner).
-    """
+    """Score every design of a grid, or of several grids along leading axes, and the loops of these designs."""
     rows = max(1, LOOPS_AT_ONCE // at.corner.shape[-1])
     if at.velocity.ndim > 1 or at.velocity.size <= rows:
         return _evaluated(problem, samples, at)
@@ -226,13 +156,7 @@ def _evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, Lo
 
 
 def least_errors(posed: Posed, gains: Gains) -> Floats:
-    """Return the least error over all feasible couplings; inf if no coupling is feasible.
-
-    Parameters
-    ----------
-    posed : prepared problem, dimensionless
-    gains : K_v and K_p, arrays of two dimensions
-    """
+    """Return the least error over all feasible couplings; inf if no coupling is feasible."""
     problem, samples = posed.problem, samples_of(posed, integrator=bool(np.any(gains.position)))
     at, bands = axes(posed, integral=samples.integrator), responses(samples, gains)
     loops = loop_feasibility(problem, samples, gains, bands)
@@ -253,27 +177,13 @@ def _scores(
 
 
 def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
-    """Return the responses of loops at the samples of the stability band, for each device.
-
-    Parameters
-    ----------
-    samples : samples of the scan
-    gains : gains, dimensionless arrays that broadcast against each other
-
-    Returns
-    -------
-    list of LoopResponse
-        One response for each device of `samples.everywhere`, with the gains' shape and the frequencies as last axis.
-    """
+    """Return the responses of loops at the samples of the stability band, for each device."""
     return [there.band.response(spread(gains)) for there in samples.everywhere]
 
 
 def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tuple[Floats, Floats]:
-    """Return the places at which the coupling must meet R, and the greatest R over all devices and hands at each place.
-
-    A place is a frequency at which the coupling is evaluated: omega, or (2/T) tan(theta/2) in the sampled loop. For an
-    impedance display a place is an angle theta, and the second array has R/s^2 with s = sin(theta/2).
-    """
+    """Return the places at which the coupling must meet R, and the greatest R over all devices and hands at each
+    place."""
     places = []
     with np.errstate(divide="ignore", invalid="ignore"):
         if samples.band.omega.size:

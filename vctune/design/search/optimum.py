@@ -1,7 +1,5 @@
-"""Find the best proved design: optimise from each promising start (`polish`), round the optima, and prove them.
-
-See design/README.md, section 8.
-"""
+"""Find the best proved design: optimise from each promising start (`polish`), round the optima, and prove them. See
+design/README.md, section 8."""
 
 from __future__ import annotations
 
@@ -36,82 +34,43 @@ from vctune.proof.claims.whole_samples import NEXT_TO
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
+# The search polishes a start if its estimated error, divided by the error of the best optimum, is at most this ratio
 WORTH_POLISHING = 1.05
-"""The search polishes a start if its estimated error, divided by the error of the best optimum, is at most this ratio.
-This ratio corresponds to the accuracy of the refined grid at a local minimum. With a smaller ratio, the search may skip
-the start that leads to the best design. With a greater ratio, it polishes more starts that do not lead to the best
-design.
-"""
+# Number of times that the search tightens the constraints and polishes a refuted optimum again, and number of digits
+# that it then adds to the decimals
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
-"""Number of times that the search tightens the constraints and polishes a refuted optimum again, and number of digits
-that it then adds to the decimals. After 4 rounds the tightening is 1e-3, which makes a design 0.1 % worse. With half as
-many rounds, the search abandons designs that the third round would prove. With twice as many, it accepts designs that
-are worse than those from another start."""
+# Number of starts that the search polishes if none is feasible, because a feasible design may lie between the points of
+# the grid
 LONG_SHOTS = 2
-"""Number of starts that the search polishes if none is feasible, because a feasible design may lie between the points
-of the grid. The first start may not lead to this design. More starts take more time without finding more designs than
-the search of every box, which follows."""
-NEARLY = 0.1
-"""Greatest violation of a start, as a share, for `within_reach` to polish it. This share is twice the spacing of the
-refined grid. With half this share, vctune misses some repairs; with twice this share, it polishes more starts without
-success."""
-PROOF_BOXES = 300_000
-"""Number of boxes of undecided proofs after which the search ends and the design stays undecided. Without this limit
-the search would try more tightenings and more starts, although no proof can decide hands that resonate far above
-Nyquist. With half as many boxes the search makes only one attempt; with twice as many it makes three."""
+NEARLY = 0.1  # Greatest violation of a start, as a share, for `within_reach` to polish it
+PROOF_BOXES = 300_000  # Number of boxes of undecided proofs after which the search ends and the design stays undecided
+# Number of delays on each side of the worst one that `worst_near` tries in each round, and number of rounds
 DELAYS_TRIED, DELAY_ROUNDS = 4, 6
-"""Number of delays on each side of the worst one that `worst_near` tries in each round, and number of rounds. Each
-round divides the distance of the delays by `DELAYS_TRIED`. The last distance is 2e-4 of the range, so that the ratio,
-which is smooth, is least to within about 1e-8. With half or twice either number, the errors of designs agree to 1e-7.
-"""
+# Number of times that the search adds a hand that only the proof has found, and polishes the optimum again
 NEW_HANDS = 12
-"""Number of times that the search adds a hand that only the proof has found, and polishes the optimum again. Such hands
-exist because a resonance above Nyquist may occur in few hands of the box. With half or twice this number the search
-finds the same designs. With 0, it finds no design for a device with a sampling rate of 20 Hz."""
+# Factor by which the search increases the tightening if a proof refutes a design, and least tightening if a proof is
+# undecided
 SHARPENING, DECIDABLE = 10.0, 1e-3
-"""Factor by which the search increases the tightening if a proof refutes a design, and least tightening if a proof is
-undecided. The number of boxes of a proof grows with the inverse of the remaining reserve. With twice these values, the
-error increases by at most the same share; with half of them, some proofs fail."""
 
-SEARCH, PROOF = "the search", "the proof"
-"""Names of stages that a time limit may cut short."""
-SEARCHING = 0.6
-"""Share of the time limit for polishing starts; the rest is for the proof, which takes about as long. The share applies
-once the search has an optimum. With half this share the designs are worse; with the whole time vctune proves no
-design."""
+SEARCH, PROOF = "the search", "the proof"  # Names of stages that a time limit may cut short
+SEARCHING = 0.6  # Share of the time limit for polishing starts; the rest is for the proof, which takes about as long
 
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """The result of the optimiser.
+    """The result of the optimiser."""
 
-    Attributes
-    ----------
-    judgement : judgement of the best proved design, or else of the best undecided one; None if there is neither
-    polished : the local optimum before rounding
-    optima : number of local optima
-    seconds : time of polishing and of proving, s
-    cut : names of the stages that the time limit cut short
-    """
-
-    judgement: Judgement | None
-    polished: Polished | None
-    optima: int
-    seconds: dict[str, float]
-    cut: tuple[str, ...] = ()
+    judgement: Judgement | None  # judgement of the best proved design, or else of the best undecided one
+    polished: Polished | None  # the local optimum before rounding
+    optima: int  # number of local optima
+    seconds: dict[str, float]  # time of polishing and of proving, s
+    cut: tuple[str, ...] = ()  # names of the stages that the time limit cut short
 
 
 def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda stage: None) -> Optimum:
-    """Return the best design that the search reaches from the starts.
-
-    Parameters
-    ----------
-    prepared : prepared problem that leaves a variable free
-    scanned : result of its scan, dimensionless
-    progress : function that receives the current stage
-    """
+    """Return the best design that the search reaches from the starts."""
     began = perf_counter()
     optima, searched = local_optima(prepared, scanned, progress, WORTH_POLISHING)
     polished = perf_counter()
@@ -132,31 +91,13 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
 
 
 def _best_known(optima: Sequence[Polished], unit: float) -> str:
-    """Return the end of a progress message: the error of the best optimum so far, in SI units.
-
-    Parameters
-    ----------
-    optima : optima so far, with errors in the optimiser's units
-    unit : unit of these errors
-    """
+    """Return the end of a progress message: the error of the best optimum so far, in SI units."""
     return f", best error {min(each.error for each in optima) * unit:.4g}" if optima else ""
 
 
 @np.errstate(all="ignore")
 def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best design that the optimiser finds, SI units; None if it finds none.
-
-    The design meets the constraints in double precision. The function proves nothing.
-
-    Parameters
-    ----------
-    problem : problem in SI units that leaves a variable free
-
-    Raises
-    ------
-    OutOfTimeError
-        If the time limit ends the search.
-    """
+    """Return the best design that the optimiser finds, SI units; None if it finds none."""
     if impossible(problem) is not None:
         return None
     prepared = prepare(problem)
@@ -168,13 +109,7 @@ def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
 def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
     """Return the best design for the nominal device of an uncertain one, as a start, and its error; None if the
-    optimiser finds no design.
-
-    Raises
-    ------
-    OutOfTimeError
-        If the time limit ends the search.
-    """
+    optimiser finds no design."""
     nominal = prepare(replace(prepared.problem, uncertainty=None))
     law = estimated(nominal.problem)
     if law is None:
@@ -185,15 +120,7 @@ def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
 
 @np.errstate(all="ignore")
 def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return a design of a problem that the optimiser considers feasible, SI units; None if it finds none.
-
-    The function stops at the first design and proves nothing. If it finds no design, it does not search every box. It
-    takes a small part of the run time of `solve`.
-
-    Parameters
-    ----------
-    problem : problem in SI units that leaves a variable free
-    """
+    """Return a design of a problem that the optimiser considers feasible, SI units; None if it finds none."""
     if impossible(problem) is not None:
         return None
     prepared = prepare(problem)
@@ -208,14 +135,7 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
 @np.errstate(all="ignore")
 def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | None:
-    """Return a certified design that is better than the incumbent, found from given gains; None if none is found.
-
-    Parameters
-    ----------
-    prepared : prepared problem that leaves a variable free
-    gains : gains to start from, SI units; the function tries any coupling with them
-    incumbent : `Judgement.acting_error` of the incumbent
-    """
+    """Return a certified design that is better than the incumbent, found from given gains; None if none is found."""
     scaled, units = prepared.scaled, prepared.units
     start = start_at(scaled, units.gains(gains))
     target = incumbent / units.error
@@ -232,20 +152,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
 def local_optima(
     prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float
 ) -> tuple[list[Polished], bool]:
-    """Polish the starts that may lead to the best design; return the local optima, the best first.
-
-    Parameters
-    ----------
-    prepared : prepared problem that leaves a variable free
-    scanned : starts of the problem, dimensionless
-    progress : function that receives the current stage
-    worth : greatest ratio of a start's error to the least known error for the function to polish the start
-
-    Returns
-    -------
-    optima : local optima, dimensionless and not proved, the least error first
-    complete : whether the search finished before the time limit
-    """
+    """Polish the starts that may lead to the best design; return the local optima, the best first."""
     optima: list[Polished] = []
     complete = False
     with suppress(OutOfTimeError):
@@ -304,13 +211,7 @@ def _best_proved(
 
 
 def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
-    """Judge the rounded optimum; while it is not proved, polish it again with its witnesses, and judge the result.
-
-    The search tightens the constraints and adds digits, with one exception: the proof may have found a hand that
-    requires more than the tightening provides. The search then adds the worst hand near it, and does not tighten. The
-    search of an impedance display with a box of environments does both, because it also finds the neighbours of that
-    hand.
-    """
+    """Judge the rounded optimum; while it is not proved, polish it again with its witnesses, and judge the result."""
     polished: Polished | None = optimum
     tightening, witnesses, sharpened, judged = TIGHTENING, WorkingSet(), 0, list[Judgement]()
     for _ in range(PROOF_ROUNDS + NEW_HANDS):
@@ -353,16 +254,7 @@ def _new_hand(
     tightening: float,
 ) -> bool:
     """Add the worst hand near the hand of a witness, if it requires more than the tightening provides; return whether
-    it did.
-
-    Parameters
-    ----------
-    prepared : prepared problem
-    law : the design whose worst hand the function looks for
-    judgement : judgement that names the witnesses, of this design or of an earlier one
-    witnesses : working set, to which the function adds the hand
-    tightening : relative tightening of the constraints
-    """
+    it did."""
     problem, outcomes = prepared.problem, judgement.certificate.outcomes
     found = False
     demands = judgement.certificate.demands
@@ -381,18 +273,7 @@ def _new_hand(
 def worst_near(
     prepared: Prepared, law: tuple[Gains, AnyCoupling], outcome: Outcome, met: WorldsMet | None
 ) -> tuple[Device, RatioInHand]:
-    """Return the device and the hand near a witness in which the ratio of a design is least.
-
-    The function varies the frequency, the hand and an uncertain delay. With the delay of the witness alone, every
-    further proof would find a delay between those of the working set.
-
-    Parameters
-    ----------
-    prepared : prepared problem
-    law : design
-    outcome : outcome of a claim in hands, with a frequency, a hand and, if the device is uncertain, a device
-    met : the environments; None for every passive environment
-    """
+    """Return the device and the hand near a witness in which the ratio of a design is least."""
     problem, box = prepared.problem, prepared.given.box
     assert problem.hands_met is not None and outcome.hand is not None and outcome.witness is not None
     device, T = outcome.device or problem.device, problem.device.sample_time
@@ -421,15 +302,7 @@ def _undecided(judgement: Judgement) -> bool:
 def _collect(
     known: list[ConstraintPoint], outcome: Outcome, prepared: Prepared, of_walls: Judgement | None = None
 ) -> None:
-    """Add the point at which a proof refutes a design.
-
-    Parameters
-    ----------
-    known : points of the working set, to which the function adds the point
-    outcome : outcome of a claim
-    prepared : prepared problem
-    of_walls : judgement of the design if the claim is the claim on walls, else None
-    """
+    """Add the point at which a proof refutes a design."""
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
         wall, device = None, outcome.device or prepared.problem.device
         if of_walls is not None and (met := of_walls.certificate.demands.walls_met) and outcome.hand:
@@ -440,11 +313,7 @@ def _collect(
 
 
 def _with_least_coupling(prepared: Prepared, judgement: Judgement) -> Judgement:
-    """Return the judgement of the same gains with the feasible coupling whose mean square is least.
-
-    If that design is not certified, return the given judgement. The error of the problem does not contain the coupling,
-    so both designs have the same error.
-    """
+    """Return the judgement of the same gains with the feasible coupling whose mean square is least."""
     problem, gains = prepared.problem, judgement.gains
     bounds = problem.bounds
     loop = {"velocity": Range(gains.velocity, gains.velocity), "position": Range(gains.position, gains.position)}

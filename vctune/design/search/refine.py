@@ -13,25 +13,13 @@ from vctune.design.search.start import Missed, Start
 from vctune.model.gains import Gains
 from vctune.model.problem import Problem
 
-HALVINGS = 3
-"""Number of times that the code halves the grid spacing around a local minimum. The last spacing is an eighth of the
-first, or 5 % of K_v. This suffices to rank the starts; the optimiser then finds the exact minimum in a millisecond."""
+HALVINGS = 3  # Number of times that the code halves the grid spacing around a local minimum
 
-Index = tuple[int, ...]
-"""Index of a design on a grid with the axes K_v, corner, tau_c and b_0."""
+Index = tuple[int, ...]  # Index of a design on a grid with the axes K_v, corner, tau_c and b_0
 
 
 def minima_of(problem: Problem, scores: Scores) -> list[Index]:
-    """Return the local minima among the feasible designs of a grid, the best first.
-
-    If no design is feasible, the function returns the local minima among all designs. If the coupling has weight 0 in
-    the error, every feasible coupling of a loop has the same error. The function then compares only loops.
-
-    Parameters
-    ----------
-    problem : problem with the weights of the error
-    scores : scores of one grid, shape (K_v, corner, tau_c, b_0)
-    """
+    """Return the local minima among the feasible designs of a grid, the best first."""
     ranks = scores.ranks()
     if problem.transparency.weights.coupling > 0:
         return local_minima(ranks)
@@ -55,37 +43,13 @@ def local_minima(ranks: Floats) -> list[Index]:
 
 
 def between_neighbours(grid: Axes, places: list[Index]) -> Axes:
-    """Return small grids around designs: on each axis the design and its two neighbours, axes of shape (designs, 3).
-
-    Parameters
-    ----------
-    grid : one grid of designs
-    places : indices of the designs on this grid
-
-    Returns
-    -------
-    Axes
-        Three points on each axis for each design, with the design in the middle. At an end of an axis, the design also
-        replaces the missing neighbour.
-    """
+    """Return small grids around designs: on each axis the design and its two neighbours, axes of shape (designs, 3)."""
     by_axis = np.array(places, dtype=np.intp).reshape(-1, len(grid.each())).T
     return Axes(*(_between(np.tile(axis, (at.size, 1)), at) for axis, at in zip(grid.each(), by_axis, strict=True)))
 
 
 def refined(problem: Problem, samples: Samples, near: Axes) -> list[Start]:
-    """Refine all local minima together.
-
-    Parameters
-    ----------
-    problem : problem, dimensionless
-    samples : samples of the scan
-    near : the minima with their neighbours, axes of shape (minima, 3)
-
-    Returns
-    -------
-    list of Start
-        One start for each minimum, in their order, dimensionless.
-    """
+    """Refine all local minima together."""
     if not len(near.velocity):
         return []
     for _ in range(HALVINGS):
@@ -105,13 +69,7 @@ def _beside(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _between(axes: Floats, at: NDArray[np.intp]) -> Floats:
-    """Return the value of each design and of its two neighbours on an axis, shape (designs, 3).
-
-    Parameters
-    ----------
-    axes : values of the axis for each design, shape (designs, n)
-    at : index of each design on its axis
-    """
+    """Return the value of each design and of its two neighbours on an axis, shape (designs, 3)."""
     beside = np.clip(at[:, None] + np.array([-1, 0, 1]), 0, axes.shape[1] - 1)
     return np.take_along_axis(axes, beside, axis=1)
 

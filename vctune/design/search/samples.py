@@ -30,21 +30,11 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.velocity_loop import ReturnDifference
 from vctune.model.transparency import log_quadrature
 
-FREQUENCIES = 64
-"""Least number of frequencies in the stability band, and in three decades below Nyquist. The exchange later adds
-frequencies in the gaps. With half as many frequencies, the starts are worse, but all designs of the reference problems
-and of the basins of the tests stay the same to 0.1 %."""
+FREQUENCIES = 64  # Least number of frequencies in the stability band, and in three decades below Nyquist
+# Sampling of the hands in the scan: positions in the range of each parameter of a hand, number of angles per decade,
+# and number of soft springs per two decades at angle 0
 FEW, FEW_ANGLES, FEW_SPRINGS = (0.0, 0.1, 1.0), 12, 4
-"""Sampling of the hands in the scan: positions in the range of each parameter of a hand, number of angles per decade,
-and number of soft springs per two decades at angle 0.
-
-With only the ends of the ranges, the exchange needs more rounds and finds the same designs. With half or twice as many
-angles, the exchange finds the same designs as well. Between two of the springs, R is at most 8 % greater than at the
-springs. Without the springs, the scan would find starts without drag for problems that need much drag.
-"""
-PANELS = 3
-"""Number of panels of the quadrature over the transparency band, with eight nodes each. Three panels are enough,
-because the scan compares the errors of starts only to a few per cent."""
+PANELS = 3  # Number of panels of the quadrature over the transparency band, with eight nodes each
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,32 +51,17 @@ class Spectrum:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """The frequencies of a scan.
+    """The frequencies of a scan."""
 
-    Attributes
-    ----------
-    device : the device whose loops are evaluated
-    integrator : whether the law has the term K_p/s
-    band : frequencies of the stability band
-    nodes, averages : nodes and weights of the transparency band's quadrature
-    circles : return differences of the sampled loops on the unit circle, beginning with the loop without a hand; empty
-        for a device that has the same loops as another device
-    radius : radius of the unmodelled dynamics at the angles of the first circle; None if there are none
-    in_hand : loops in some hands, and in soft springs at angle 0, or in any passive hand; empty if the problem has no
-        claim in hands
-    objective : number of devices whose greatest error is the objective
-    others : samples of the other devices for which the search imposes the constraints, at the same frequencies
-    """
-
-    device: Device
-    integrator: bool
-    band: Spectrum
-    nodes: Spectrum
+    device: Device  # the device whose loops are evaluated
+    integrator: bool  # whether the law has the term K_p/s
+    band: Spectrum  # frequencies of the stability band
+    nodes: Spectrum  # nodes and weights of the transparency band's quadrature
     averages: Floats
     circles: list[ReturnDifference]
-    radius: Floats | None
+    radius: Floats | None  # radius of the unmodelled dynamics at the angles of the first circle; None if there are none
     in_hand: tuple[LoopsInHands | LoopsInAnyHand, ...]
-    objective: int
+    objective: int  # number of devices whose greatest error is the objective
     others: list[Samples]
 
     @property
@@ -97,18 +72,7 @@ class Samples:
 
 @lru_cache(maxsize=4)
 def samples_of(posed: Posed, *, integrator: bool) -> Samples:
-    """Return the samples at which the scan evaluates a dimensionless problem.
-
-    Parameters
-    ----------
-    posed : prepared problem, dimensionless
-    integrator : whether the law has the term K_p/s
-
-    Returns
-    -------
-    Samples
-        Samples of the first device of the problem; their `others` are the samples of the other devices.
-    """
+    """Return the samples at which the scan evaluates a dimensionless problem."""
     problem, (low, high) = posed.problem, posed.span
     band = problem.transparency.band
     first = min(FIRST_ANGLE, slowest_resonance(problem, problem.bounds.velocity.min))

@@ -20,51 +20,32 @@ from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 
+# Greatest number of local minima that the scan refines on a grid, greatest number that it refines on the gain limits,
+# and greatest number that it returns
 STARTS = 8
-"""Greatest number of local minima that the scan refines on a grid, greatest number that it refines on the gain limits,
-and greatest number that it returns. With half this number, the scan still finds all basins of the tests."""
-CLOSE = 0.02
-"""Two starts count as one if each of their variables differs by at most this share. It is less than the spacing of the
-refined grid."""
+CLOSE = 0.02  # Two starts count as one if each of their variables differs by at most this share
+# Factors by which the scan varies given gains when it looks for a better coupling
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
-"""Factors by which the scan varies given gains when it looks for a better coupling. K_v is often at its limit, so most
-of its factors are below 1, with small steps near 1. The error changes little with the corner, so the factors of the
-corner cover a wider range."""
+# Number of points on the straight line from a start to an optimum, and factor by which the estimated error may rise
+# between two of them
 STEPS, FLAT = 9, 1.001
-"""Number of points on the straight line from a start to an optimum, and factor by which the estimated error may rise
-between two of them. The factor allows for errors of the estimate, which uses few frequencies. With a greater factor,
-the search may miss a separate basin behind a low rise of the error. With a smaller factor, the search optimises twice
-in one basin."""
+# The search optimises from a new start near an optimum if the start's estimated error, divided by the optimum's, is at
+# most this ratio
 WORTH_ANOTHER = 0.9995
-"""The search optimises from a new start near an optimum if the start's estimated error, divided by the optimum's, is at
-most this ratio. The search distinguishes basins whose errors differ by 0.1 %; the frequencies of the scan resolve half
-of this."""
+# The scan refines a local minimum of the coarse grid if its error, divided by the least error, is at most this ratio
 PROMISING = 3.0
-"""The scan refines a local minimum of the coarse grid if its error, divided by the least error, is at most this ratio.
-A large ratio is needed because a narrow basin may lie between the points of the grid. The scan refines all minima
-together, so more minima take little more time."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScanResult:
-    """Starts, the best first, and the greatest |S| that the scan found.
+    """Starts, the best first, and the greatest |S| that the scan found."""
 
-    Attributes
-    ----------
-    starts : local minima of the scan, best first
-    peak_sensitivity : greatest |S| among stable loops with Re G_hh > 0
-    """
-
-    starts: list[Start]
-    peak_sensitivity: float
+    starts: list[Start]  # local minima of the scan, best first
+    peak_sensitivity: float  # greatest |S| among stable loops with Re G_hh > 0
 
 
 def scan(posed: Posed) -> ScanResult:
-    """Scan a dimensionless problem for starts.
-
-    The scan treats K_p = 0 separately, because without the integrator the constraints at low frequency differ. On the
-    grid with an integrator, it drops the minima at the lowest corner, because they belong to the basin of K_p = 0.
-    """
+    """Scan a dimensionless problem for starts."""
     problem, faces = posed.problem, _faces(posed.problem)
     found: list[Start] = []
     peak = 0.0
@@ -86,15 +67,7 @@ def scan(posed: Posed) -> ScanResult:
 def _promising(
     problem: Problem, coarse: Axes, scores: Scores, limits: GainLimits, most: float, left_out: int | None
 ) -> Axes:
-    """Return the best local minima of the grid and of its gain limits, each with its neighbours on every axis.
-
-    If a minimum of the grid has the last K_v below a gain limit, a better design at this limit replaces it.
-
-    Parameters
-    ----------
-    most : greatest error of a minimum that the function returns; inf if no design is feasible
-    left_out : index of the corner whose minima the function skips; None to skip none
-    """
+    """Return the best local minima of the grid and of its gain limits, each with its neighbours on every axis."""
     best = limits.scores[limits.scores.lowest()]
     loops = zip(limits.below.tolist(), limits.corner.tolist(), strict=True)
     on_limit: dict[Index, tuple[int, float, float]] = {loop: best.rank((k,)) for k, loop in enumerate(loops)}
@@ -110,11 +83,7 @@ def _promising(
 
 
 def _faces(problem: Problem) -> list[bool]:
-    """Return which laws to search: False stands for no integrator (K_p = 0), True for an integrator.
-
-    The bounds of K_p decide. On a band from 0 Hz, K_p > 0 is also infeasible if the problem permits no drag, the
-    operator has no damping, and the device has damping or a lag of the force sensor.
-    """
+    """Return which laws to search: False stands for no integrator (K_p = 0), True for an integrator."""
     position, device = problem.bounds.position, problem.device
     held = device.operator is not None and device.operator.damping > 0
     barred = (
@@ -128,13 +97,7 @@ def _faces(problem: Problem) -> list[bool]:
 
 
 def start_at(posed: Posed, gains: Gains) -> Start | None:
-    """Return the best feasible start around given gains, with any coupling; None if none is feasible.
-
-    Parameters
-    ----------
-    posed : prepared problem, dimensionless
-    gains : gains, dimensionless; with K_p = 0 the function tries only laws without an integrator
-    """
+    """Return the best feasible start around given gains, with any coupling; None if none is feasible."""
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     scores, _ = evaluated(problem, samples, fine)
     at = lowest(scores)
@@ -142,21 +105,7 @@ def start_at(posed: Posed, gains: Gains) -> Start | None:
 
 
 def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Start | None:
-    """Return a better start near an optimum, because designs with another coupling may lie in a better basin.
-
-    The function compares the designs, including the optimum, at the few frequencies of the scan.
-
-    Parameters
-    ----------
-    posed : prepared problem, dimensionless
-    gains, coupling : the optimum, dimensionless
-
-    Returns
-    -------
-    Start or None
-        None if the best design nearby is not better by the factor `WORTH_ANOTHER`, or is a neighbour of the optimum on
-        the grid.
-    """
+    """Return a better start near an optimum, because designs with another coupling may lie in a better basin."""
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     tau_c, drag = shape_of(coupling)
     time_constant, drags = np.sort(np.append(fine.time_constant, tau_c)), np.sort(np.append(fine.drag, drag))
@@ -189,18 +138,8 @@ def _place(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float
 
 
 def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start]:
-    """Return the starts in the basin of given gains: the error decreases along the line from the start to these gains.
-
-    The line is straight in logarithmic coordinates. At each point of the line, the function uses the best coupling of
-    the scan.
-
-    Parameters
-    ----------
-    posed : prepared problem, dimensionless
-    starts : starts; the function considers only feasible starts whose law has an integrator if and only if the gains
-        have one
-    gains : gains, dimensionless
-    """
+    """Return the starts in the basin of given gains: the error decreases along the line from the start to these
+    gains."""
     problem = posed.problem
     law = [start for start in starts if start.admissible and (start.gains.position > 0) == (gains.position > 0)]
     if not law or gains.velocity == 0 or any(start.gains.velocity == 0 for start in law):

@@ -1,10 +1,4 @@
-"""Write a coupling as a scale times a shape. The least feasible scale has a closed form (README, section 3).
-
-The shape u + j v is a function of frequency that depends only on a time constant. For an admittance display the scale
-is b_c, the time constant is m_c/b_c, and Z_c = b_0 + b_c (u + j v). For an impedance display, which is the dual case,
-the scale is 1/k_c, the time constant is b_c/k_c, and 1/Z_c = (u + j v)/k_c. A rigid coupling of an admittance display
-has the time constant 0 and the scale m_c: Z_c = b_0 + m_c j omega.
-"""
+"""Write a coupling as a scale times a shape. The least feasible scale has a closed form (README, section 3)."""
 
 from __future__ import annotations
 
@@ -21,21 +15,11 @@ from vctune.model.problem import Problem
 from vctune.model.sampled.impedance_display import firmware_filter, offered_by_spring, spring_damper_admittance
 from vctune.model.sampled.worlds.loop_in_worlds import offered_at
 
-SLACK = 1e-2
-"""Least time constant b_c/k_c of the scan, as a share of T. A smaller time constant hardly matters, because even
-without a damper, the sampled spring acts like a spring with a damper of k_c T/2. With half or twice this share, the
-search finds the same designs."""
+SLACK = 1e-2  # Least time constant b_c/k_c of the scan, as a share of T
 
 
 def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
-    """Return u and v of the shape's response at omega.
-
-    Parameters
-    ----------
-    device : device whose firmware runs the coupling
-    omega : frequency, rad/s, > 0
-    time_constant : time constant, s, an array that broadcasts against omega
-    """
+    """Return u and v of the shape's response at omega."""
     if device.kind.inverse:
         theta = omega * device.sample_time
         low_pass = firmware_filter(device, theta, FLOATS)
@@ -46,14 +30,7 @@ def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple
 
 
 def unit_at(device: Device, theta: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
-    """Return Re Z_c and sin(theta/2) cos(theta/2) Im Z_c of the sampled coupling for the scale 1, without drag.
-
-    Parameters
-    ----------
-    device : an admittance display or a servo
-    theta : omega T, rad
-    time_constant : time constant, s: a number, or an array that broadcasts against the angles
-    """
+    """Return Re Z_c and sin(theta/2) cos(theta/2) Im Z_c of the sampled coupling for the scale 1, without drag."""
     rigid = bool(np.all(time_constant == 0))
     unit = Coupling(inf, 1.0, 0.0) if rigid else Coupling(1.0, time_constant, 0.0)
     at = offered_at(unit, device.sample_time, theta, FLOATS)
@@ -61,14 +38,7 @@ def unit_at(device: Device, theta: Floats, time_constant: Floats) -> tuple[Float
 
 
 def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -> Floats:
-    """Return the scale for the resistance 1: b_c with Re Z_c - b_0 = 1, or 1/k_c with Re(1/Z_c)/s^2 = 1.
-
-    Parameters
-    ----------
-    device : device whose firmware runs the coupling
-    place : omega, rad/s; for an impedance display theta, rad
-    time_constant : time constant, s, an array that broadcasts against the places
-    """
+    """Return the scale for the resistance 1: b_c with Re Z_c - b_0 = 1, or 1/k_c with Re(1/Z_c)/s^2 = 1."""
     if device.kind.inverse:
         low_pass = firmware_filter(device, place, FLOATS)
         unit = SpringDamper(time_constant, 1.0)
@@ -82,20 +52,7 @@ def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -
 
 
 def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Floats]:
-    """Return the least and the greatest scale within the bounds, for each time constant.
-
-    Parameters
-    ----------
-    problem : problem with the bounds
-    time_constant : time constant of the coupling, in the problem's unit of time, shape (n,)
-
-    Returns
-    -------
-    two arrays
-        The least and the greatest scale in the problem's units, shape (n,): b_c; m_c of a rigid coupling; 1/k_c of an
-        impedance display. If the least scale exceeds the greatest, no coupling with this time constant is within the
-        bounds.
-    """
+    """Return the least and the greatest scale within the bounds, for each time constant."""
     bounds, tau = problem.bounds, time_constant
     if not problem.device.kind.inverse:
         if bounds.damping.min == inf:
@@ -110,18 +67,7 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
 
 
 def time_constants(problem: Problem, low: float, high: float) -> tuple[float, float]:
-    """Return the least and the greatest time constant of the scan; they are equal if the time constant is fixed.
-
-    The range extends two decades beyond the band on both sides. With a time constant outside this range, a coupling
-    acts within the band like a pure mass or a pure damper, or for an impedance display like a pure spring or a pure
-    damper. If the least b_c is large, the range extends further. The range of an impedance display begins at `SLACK`.
-    A coupling without a damper, and a rigid coupling, have the time constant 0.
-
-    Parameters
-    ----------
-    problem : problem, dimensionless
-    low, high : the band, rad/s
-    """
+    """Return the least and the greatest time constant of the scan; they are equal if the time constant is fixed."""
     bounds = problem.bounds
     if problem.device.kind.inverse:
         above, below = bounds.damping, bounds.stiffness
@@ -137,13 +83,7 @@ def time_constants(problem: Problem, low: float, high: float) -> tuple[float, fl
 
 
 def coupling_of(problem: Problem, scale: float, time_constant: float, drag: float) -> AnyCoupling:
-    """Return the coupling with a given scale and shape, within the bounds.
-
-    Parameters
-    ----------
-    problem : problem in the units of the arguments
-    scale, time_constant, drag : plain floats
-    """
+    """Return the coupling with a given scale and shape, within the bounds."""
     bounds = problem.bounds
 
     def clipped(name: str, value: float) -> float:
@@ -165,13 +105,7 @@ def shape_of(coupling: AnyCoupling) -> tuple[float, float]:
 
 def scaled_coupling(coupling: AnyCoupling, by: float) -> AnyCoupling:
     """Return a coupling of the same shape with Z_c times a factor or, for an impedance display, with 1/Z_c times a
-    factor.
-
-    Parameters
-    ----------
-    coupling : coupling with plain floats
-    by : factor, > 0
-    """
+    factor."""
     if isinstance(coupling, SpringDamper):
         return SpringDamper(coupling.damping / by, coupling.stiffness / by)
     return replace(coupling, damping=coupling.damping * by, mass=coupling.mass * by, drag=coupling.drag * by)

@@ -14,37 +14,14 @@ from vctune.proof.claims.model_poles import prove_model_poles
 from vctune.proof.claims.sampled_poles import prove_sampled_poles
 from vctune.proof.engine.interval import Verdict
 
+# Factors of K_p, or of both gains, that the search tries until the loops of a start are stable (`stable`)
 GAIN_REDUCTIONS = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
-"""Factors of K_p, or of both gains, that the search tries until the loops of a start are stable (`stable`). The scan
-evaluates few frequencies, so its stability limit is wrong by some per cent; the first factors correct such errors. The
-last factors are for devices with greater errors of the estimate. The NLP changes the gains again within its trust box,
-so other factors lead to the same optimum."""
-STABILITY_MARGIN = 1e-4
-"""Least distance of a design from the stability boundary, as a share of the open loop's F. This distance matters only
-if no limit on |S| keeps the design further away from the boundary. In that case, half or twice this distance changes
-the gains by about 1e-4 of their value."""
-MAX_CUTS = 24
-"""Greatest number of tangents of the stability boundary, which is a curve in the plane of the gains. The trust box
-contains only a piece of this curve, so few tangents suffice. If the exchange needs more, it halves the trust box."""
+STABILITY_MARGIN = 1e-4  # Least distance of a design from the stability boundary, as a share of the open loop's F
+MAX_CUTS = 24  # Greatest number of tangents of the stability boundary, which is a curve in the plane of the gains
 
 
 def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
-    """Return the start with K_p, or both gains, reduced until its loops are stable, as `stable` decides.
-
-    The reduction is needed because the scan only estimates stability. If possible, the function also reduces the gains
-    until Re(D + Z_h) > 0, because the NLP's formulas are undefined otherwise.
-
-    Parameters
-    ----------
-    problem : problem, dimensionless, with the bounds of the gains
-    cases : the problem of each evaluated device
-    start : the design, dimensionless
-
-    Returns
-    -------
-    Point or None
-        None if the loops are stable with none of the gains that the function tries.
-    """
+    """Return the start with K_p, or both gains, reduced until its loops are stable, as `stable` decides."""
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
     fallback: Point | None = None
     for velocity, position in ((v * K_v, share * K_p) for share in GAIN_REDUCTIONS for v in (1.0, share)):
@@ -58,13 +35,7 @@ def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | 
 
 def stable(problem: Problem, gains: Gains) -> bool:
     """Return whether all loops are stable. Near the stability boundary, where estimates are unreliable, a proof
-    decides.
-
-    Parameters
-    ----------
-    problem : problem of one device
-    gains : gains in the problem's units
-    """
+    decides."""
     return all(_loop_stable(device, gains) for device in problem.device.loops)
 
 
@@ -76,17 +47,7 @@ def _loop_stable(device: Device, gains: Gains) -> bool:
 
 
 def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, outside: Gains) -> bool:
-    """Add a tangent of the stability boundary where a step crosses it.
-
-    The function returns whether it added one. It adds none if the set has the tangent already, or would have more than
-    `MAX_CUTS`.
-
-    Parameters
-    ----------
-    problem : problem of one device, dimensionless
-    working_set : working set to which the tangent is added
-    inside, outside : stable and unstable gains, on both sides of the boundary
-    """
+    """Add a tangent of the stability boundary where a step crosses it."""
     cuts = (stability_cut(device, inside, outside, STABILITY_MARGIN) for device in problem.device.loops)
     new = [cut for cut in cuts if cut is not None and cut not in working_set.stability]
     if len(working_set.stability) + len(new) > MAX_CUTS:

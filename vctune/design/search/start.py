@@ -9,11 +9,7 @@ from vctune.model.gains import AnyCoupling, Gains
 
 
 class Missed(IntEnum):
-    """The most serious constraint that a design violates; a greater value is more serious.
-
-    A serious violation makes the lesser ones meaningless: an unstable loop has no margins, and if Re(D + Z_h) < 0, no
-    coupling suffices.
-    """
+    """The most serious constraint that a design violates; a greater value is more serious."""
 
     NOTHING = 0
     COUPLING = 1
@@ -24,24 +20,14 @@ class Missed(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """A design from which the exchange starts a local optimisation.
+    """A design from which the exchange starts a local optimisation."""
 
-    Attributes
-    ----------
-    gains, coupling : the design, dimensionless
-    error : its transparency error; inf if it violates a constraint at the scan's frequencies
-    missed : the most serious constraint that the design violates at these frequencies
-    violation : amount of the violation, comparable among designs that violate the same constraint; for
-        `Missed.COUPLING` and `Missed.SENSITIVITY` the logarithm of a ratio; 0 if the design violates no constraint
-    corner : corner frequency of the multiplier for walls; None if it is unknown
-    """
-
-    gains: Gains
+    gains: Gains  # the design, dimensionless
     coupling: AnyCoupling
-    error: float
-    missed: Missed = Missed.NOTHING
-    violation: float = 0.0
-    corner: float | None = None
+    error: float  # its transparency error; inf if it violates a constraint at the scan's frequencies
+    missed: Missed = Missed.NOTHING  # the most serious constraint that the design violates at these frequencies
+    violation: float = 0.0  # amount of the violation, comparable among designs that violate the same constraint
+    corner: float | None = None  # corner frequency of the multiplier for walls; None if it is unknown
 
     @property
     def admissible(self) -> bool:

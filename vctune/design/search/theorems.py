@@ -1,8 +1,4 @@
-"""Find requirements that no design can meet, by theorems, and state the values that would have to change.
-
-The code evaluates each limit at the most favourable vertex of the bounds. It excludes all designs only if even this
-vertex violates the requirement.
-"""
+"""Find requirements that no design can meet, by theorems, and state the values that would have to change."""
 
 from __future__ import annotations
 
@@ -18,9 +14,7 @@ from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
 from vctune.proof.claims.llewellyn.polynomials import is_rational
 
-LEAST_POSITION = 5e-324
-"""The smallest positive double, for K_p. With any integrator, even a weak one, the limits at omega = 0 differ from the
-limits without an integrator."""
+LEAST_POSITION = 5e-324  # The smallest positive double, for K_p
 
 
 def impossible(problem: Problem) -> Infeasibility | None:
@@ -45,10 +39,7 @@ def _without_damping(problem: Problem) -> Infeasibility | None:
 
 
 def _nothing_returns(problem: Problem) -> Infeasibility | None:
-    """Report an impedance display in hands without stiffness.
-
-    Nothing returns the handle, so the loop has a pole at 1 and its stability cannot be proved.
-    """
+    """Report an impedance display in hands without stiffness."""
     if problem.hands_met is None or problem.hands_met.high.stiffness > 0:
         return None
     cause = f"{OPENINGS[False]}: in hands without stiffness nothing returns the handle: a pole at 1"
@@ -65,12 +56,7 @@ def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
 
 
 def _at_zero_in_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
-    """Compare R with Re Z_c at omega = 0 in hands.
-
-    In hands with only a stiffness K, R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, while Re Z_c is the drag.
-    The loss in the spring of a structure may reduce R. Without an integrator, both sides of the constraint vanish like
-    omega^2 in hands without damping and stiffness, and the proof cannot decide a margin that vanishes.
-    """
+    """Compare R with Re Z_c at omega = 0 in hands."""
     device, bounds, units = problem.device, problem.bounds, problem.units
     if hands.high.stiffness == 0 == bounds.position.max and bounds.velocity.max > 0:
         cause = f"{OPENINGS[False]}: with K_p = 0, in hands without stiffness, nothing returns the handle: a pole at 1"
@@ -130,12 +116,8 @@ def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
 
 
 def _least_velocity(problem: Problem) -> float:
-    """Return the K_v above which Re G_hh > 0 at the band's lower edge with the least K_p; -inf if no formula is known.
-
-    For omega -> 0, Re D > 0 requires tau K_p < b + K_v. For an ideal device with hold "lag" and no delay it requires
-    tau K_p < b (1 + (omega tau)^2) + K_v, since there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h
-    adds to b. The loss in the spring of a structure reduces the required K_v by an amount that grows with K_p.
-    """
+    """Return the K_v above which Re G_hh > 0 at the band's lower edge with the least K_p; -inf if no formula is
+    known."""
     device, omega = problem.device, problem.stability.band.min
     if device.structure is not None or (omega > 0 and not is_rational(device)):
         return -inf
@@ -148,10 +130,7 @@ def _damping(device: Device) -> str:
 
 
 def _at_zero(problem: Problem) -> tuple[str, str] | None:
-    """Compare R with Re Z_c for omega -> 0. With an integrator, R tends to a constant and Re Z_c to the drag.
-
-    Without an integrator, both vanish like omega^2.
-    """
+    """Compare R with Re Z_c for omega -> 0. With an integrator, R tends to a constant and Re Z_c to the drag."""
     position = problem.bounds.position
     reasons, advice = [], []
     if position.max > 0:
@@ -194,12 +173,7 @@ def _with_integrator(problem: Problem) -> tuple[str, str] | None:
 
 
 def _without_integrator(problem: Problem) -> tuple[str, str] | None:
-    """Compare the limits of both sides for omega -> 0 and K_p = 0, which are proportional to omega^2.
-
-    The required m_c^2/b_c is proportional to K_v/(b + K_v)^2, which rises up to K_v = b and falls beyond. The
-    requirement is therefore easiest to meet at an end of the range of K_v. For a non-ideal device the effective inertia
-    depends on K_v; the function then returns None.
-    """
+    """Compare the limits of both sides for omega -> 0 and K_p = 0, which are proportional to omega^2."""
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     if not device.ideal:
         return None
@@ -216,11 +190,8 @@ def _without_integrator(problem: Problem) -> tuple[str, str] | None:
 
 
 def _at_infinity(problem: Problem) -> tuple[str, str] | None:
-    """Compare R with Re Z_c for omega -> inf: Re Z_c tends to b_c + b_0, for a rigid coupling to b_0, and R grows
-    with K_v.
-
-    Unless K_p is small, Re G_hh > 0 requires a least K_v.
-    """
+    """Compare R with Re Z_c for omega -> inf: Re Z_c tends to b_c + b_0, for a rigid coupling to b_0, and R grows with
+    K_v."""
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     most = Coupling(bounds.damping.max, bounds.mass.max, bounds.drag.max)
     K_v = max(bounds.velocity.min, _least_velocity(problem))

@@ -38,53 +38,28 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.model.worlds import WorldsMet
 
-TRACKED_FROM = 0.8
-"""Share of the limit on |S| above which the NLP tracks the peak of |S|. With a greater share, the NLP would not track a
-peak that its next answer brings to the limit, and the exchange would take another round. With a smaller share, the NLP
-tracks peaks at which the constraint is not active."""
+TRACKED_FROM = 0.8  # Share of the limit on |S| above which the NLP tracks the peak of |S|
 
 
 @dataclass(slots=True)
 class Violations:
-    """The points at which a design violates the constraints, and the relative violations.
+    """The points at which a design violates the constraints, and the relative violations."""
 
-    Attributes
-    ----------
-    ratio, sensitivity, peak, unmodelled, in_hand : points for each kind of constraint
-    greatest : greatest relative violation of a tightened constraint beyond half the tightening; 0 if there is none
-    near_peak : point where |S| is greatest, if it is near its limit
-    positive : whether Re(D + Z_h) > 0 at all frequencies on all devices; always true without the criterion "passive"
-    """
-
-    ratio: list[ConstraintPoint] = field(default_factory=list)
+    ratio: list[ConstraintPoint] = field(default_factory=list)  # points for each kind of constraint
     sensitivity: list[ConstraintPoint] = field(default_factory=list)
     peak: list[ConstraintPoint] = field(default_factory=list)
     unmodelled: list[ConstraintPoint] = field(default_factory=list)
     in_hand: list[ConstraintPoint] = field(default_factory=list)
-    greatest: float = 0.0
-    near_peak: ConstraintPoint | None = None
-    positive: bool = True
+    greatest: float = 0.0  # greatest relative violation of a tightened constraint beyond half the tightening
+    near_peak: ConstraintPoint | None = None  # point where |S| is greatest, if it is near its limit
+    positive: bool = True  # whether Re(D + Z_h) > 0 at all frequencies on all devices
 
 
 def violations(
     posed: Posed, cases: list[Problem], values: Point, tightening: float, refuted: Sequence[ConstraintPoint] = ()
 ) -> Violations:
     """Find the points where the tightened constraints fail on any device by more than half the tightening, or where the
-    error is greatest.
-
-    Parameters
-    ----------
-    posed : prepared problem, dimensionless
-    cases : one problem for each evaluated device: the devices of `posed`, and those on which a proof refuted a design
-    values : the variables of the design
-    tightening : relative tightening of the constraints
-    refuted : points in hands at which a proof refuted a design; the search for the least ratio may miss these points
-
-    Returns
-    -------
-    Violations
-        The points, with dimensionless frequencies, and how much the design violates the constraints.
-    """
+    error is greatest."""
     gains, coupling = design_of(values)
     loops = of_own_loops(cases)
     peaks = [sensitivity_maxima(case, gains) for case in loops]
@@ -166,13 +141,7 @@ def _at_walls(problem: Problem, values: Point, tightening: float) -> Violations:
 
 
 def tightest_at_walls(problem: Problem, values: Point) -> list[ConstraintPoint]:
-    """Return the points at which the condition on walls has the least reserve; empty for a problem without walls.
-
-    Parameters
-    ----------
-    problem : problem of one device, dimensionless
-    values : the variables of a design, including its corner
-    """
+    """Return the points at which the condition on walls has the least reserve; empty for a problem without walls."""
     met = walls_met(problem, values)
     if met is None or problem.hands_met is None:
         return []
@@ -181,13 +150,7 @@ def tightest_at_walls(problem: Problem, values: Point) -> list[ConstraintPoint]:
 
 
 def walls_met(problem: Problem, values: Point) -> WorldsMet | None:
-    """Return the environments of a problem, with the corner frequency of a design for walls; None without walls.
-
-    Parameters
-    ----------
-    problem : problem in the units of the design
-    values : the design's variables
-    """
+    """Return the environments of a problem, with the corner frequency of a design for walls; None without walls."""
     if problem.worlds is None or len(values) <= CORNER:
         return None
     return WorldsMet(replace(problem.worlds, corner=values[CORNER]), problem.stability.safety_factor)
@@ -259,16 +222,8 @@ def _lowest_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Min
 
 
 def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
-    """Return the point where |S| is greatest over all devices, if it is near its limit and below the Nyquist frequency.
-
-    The result is None if no gain is free, because the NLP then cannot change the peak, which rounding errors may put
-    above the limit.
-
-    Parameters
-    ----------
-    cases : the problem of each evaluated device, dimensionless
-    gains : gains, dimensionless
-    """
+    """Return the point where |S| is greatest over all devices, if it is near its limit and below the Nyquist
+    frequency."""
     loops = of_own_loops(cases)
     return _near_peak(loops, gains, [sensitivity_maxima(case, gains) for case in loops])
 
@@ -286,18 +241,7 @@ def _near_peak(cases: list[Problem], gains: Gains, peaks: list[Minima]) -> Const
 
 
 def least_resistance(problem: Problem, gains: Gains) -> Minima:
-    """Return the local minima of Re(D + Z_h) over the stability band, lowest first.
-
-    Parameters
-    ----------
-    problem : problem of one device
-    gains : gains with plain floats, in the problem's units
-
-    Returns
-    -------
-    Minima
-        Frequencies and values in the problem's units.
-    """
+    """Return the local minima of Re(D + Z_h) over the stability band, lowest first."""
     grid = demand_grid(problem.device, *sampled_span(problem))
     return local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid)
 

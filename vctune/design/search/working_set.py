@@ -18,11 +18,7 @@ from vctune.proof.claims.registry import Quantity
 
 @dataclass(frozen=True, slots=True)
 class ConstraintPoint:
-    """A point at which the NLP imposes a constraint: a frequency, rad/s, a device, and for some constraints a hand.
-
-    For the constraint on walls, `wall` has a share of the coupling and an integration rule; for all other constraints
-    it is None.
-    """
+    """A point at which the NLP imposes a constraint: a frequency, rad/s, a device, and for some constraints a hand."""
 
     omega: float
     device: Device
@@ -31,60 +27,32 @@ class ConstraintPoint:
 
 
 def constraint_points(device: Device, omega: Iterable[float]) -> list[ConstraintPoint]:
-    """Return points of one device at several frequencies.
-
-    Parameters
-    ----------
-    device : device in the units of the frequencies
-    omega : frequencies, rad per unit of time
-    """
+    """Return points of one device at several frequencies."""
     return [ConstraintPoint(float(w), device) for w in omega]
 
 
 def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
-    """Return the devices of n points as one device with arrays of shape (n,), and the points' frequencies.
-
-    A number that all devices share stays a plain number.
-    """
+    """Return the devices of n points as one device with arrays of shape (n,), and the points' frequencies."""
     return stacked_devices([point.device for point in points]), np.array([point.omega for point in points])
 
 
-TIGHTENING_IN_HANDS = 1e-4
-"""Least relative tightening of the constraint in hands. This constraint may be active in many hands and at many
-frequencies at once, for example at omega = 0 in hands of any mass. The number of boxes in the proof then grows as the
-inverse square root of this tightening. The tightening increases the error by about the same share."""
+TIGHTENING_IN_HANDS = 1e-4  # Least relative tightening of the constraint in hands
 
 
 @dataclass(frozen=True, slots=True)
 class WorkingSet:
-    """The points at which the NLP imposes the constraints, and half planes of gains that keep the loop stable.
+    """The points at which the NLP imposes the constraints, and half planes of gains that keep the loop stable."""
 
-    Attributes
-    ----------
-    ratio : points for Re Z_c >= safety_factor R
-    sensitivity : points for |S| <= max_sensitivity
-    stability : tangents of the stability boundary
-    peak : points at which the error must not exceed the epigraph variable, for the norm "peak"
-    unmodelled : points for |1 - S| r < 1
-    in_hand : points for Re Z_c >= safety_factor R in a hand, for Re(1/Z_c) of an impedance display, for the margins
-        with a box of environments, and for walls
-    tracked_peaks : points where |S| peaks near its limit; the frequency of the peak is a variable of the NLP
-    """
-
-    ratio: list[ConstraintPoint] = field(default_factory=list)
-    sensitivity: list[ConstraintPoint] = field(default_factory=list)
-    stability: list[Cut] = field(default_factory=list)
+    ratio: list[ConstraintPoint] = field(default_factory=list)  # points for Re Z_c >= safety_factor R
+    sensitivity: list[ConstraintPoint] = field(default_factory=list)  # points for |S| <= max_sensitivity
+    stability: list[Cut] = field(default_factory=list)  # tangents of the stability boundary
     peak: list[ConstraintPoint] = field(default_factory=list)
-    tracked_peaks: list[ConstraintPoint] = field(default_factory=list)
-    unmodelled: list[ConstraintPoint] = field(default_factory=list)
+    tracked_peaks: list[ConstraintPoint] = field(default_factory=list)  # points where |S| peaks near its limit
+    unmodelled: list[ConstraintPoint] = field(default_factory=list)  # points for |1 - S| r < 1
     in_hand: list[ConstraintPoint] = field(default_factory=list)
 
     def points(self, quantity: Quantity) -> list[ConstraintPoint] | None:
-        """Return the points at which the NLP limits the quantity of a claim.
-
-        The result is None for the claims on poles, for which the set has tangents instead, and for the claims on
-        storage functions, which the search does not use.
-        """
+        """Return the points at which the NLP limits the quantity of a claim."""
         known = {
             "ratio": self.ratio,
             "in_hand": self.in_hand,
@@ -106,17 +74,7 @@ class WorkingSet:
     def on_devices(
         self, changed: Callable[[Device], Device], time: float, held: Callable[[Hand], Hand] = lambda hand: hand
     ) -> WorkingSet:
-        """Return the set with other devices, in the same or in other hands.
-
-        For constraints on the sampled loop the angle omega T stays the same, so a point at Nyquist stays at Nyquist.
-        For the other constraints the frequency stays the same.
-
-        Parameters
-        ----------
-        changed : function that converts a device, in the units of the set
-        time : sample time of the new devices, in the set's unit of time; this time is the new set's unit of time
-        held : function that converts a hand, in the units of the set
-        """
+        """Return the set with other devices, in the same or in other hands."""
 
         def moved(points: list[ConstraintPoint], stretch: float = 1.0) -> list[ConstraintPoint]:
             return [

@@ -1,8 +1,4 @@
-"""Estimate the devices of an uncertain box on which the ratio Re Z_c / R of a design is least or |S| is greatest.
-
-At a frequency omega, only the phase omega d of a delay d matters. This phase repeats when d changes by 2 pi/omega. The
-search therefore considers only a range of delays of at most 2 pi/omega.
-"""
+"""Estimate the devices of an uncertain box on which the ratio Re Z_c / R of a design is least or |S| is greatest."""
 
 from __future__ import annotations
 
@@ -24,71 +20,37 @@ from vctune.model.problem import Problem
 from vctune.proof.device_box import DIRECTION, MOST_AT_ONCE, DeviceBox
 from vctune.running import check_time
 
+# Number of values of each uncertain parameter, including its ends; number of values of a delay or an unmodelled
+# response; and greatest number of devices on the grid
 SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
-"""Number of values of each uncertain parameter, including its ends; number of values of a delay or an unmodelled
-response; and greatest number of devices on the grid.
-
-The ratio is a smooth function of mass and damping, so five values suffice. A delay or an unmodelled response rotates a
-phase by one turn; 13 values sample every half turn six times. With half as many values the search may miss a minimum,
-which the proof then finds. With twice as many values there are four to eight times as many devices. If this exceeds the
-greatest number of devices, the search uses three or two values of each parameter.
-"""
-MOST = 24
-"""Greatest number of minima over frequency that the search refines, beginning with the lowest. With a long delay there
-are more minima, but the constraint is not active at the higher ones."""
+MOST = 24  # Greatest number of minima over frequency that the search refines, beginning with the lowest
+# First steps of the refinement: the relative step in frequency, and the step of an uncertain parameter as a share of
+# its range
 FIRST_STEP = 0.02, 0.1
-"""First steps of the refinement: the relative step in frequency, and the step of an uncertain parameter as a share of
-its range. These steps are about half of the steps of the grid. With smaller steps the refinement takes more rounds;
-with larger steps it may leave the basin of its minimum.
-"""
+# Number of rounds of the refinement, and factor by which the steps shrink if no neighbour is lower
 STEPS, SHRINK = 40, 0.5
-"""Number of rounds of the refinement, and factor by which the steps shrink if no neighbour is lower. If half of the 40
-rounds move the point, the other half shrink the steps by a factor of about 1e-6. The ratio is flat at its minimum,
-so half as many rounds still give it to 1e-6."""
+# Up to the first number of variables, including the frequency, all variables may change in one step
 MANY, TOGETHER = 5, 2
-"""Up to the first number of variables, including the frequency, all variables may change in one step. With more
-variables, at most the second number of them change in one step. For nine variables, the limit leaves 162 of 19,682
-possible steps. With half or twice these numbers, the search finds equally good designs."""
 
+# Greatest number of passes in which the search moves each uncertain parameter to the end with the greater |S|
 SWEEPS = 3
-"""Greatest number of passes in which the search moves each uncertain parameter to the end with the greater |S|. One
-pass mostly suffices, and the proof finds any greater |S|. With half or twice as many passes the search finds the same
-devices."""
 
 
 @dataclass(frozen=True, slots=True)
 class Worst:
-    """A local minimum of the ratio over frequency and a box of devices.
+    """A local minimum of the ratio over frequency and a box of devices."""
 
-    Attributes
-    ----------
-    ratio : Re Z_c / R, or Re(D + Z_h)/|D| if Re(D + Z_h) is not positive
-    omega : frequency, rad/s
-    device : a device that is not a vertex of the box
-    """
-
-    ratio: float
-    omega: float
-    device: Device
+    ratio: float  # Re Z_c / R, or Re(D + Z_h)/|D| if Re(D + Z_h) is not positive
+    omega: float  # frequency, rad/s
+    device: Device  # a device that is not a vertex of the box
 
 
-Value = Callable[[Floats], Floats]
-"""A function of an array whose first axis has omega and the uncertain parameters."""
+Value = Callable[[Floats], Floats]  # A function of an array whose first axis has omega and the uncertain parameters
 
 
 def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Worst]:
-    """Return the local minima of the ratio over frequency and the box of devices, except those at vertices of the box.
-
-    Parameters
-    ----------
-    posed : prepared problem with a box of devices, in any units
-    gains, coupling : a design with plain floats in these units
-
-    Returns
-    -------
-    list of Worst
-        Estimates of the minima, the lowest first; the list may be empty.
-    """
+    """Return the local minima of the ratio over frequency and the box of devices, except those at vertices of the
+    box."""
     box, (low, high) = posed.box, posed.span
     assert box is not None
 
@@ -103,23 +65,7 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
 
 
 def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[Problem, Minima] | None:
-    """Move uncertain parameters to the ends of their ranges at which |S| is greater.
-
-    The function moves one parameter after the other until no move increases |S|. Few moves suffice, because |S| is
-    usually a monotonic function of each parameter.
-
-    Parameters
-    ----------
-    posed : prepared problem in any units
-    gains : gains with plain floats in these units
-    case, peaks : problem of the first device, and the maxima of its |S|
-
-    Returns
-    -------
-    problem and Minima, or None
-        The problem of the resulting device, and the maxima of its |S|. None if that device is the first device, or if
-        the search evaluates all vertices of the box anyway.
-    """
+    """Move uncertain parameters to the ends of their ranges at which |S| is greater."""
     if posed.box is None or len(posed.box.modelled.uncertain) <= MOST_AT_ONCE:
         return None
     box, best, found = posed.box.modelled, case, peaks
@@ -157,13 +103,7 @@ def _shares(box: DeviceBox) -> dict[str, int]:
 
 
 def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
-    """Return the lowest local minima over frequency of the least ratio on a grid of devices.
-
-    Returns
-    -------
-    array
-        Frequency and uncertain parameters of each minimum, shape (1 + numbers, n).
-    """
+    """Return the lowest local minima over frequency of the least ratio on a grid of devices."""
     counts = _shares(box)
     axes = [
         np.clip(

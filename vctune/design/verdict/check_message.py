@@ -19,15 +19,7 @@ def check_message(
     changed: Sequence[ParameterChange],
     together: Sequence[ParameterChange],
 ) -> str:
-    """Return the proved claims of a design, or the claims that fail and the changes after which it passes.
-
-    Parameters
-    ----------
-    judgement : judgement of the design
-    repairs : repairs of a refuted design; None if vctune did not look for any
-    changed : gains that the user edited since the design was solved, with their earlier values as limits
-    together : edited gains, if the design passes only after all of them are restored; else empty
-    """
+    """Return the proved claims of a design, or the claims that fail and the changes after which it passes."""
     if judgement.status is Status.CERTIFIED:
         return _proved(judgement)
     worst = f"{judgement.ratio_name} {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
@@ -41,24 +33,13 @@ def check_message(
 
 
 def taken_back(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> list[Repair]:
-    """Return the repairs that restore an edited gain.
-
-    Parameters
-    ----------
-    repairs, changed : see `check_message`
-    """
+    """Return the repairs that restore an edited gain."""
     solved = {(change.key, change.limit) for change in changed}
     return [repair for repair in repairs if (repair.key, repair.new) in solved]
 
 
 def line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequence[ParameterChange]) -> int:
-    """Return the line of the value to change; if the file does not state this value, return the line of the table.
-
-    Parameters
-    ----------
-    text : text of the file that states the design
-    repairs, together : see `check_message`
-    """
+    """Return the line of the value to change; if the file does not state this value, return the line of the table."""
     lines = toml.Lines(text)
     of_gains = [repair.key for repair in repairs or [] if repair.key in SYMBOLS]
     first = [change.key for change in together[:1]] or of_gains[:1]

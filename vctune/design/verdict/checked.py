@@ -41,27 +41,15 @@ VERDICTS = {
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """The result of a check.
+    """The result of a check."""
 
-    Attributes
-    ----------
-    source : path of the file that states the gains
-    name : name of the problem
-    verdict : verdict on the claims
-    message : one line of text: the proved claims, or the failed claims and a change after which the design passes, or
-        the fault of the input
-    line : line of the source to which the message refers
-    finding : details of the check; None for bad input
-    strict : whether a warning fails the check
-    """
-
-    source: Path
-    name: str
-    verdict: CheckVerdict
+    source: Path  # path of the file that states the gains
+    name: str  # name of the problem
+    verdict: CheckVerdict  # verdict on the claims
     message: str
-    line: int
-    finding: Finding | None
-    strict: bool = False
+    line: int  # line of the source to which the message refers
+    finding: Finding | None  # details of the check; None for bad input
+    strict: bool = False  # whether a warning fails the check
 
     @property
     def warnings(self) -> list[str]:
@@ -95,22 +83,13 @@ class Finding(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DesignFinding:
-    """The details of a check of valid gains.
+    """The details of a check of valid gains."""
 
-    Attributes
-    ----------
-    file : the problem
-    judgement : judgement of the gains
-    repairs : repairs of a violated design: changes of the design first, then of the problem, each by ascending error
-    warnings : warnings for the user
-    seconds : duration of the check, s
-    """
-
-    file: ProblemFile
-    judgement: Judgement
+    file: ProblemFile  # the problem
+    judgement: Judgement  # judgement of the gains
     repairs: list[Repair] | None
-    warnings: list[str]
-    seconds: float
+    warnings: list[str]  # warnings for the user
+    seconds: float  # duration of the check, s
 
     def record(self) -> dict[str, Any]:
         """Return the object of design.json."""
@@ -126,16 +105,7 @@ def finding_of(
     repairing: float,
     proving: float,
 ) -> DesignFinding:
-    """Return the details of the check of judged gains, with all warnings.
-
-    Parameters
-    ----------
-    file : the problem
-    judgement : judgement of the gains
-    repairs : repairs found so far; None if vctune did not look for any
-    notes : additional notes for the user
-    repairing, proving : duration of the search for repairs and of the proof, s
-    """
+    """Return the details of the check of judged gains, with all warnings."""
     cut = judgement.cut
     if judgement.status is Status.VIOLATED or judgement.idle:
         cut |= out_of_time()

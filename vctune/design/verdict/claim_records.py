@@ -27,23 +27,13 @@ from vctune.proof.storage.changing import Examined
 
 
 def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
-    """Return the record of each claim.
-
-    Parameters
-    ----------
-    problem, judgement : problem and judgement of a design, SI units
-    """
+    """Return the record of each claim."""
     outcomes = judgement.certificate.outcomes
     return [_claim(problem, judgement, claim, outcome) for claim, outcome in outcomes.items()]
 
 
 def changing_record(problem: Problem, judgement: Judgement) -> dict[str, ChangingRecord]:
-    """Return the record of the claim on hands whose damping changes; empty if the problem does not make this claim.
-
-    Parameters
-    ----------
-    problem, judgement : a design, SI units
-    """
+    """Return the record of the claim on hands whose damping changes; empty if the problem does not make this claim."""
     hands, outcome = problem.changing_hands, judgement.certificate.outcomes.get("changing")
     if hands is None or outcome is None:
         return {}
@@ -51,13 +41,7 @@ def changing_record(problem: Problem, judgement: Judgement) -> dict[str, Changin
 
 
 def examined_record(judgement: Judgement, examined: Examined) -> ExaminedRecord:
-    """Return the record of hands whose damping changes, for a problem that does not require the claim.
-
-    Parameters
-    ----------
-    judgement : a design, SI units
-    examined : result for such hands
-    """
+    """Return the record of hands whose damping changes, for a problem that does not require the claim."""
     return ExaminedRecord(**_changing(judgement, *examined))
 
 
@@ -96,11 +80,7 @@ def _claim(problem: Problem, judgement: Judgement, claim: ClaimId, outcome: Outc
 
 
 def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
-    """Return an environment with which the loop is unstable, in the hand of the witness or the worst hand.
-
-    The result is empty if the function finds none. If the design only misses the safety factor in a hand, the loop is
-    stable with every environment.
-    """
+    """Return an environment with which the loop is unstable, in the hand of the witness or the worst hand."""
     device, held, places = outcome.device or problem.device, judgement.in_hand, []
     if outcome.hand is not None and outcome.witness is not None:
         places.append((outcome.hand, outcome.witness))
@@ -135,13 +115,12 @@ def _environment_of_any_hand(problem: Problem, judgement: Judgement, outcome: Ou
     return _environment_record(device, record, environment)
 
 
+# Functions that find an environment with which the loop of a refuted design is unstable, by the identifier of the claim
 GROWING: dict[ClaimId, Callable[[Problem, Judgement, Outcome], dict[str, EnvironmentRecord]]] = {
     "hands": _environment,
     "worlds": _environment,
     "any_hand": _environment_of_any_hand,
 }
-"""Functions that find an environment with which the loop of a refuted design is unstable, by the identifier of the
-claim."""
 
 
 def _environment_record(device: Device, hand: HandRecord, found: GrowingEnvironment) -> dict[str, EnvironmentRecord]:

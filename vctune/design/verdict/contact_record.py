@@ -22,21 +22,13 @@ from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.interval import Verdict
 from vctune.running import unlimited
 
-RESERVE = 1e-3
-"""Relative distance between the stiffest contact in double precision and the contact that vctune proves. With half this
-distance, the proof takes up to twice as many boxes."""
-DIGITS = 4
-"""Number of significant digits of the stiffest contact."""
+RESERVE = 1e-3  # Relative distance between the stiffest contact in double precision and the contact that vctune proves
+DIGITS = 4  # Number of significant digits of the stiffest contact
 
 
 def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | None:
-    """Return the drag that contacts require of a servo, and the stiffest contact of a design; None for other displays.
-
-    Parameters
-    ----------
-    problem : problem with all defaults filled in, SI units
-    judgement : judgement of the design
-    """
+    """Return the drag that contacts require of a servo, and the stiffest contact of a design; None for other
+    displays."""
     hands = problem.hands_met
     if problem.device.servo is None or hands is None:
         return None
@@ -71,10 +63,7 @@ def _latency(device: Device) -> float:
 
 
 def _own_spring(device: Device) -> float:
-    """Return the drag at rest that the firmware's own spring requires: its stiffness times the latency, N s/m.
-
-    This latency does not include the force sensor.
-    """
+    """Return the drag at rest that the firmware's own spring requires: its stiffness times the latency, N s/m."""
     assert device.servo is not None
     return (device.servo.stiffness or 0.0) * _latency(device.sensing_at_once)
 
@@ -82,14 +71,7 @@ def _own_spring(device: Device) -> float:
 def _stiffest(
     problem: Problem, judgement: Judgement, hands: Hands, bears: float
 ) -> tuple[float | None, Literal["proved", "undecided"] | None]:
-    """Return the stiffest contact, rounded, and whether it is proved; None if no contact is permitted.
-
-    Parameters
-    ----------
-    problem, judgement : problem and judgement of the design
-    hands : hands of the claim; a certified design is stable in all of them
-    bears : estimate of the stiffest contact, in double precision, N/m
-    """
+    """Return the stiffest contact, rounded, and whether it is proved; None if no contact is permitted."""
     if judgement.status is Status.CERTIFIED and (bears == inf or _floored(bears) <= hands.high.stiffness):
         return hands.high.stiffness, "proved"
     stiffest = _floored(bears)

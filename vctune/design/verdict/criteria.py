@@ -15,21 +15,11 @@ from vctune.model.gains import SpringDamper
 from vctune.model.problem import Criterion, Problem
 from vctune.running import OutOfTimeError
 
-COMPARISON = "the comparison of criteria"
-"""Name of a stage that a time limit may cut short."""
+COMPARISON = "the comparison of criteria"  # Name of a stage that a time limit may cut short
 
 
 def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
-    """Return a solved problem with the least error under each criterion; unchanged if the problem has one criterion.
-
-    For each criterion, vctune solves the problem file with only this criterion, and with the defaults that depend on
-    it. The errors refer to the transparency band and the Z_0 of the original problem.
-
-    Parameters
-    ----------
-    file : the problem
-    solved : a result; if it is not certified, the function returns it unchanged
-    """
+    """Return a solved problem with the least error under each criterion; unchanged if the problem has one criterion."""
     problem = file.problem
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
         return solved

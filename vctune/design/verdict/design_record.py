@@ -1,7 +1,4 @@
-"""Make the record of a solved problem, in SI units and hertz.
-
-See document/README.md, section 3.
-"""
+"""Make the record of a solved problem, in SI units and hertz. See document/README.md, section 3."""
 
 from __future__ import annotations
 
@@ -72,10 +69,8 @@ from vctune.version import versions
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
 
-PROVED_BAND = "the proof of a wider band"
-"""Name of a stage that a time limit may cut short."""
-SHOWN = 200
-"""Greatest number of rounds of an exchange, and of states of a search of boxes, that a record keeps."""
+PROVED_BAND = "the proof of a wider band"  # Name of a stage that a time limit may cut short
+SHOWN = 200  # Greatest number of rounds of an exchange, and of states of a search of boxes, that a record keeps
 
 
 def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> dict[str, Any]:
@@ -96,15 +91,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
 
 
 def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date: str | None = None) -> DesignRecord:
-    """Return the record of a solved problem, from which `design_record` makes the JSON object.
-
-    Parameters
-    ----------
-    file : the problem and its text
-    solved : its result
-    ipopt : version of IPOPT; None if the result did not need it
-    date : date of writing (`vctune.document.text.date.today`); None if the record must not have a date
-    """
+    """Return the record of a solved problem, from which `design_record` makes the JSON object."""
     judgement, problem = solved.judgement, solved.problem
     proved = _proved(problem, judgement) if judgement is not None else {}
     borne = _borne(problem, judgement) if judgement is not None else {}
@@ -165,13 +152,7 @@ def _alternative(each: Alternative) -> AlternativeRecord:
 
 
 def at_bound(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[str]:
-    """Return the dotted keys of the free variables that lie on a bound.
-
-    Parameters
-    ----------
-    problem : problem with the bounds, SI units
-    gains, coupling : a design, SI units
-    """
+    """Return the dotted keys of the free variables that lie on a bound."""
     return [key for key, _ in _touched(problem, point(gains, coupling))]
 
 
@@ -185,13 +166,7 @@ def _touched(problem: Problem, values: Point) -> list[tuple[str, str]]:
 
 
 def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | None = None) -> list[Note]:
-    """Return warnings about a design.
-
-    Parameters
-    ----------
-    problem, judgement : the design
-    cures : changes after which an idle design uses its loop, the least error first; None if vctune did not look for any
-    """
+    """Return warnings about a design."""
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
         of_spring = key == "coupling.damping" and problem.device.kind.inverse and problem.bounds.damping.min == 0

@@ -11,13 +11,7 @@ from vctune.model.gains import AnyCoupling, Gains
 
 
 def felt_record(device: Device, gains: Gains, coupling: AnyCoupling) -> FeltRecord:
-    """Return the mass and damping that the hand feels, the stiffest wall, and the tracking bandwidth.
-
-    Parameters
-    ----------
-    device : device with plain numbers; the function ignores its least operator
-    gains, coupling : the design
-    """
+    """Return the mass and damping that the hand feels, the stiffest wall, and the tracking bandwidth."""
     felt = feel(device, gains, coupling)
     return FeltRecord(
         felt_mass_1hz=felt.mass[0],

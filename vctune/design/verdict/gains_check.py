@@ -1,7 +1,5 @@
 """Check existing gains, for example in continuous integration. The module imports the optimiser only to find repairs.
-
-See cli/README.md, section 2.
-"""
+See cli/README.md, section 2."""
 
 from __future__ import annotations
 
@@ -57,24 +55,7 @@ def check_files(
     progress: Progress = lambda stage: None,
     begun: Callable[[Problem], None] = lambda problem: None,
 ) -> list[Checked]:
-    """Check the designs that problem files fix, or the designs of gains files for one problem.
-
-    Parameters
-    ----------
-    paths : paths of the files
-    progress : function that receives the current stage
-    begun : function that receives each problem before the work on it
-
-    Returns
-    -------
-    list of Checked
-        The result for each file.
-
-    Raises
-    ------
-    InputError
-        If there are gains files, but not exactly one problem file.
-    """
+    """Check the designs that problem files fix, or the designs of gains files for one problem."""
     inputs = [_read(path) for path in paths]
     gains = [given for given in inputs if given.is_gains]
     broken = [given for given in inputs if given.error]
@@ -90,24 +71,7 @@ def check_files(
 
 
 def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked:
-    """Check the design that a problem fixes, or another design for the problem.
-
-    Parameters
-    ----------
-    file : the problem and its text
-    design : gains and coupling; None for the values that the problem fixes
-
-    Returns
-    -------
-    Checked
-        Verdict, message, warnings, and details.
-
-    Raises
-    ------
-    InputError
-        If the design is for another kind of device, or if there is no design and the problem does not fix every
-        variable.
-    """
+    """Check the design that a problem fixes, or another design for the problem."""
     name = Path(file.problem.name)
     if design is not None:
         require_gains_of(file, design)
@@ -208,11 +172,7 @@ def _judged(
 def _repairs(
     file: ProblemFile, judgement: Judgement, changed: list[ParameterChange], progress: Progress
 ) -> tuple[list[Repair] | None, list[ParameterChange]]:
-    """Return the repairs of a refuted design, or the changes after which an idle design uses its loop.
-
-    The first result is None for any other design. The second result contains all edited gains if the design passes only
-    after all of them are restored; otherwise the result is empty.
-    """
+    """Return the repairs of a refuted design, or the changes after which an idle design uses its loop."""
     if judgement.status is not Status.VIOLATED and not judgement.idle:
         return None, []
     stated = toml.parse(file.text, file.problem.name)
@@ -233,10 +193,7 @@ def _cures(
     changed: list[ParameterChange],
     progress: Progress,
 ) -> list[Repair] | None:
-    """Return the changes after which an idle design uses its velocity loop.
-
-    The result is None if the unchanged problem has a design that uses the loop, or if the time limit ends the search.
-    """
+    """Return the changes after which an idle design uses its velocity loop."""
     try:
         if back := undone(pasted, changed, OF_FIXED_IN_USE):
             return back

@@ -21,31 +21,21 @@ from vctune.model.problem import Problem
 from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.proof.claims.sampled_poles import spectral_radius
 
+# Beginning of the reason
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
-"""Beginning of the reason. The key is True if vctune has proved that there is no design."""
 
 CUT_SHORT = "the time limit ended the search before it had found a design"
 
-NEXT_TO_NOTHING = 1e-9
-"""Ratio Re Z_c / R below which the message calls Re Z_c "next to 0", as at 0 Hz without drag. With half or twice this
-ratio, the messages are the same."""
+NEXT_TO_NOTHING = 1e-9  # Ratio Re Z_c / R below which the message calls Re Z_c "next to 0", as at 0 Hz without drag
 
 
 @dataclass(frozen=True, slots=True)
 class Infeasibility:
-    """The reason why there is no feasible design.
+    """The reason why there is no feasible design."""
 
-    Attributes
-    ----------
-    cause : violated constraint, with its place and amount
-    advice : possible repair
-    proved : True if a theorem, or a search that pruned every box of designs, proves that there is no design; False if
-        the search only failed to find a design
-    """
-
-    cause: str
-    advice: str
-    proved: bool
+    cause: str  # violated constraint, with its place and amount
+    advice: str  # possible repair
+    proved: bool  # True if a theorem, or a search that pruned every box of designs, proves that there is no design
 
     @property
     def reason(self) -> str:
@@ -59,21 +49,7 @@ def out_of_time_before_a_design() -> Infeasibility:
 
 
 def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> Infeasibility:
-    """Describe the constraint that the nearest miss violates.
-
-    The nearest miss is the point of the scan with the least violation.
-
-    Parameters
-    ----------
-    prepared : the problem
-    scanned : the scan's result
-    proved : whether the search of every box has proved that there is no design
-
-    Returns
-    -------
-    Infeasibility
-        The constraint, the frequency, the violation and possible repairs, in words.
-    """
+    """Describe the constraint that the nearest miss violates."""
     opening = OPENINGS[proved]
     if not scanned.starts:
         return Infeasibility(opening, "widen the bounds", proved)

@@ -60,18 +60,11 @@ STATUS_OF = {
 }
 
 
-IDLE_TRACKING = 0.5
-"""Mean or greatest |1 - G_he| above which vctune warns that a design hardly uses its velocity loop. Without a loop, |1
-- G_he| is 1; at 0.5, the handle does not follow half of the environment's motion. The value does not affect the design.
-With half this value, vctune warns about more designs; with twice this value, it warns about none."""
+IDLE_TRACKING = 0.5  # Mean or greatest |1 - G_he| above which vctune warns that a design hardly uses its velocity loop
 
 
-PROVING = 0.85
-"""Share of the remaining time that the proof of a design may take if there is a time limit. The rest of the time is for
-computations in double precision, which take a second for an uncertain device. With half this share some designs stay
-unproved; with the whole time vctune would exceed the time limit."""
-CUT = " (the time limit cut its proof)"
-"""Words that follow a claim if the time limit ended its proof."""
+PROVING = 0.85  # Share of the remaining time that the proof of a design may take if there is a time limit
+CUT = " (the time limit cut its proof)"  # Words that follow a claim if the time limit ended its proof
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,19 +226,7 @@ def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
 
 @np.errstate(all="ignore")
 def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
-    """Judge given gains against the constraints of a problem.
-
-    Parameters
-    ----------
-    posed : prepared problem in SI units
-    gains, coupling : a design with plain floats, N s/m, N/m and kg
-
-    Returns
-    -------
-    Judgement
-        Certificate, status, transparency and margins, in SI units and rad/s. A time limit can cut short only the proof
-        and the evaluation of the devices in hands.
-    """
+    """Judge given gains against the constraints of a problem."""
     posed = with_best_corner(posed, gains, coupling)
     with time_limit(PROVING * seconds_left()):
         certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
@@ -256,20 +237,7 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
 def judge_all(
     problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]], corners: Sequence[float | None] | None = None
 ) -> list[Judgement]:
-    """Judge several designs against the constraints of a problem, with a joint proof. For one design, use `judge`.
-
-    Parameters
-    ----------
-    problem : problem with all defaults filled in, SI units
-    designs : gains and couplings, plain floats, SI units
-    corners : corner frequency of the multiplier for walls of each design, rad/s; None for the frequency with the
-        greatest margin
-
-    Returns
-    -------
-    list of Judgement
-        One judgement for each design, in their order.
-    """
+    """Judge several designs against the constraints of a problem, with a joint proof. For one design, use `judge`."""
     posed = pose(problem)
     if posed.demands.worlds is not None and posed.demands.worlds.walls:  # the multiplier differs between designs
         each = zip(designs, corners or [None] * len(designs), strict=True)
@@ -280,13 +248,8 @@ def judge_all(
 
 
 def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed:
-    """Return a posed problem with the best corner frequency for its walls, if it has walls and no corner frequency yet.
-
-    Parameters
-    ----------
-    posed : prepared problem in SI units
-    gains, coupling : a design with plain floats
-    """
+    """Return a posed problem with the best corner frequency for its walls, if it has walls and no corner frequency
+    yet."""
     worlds = posed.demands.worlds
     if worlds is None or not worlds.walls or worlds.corner is not None:
         return posed
@@ -294,10 +257,7 @@ def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed
 
 
 def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
-    """Return a judgement: a certificate, and values in double precision.
-
-    If the time limit ends the work, the values in hands are for only some devices of the box.
-    """
+    """Return a judgement: a certificate, and values in double precision."""
     in_hand = posed.demands.hands is not None or posed.demands.any_hand
     at: list[_InHands] = []
     devices = [case.device for case in posed.hand_cases] if in_hand else []
@@ -389,18 +349,7 @@ def _estimated(
 
 
 def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float]:
-    """Return the least Re Z_c / R on the stability band and its frequency, with the exact limits at 0 and infinity.
-
-    Parameters
-    ----------
-    problem : problem of a device with exactly known parameters
-    gains, coupling : a design with plain floats
-
-    Returns
-    -------
-    ratio : least ratio; inf if R is nowhere positive
-    omega : frequency, rad/s; 0 or inf at an end of the axis
-    """
+    """Return the least Re Z_c / R on the stability band and its frequency, with the exact limits at 0 and infinity."""
     device, band = problem.device, problem.stability.band
     minima = ratio_minima(problem, gains, coupling)
     candidates = [(float(minima.value[0]), float(minima.omega[0]))]

@@ -23,17 +23,11 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS
 
-ACTIVE = 1e-5
-"""Multiplier above which the record lists a constraint as active. IPOPT's barrier gives inactive constraints small
-multipliers."""
+ACTIVE = 1e-5  # Multiplier above which the record lists a constraint as active
 
 
 def active(solved: Solved) -> list[ActiveRecord]:
-    """Return the active constraints of a design, with kind, frequency and multiplier, the greatest multiplier first.
-
-    The multiplier is d log(error)/d log(constraint). A multiplier of 0.3 means that the error falls by 0.3 % if the
-    constraint is relaxed by 1 %. If IPOPT did not converge, the multipliers are not derivatives, and the list is empty.
-    """
+    """Return the active constraints of a design, with kind, frequency and multiplier, the greatest multiplier first."""
     if solved.polished is None or not solved.polished.solution.converged:
         return []
     posed, multipliers = solved.polished.working_set, [float(m) for m in _priced(solved.polished)]
@@ -74,11 +68,7 @@ def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
 
 
 def _priced(polished: Polished) -> Floats:
-    """Return the multipliers; for the ratio, the multipliers of 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
-
-    For a device with a least operator, two terms of this constraint contain the factor, on different sides in the NLP.
-    The function converts the multipliers of the NLP accordingly.
-    """
+    """Return the multipliers; for the ratio, the multipliers of 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R."""
     multipliers, ratio = np.abs(polished.solution.multipliers), polished.working_set.ratio
     if polished.structure.operator_damping and ratio:
         device, omega = stacked(ratio)

@@ -16,55 +16,30 @@ from vctune.model.parts import PART_NUMBERS
 from vctune.model.problem import Problem
 
 RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
+# Changes that the search tries, relative to the smaller of the old and the new value, or to the natural size if the old
+# value is 0
 CHANGES_FROM_ZERO = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
-"""Changes that the search tries, relative to the smaller of the old and the new value, or to the natural size if the
-old value is 0. If a gain changes too far, the design fails again. Up to a factor of 4, the steps are small enough to
-find every interval of passing values that is wider than 30 %.
-"""
-FURTHEST = 1e6
-"""Greatest factor by which the search changes a bound or a gain; no device needs more. Each factor of ten takes one
-more trial."""
-SOFTEST = 1e-3
-"""Least share to which the search reduces the greatest mass, damping or stiffness of the hands. A smaller share would
-not describe a hand."""
-FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
-"""Least relative change of a value, and least change from 0. Smaller changes would vanish in the rounding of the file's
-decimals or of a double."""
-DIGITS = 12
-"""Greatest number of significant digits of a new value."""
+FURTHEST = 1e6  # Greatest factor by which the search changes a bound or a gain; no device needs more
+SOFTEST = 1e-3  # Least share to which the search reduces the greatest mass, damping or stiffness of the hands
+FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18  # Least relative change of a value, and least change from 0
+DIGITS = 12  # Greatest number of significant digits of a new value
+# Parameters of a device's parts for which better parts exist, such as the bandwidth of an actuator
 BETTER = {key: each for key, each in PART_NUMBERS.items() if each.better}
-"""Parameters of a device's parts for which better parts exist, such as the bandwidth of an actuator."""
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
-ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
-"""Keys of parameters that increase Re Z_c as they grow. A decrease of these parameters never repairs a design."""
+ONLY_UPWARDS = ("coupling.mass", "coupling.drag")  # Keys of parameters that increase Re Z_c as they grow
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
-    """A value of a problem file that may change in one direction.
+    """A value of a problem file that may change in one direction."""
 
-    Changes are relative to the smaller of the old and the new value. If the old value is 0, they are relative to the
-    natural size. If the old value is infinite, the reciprocal changes from 0, relative to the reciprocal of the natural
-    size.
-
-    Attributes
-    ----------
-    path : place of the value in the file
-    meaning : meaning of the change, in words
-    old : the value in the file, or the default
-    limit : the furthest value to try, above or below `old`
-    scale : natural size of the value, used if `old` is 0 or infinite
-    other : the other edge of the band, or the other end of the range; a changed file must state both
-    switch : whether the value is a switch, which the change turns from true (1) to false (0)
-    """
-
-    path: KeyPath
-    meaning: str
-    old: float
-    limit: float
-    scale: float = 1.0
-    other: float | None = None
-    switch: bool = False
+    path: KeyPath  # place of the value in the file
+    meaning: str  # meaning of the change, in words
+    old: float  # the value in the file, or the default
+    limit: float  # the furthest value to try, above or below `old`
+    scale: float = 1.0  # natural size of the value, used if `old` is 0 or infinite
+    other: float | None = None  # the other edge of the band, or the other end of the range
+    switch: bool = False  # whether the value is a switch, which the change turns from true (1) to false (0)
 
     @property
     def key(self) -> str:
@@ -103,22 +78,13 @@ class ParameterChange:
         return abs(new - self.old) / min(new, self.old) if new > 0 else inf
 
     def size(self, new: float) -> float:
-        """Return the size r/(1 + r) of a relative change r, to compare changes of different values.
-
-        The size is the change relative to the greater of the old and the new value, at most 1.
-        """
+        """Return the size r/(1 + r) of a relative change r, to compare changes of different values."""
         relative = self.relative_change(new)
         return relative / (1 + relative) if relative < inf else 1.0
 
     def partial(self, new: float, share: float) -> float:
         """Return the value after a share of a change. If the old value is infinite, the share applies to the
-        reciprocals.
-
-        Parameters
-        ----------
-        new : value after the full change
-        share : share of the change, 0 < share <= 1
-        """
+        reciprocals."""
         return new / share if self.old == inf else self.old + share * (new - self.old)
 
     def relative_changes(self) -> Iterator[float]:
@@ -132,19 +98,8 @@ class ParameterChange:
         yield last
 
     def rounded(self, relative: float, growth: float) -> float:
-        """Return the new value after a relative change, rounded away from the old value to as few digits as possible.
-
-        Parameters
-        ----------
-        relative : the least relative change
-        growth : greatest relative increase of this change by the rounding
-
-        Returns
-        -------
-        float
-            A value at or beyond the exact one, within the limit; the exact value itself if `DIGITS` digits do not
-            suffice.
-        """
+        """Return the new value after a relative change, rounded away from the old value to as few digits as
+        possible."""
         exact, upwards = self.value(relative), self.limit > self.old
         for digits in range(1, DIGITS):
             context = Context(prec=digits, rounding=ROUND_CEILING if upwards else ROUND_FLOOR)
@@ -165,13 +120,7 @@ class ParameterChange:
         return f"{dotted(self.path[:-1])} = {form}"
 
     def applied(self, document: dict[str, Any], new: float) -> dict[str, Any]:
-        """Return the document with the value changed.
-
-        Parameters
-        ----------
-        document : parsed TOML, which is not modified
-        new : the new value, in the file's unit
-        """
+        """Return the document with the value changed."""
         if self.switch:
             return placed(document, ((self.path, False),))
         beside = () if self.other is None else (((*self.path[:-1], OTHER_END[self.path[-1]]), self.other),)
@@ -180,24 +129,12 @@ class ParameterChange:
 
 def parameter_changes(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
     """Return the possible changes of a problem: of the device, of the constraints, and of the bounds or gains in the
-    file.
-
-    Parameters
-    ----------
-    document : parsed document
-    problem : problem that the document states
-    """
+    file."""
     return [*_of_device(problem), *_of_operator(problem), *changes_of_demands(document, problem)]
 
 
 def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
-    """Return the possible changes of a problem, except those of its device and its hands.
-
-    Parameters
-    ----------
-    document : parsed document
-    problem : problem that the document states
-    """
+    """Return the possible changes of a problem, except those of its device and its hands."""
     band = _of_band(document, problem) if problem.passive else ()
     return [*band, *_of_worlds(problem), *_of_demands(problem), *_of_gains(document, problem)]
 
@@ -227,11 +164,8 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
-    """Yield changes that leave fewer hands: more damping or, for a claim about a box of hands, less mass or stiffness.
-
-    If no hand of the box has a stiffness, there may be nothing that returns the handle. The changes then include
-    stiffer hands.
-    """
+    """Yield changes that leave fewer hands: more damping or, for a claim about a box of hands, less mass or
+    stiffness."""
     device, low, high = problem.device, problem.hands.low, problem.hands.high
     meaning, loop = "more damping in every hand", _natural_impedance(problem)
     path: KeyPath = ("operator", "damping")
@@ -306,10 +240,7 @@ def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
-    """Yield changes of the fixed variables of a design, and wider bounds of the ranges in the file.
-
-    The default bounds need no change, because they are wide.
-    """
+    """Yield changes of the fixed variables of a design, and wider bounds of the ranges in the file."""
     natural = _natural_sizes(problem)
     for key in problem.device.kind.stated:
         table, name = key.split(".")
@@ -330,14 +261,7 @@ def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterC
 
 
 def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> ParameterChange:
-    """Return the change of a variable of a design towards another value.
-
-    Parameters
-    ----------
-    problem : problem of the design
-    key : key of the variable
-    old, limit : its present value, and the furthest value
-    """
+    """Return the change of a variable of a design towards another value."""
     table, name = key.split(".")
     way = f"a {'greater' if limit > old else 'smaller'} {SYMBOLS[key]}"
     meaning = "some drag" if key == "coupling.drag" and old == 0 else way

@@ -1,8 +1,4 @@
-"""Compute the prices of a device's parameters: the change of the least error if a parameter improves by 1 %.
-
-By the envelope theorem, this change follows from the derivative of the Lagrangian at the optimum. See design/README.md,
-section 11.
-"""
+"""Compute the prices of a device's parameters: the change of the least error if a parameter improves by 1 %."""
 
 from __future__ import annotations
 
@@ -22,29 +18,17 @@ from vctune.model.problem import Problem
 from vctune.proof.claims.whole_samples import kept_at_whole_sample, sensed_force_jumps
 from vctune.running import OutOfTimeError, check_time
 
-PRICES = "the prices of the device's numbers"
-"""Name of a stage that a time limit may cut short."""
+PRICES = "the prices of the device's numbers"  # Name of a stage that a time limit may cut short
 
-STEP = 1e-5
-"""Relative step, up and down, of the difference that approximates a derivative. The relative error of the approximation
-is about 1e-5; rounding errors are far smaller. With half or twice this step, the prices agree in four digits."""
-STEEPEST = 50.0
-"""Slope d log error/d log parameter above which a change of the error counts as a jump. The error jumps, for example,
-if the delay of a servo passes a whole number of samples. True slopes are at most 10, so the results are the same with
-half or twice this limit."""
-BETTER = 0.01
-"""Share by which a parameter improves. Up to this share, the least error is nearly a linear function of the parameter,
-on each side of its value."""
+STEP = 1e-5  # Relative step, up and down, of the difference that approximates a derivative
+STEEPEST = 50.0  # Slope d log error/d log parameter above which a change of the error counts as a jump
+BETTER = 0.01  # Share by which a parameter improves
 
 
 @np.errstate(all="ignore")
 def with_prices(solved: Solved) -> Solved:
-    """Return the result of a problem with the price of each parameter of its device, if its design is a local optimum.
-
-    Parameters
-    ----------
-    solved : the result of a problem
-    """
+    """Return the result of a problem with the price of each parameter of its device, if its design is a local
+    optimum."""
     judgement, polished = solved.judgement, solved.polished
     if judgement is None or judgement.status is not Status.CERTIFIED or polished is None:
         return solved
@@ -88,16 +72,10 @@ class _OfDevice:
 
 @dataclass(frozen=True, slots=True)
 class _OfHands:
-    """The least or the greatest mass, damping or stiffness of the hands; both at once if they are equal.
+    """The least or the greatest mass, damping or stiffness of the hands; both at once if they are equal."""
 
-    Attributes
-    ----------
-    name : name of the hand's parameter
-    end : "min", "max", or "" for both
-    """
-
-    name: str
-    end: str
+    name: str  # name of the hand's parameter
+    end: str  # "min", "max", or "" for both
 
     @property
     def key(self) -> str:
@@ -148,23 +126,14 @@ def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDe
 
 @dataclass(frozen=True, slots=True)
 class _Changed:
-    """The parts of the squared error after a change of one parameter.
+    """The parts of the squared error after a change of one parameter."""
 
-    Attributes
-    ----------
-    lagrangian : Lagrangian of the last NLP, whose objective is the logarithm of the error
-    others2 : sum of the squared terms of the error that are the same for every design, which the NLP omits
-    """
-
-    lagrangian: float
-    others2: float
+    lagrangian: float  # Lagrangian of the last NLP, whose objective is the logarithm of the error
+    others2: float  # sum of the squared terms of the error that are the same for every design, which the NLP omits
 
 
 def _changed(prepared: Prepared, polished: Polished, number: _OfDevice | _OfHands, factor: float) -> _Changed:
-    """Return the parts of the squared error after a parameter of the devices or hands is multiplied by `factor`.
-
-    The design and all other parameters of the problem stay the same in SI units.
-    """
+    """Return the parts of the squared error after a parameter of the devices or hands is multiplied by `factor`."""
 
     def changed(device: Device) -> Device:
         return number.changed(device, factor)

@@ -1,8 +1,4 @@
-"""Find repairs: changes of one value that make a design possible, each sufficient alone, the least error first.
-
-A repair changes a value of the problem as little as possible. A repair of a given design uses the value with the least
-error, or the value of the solved design. The module imports the optimiser only when it needs it.
-"""
+"""Find repairs: changes of one value that make a design possible, each sufficient alone, the least error first."""
 
 from __future__ import annotations
 
@@ -35,26 +31,16 @@ from vctune.proof.claims.sampled_poles import prove_sampled_poles
 from vctune.proof.engine.interval import Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, time_limit
 
-SHARE = 0.9
-"""Share of a repair that must not be enough to make a design possible."""
-ROUNDS = 10
-"""Greatest number of corrections of the estimated least change. If a change does not suffice, a correction makes it
-slightly larger. If nine tenths of a change suffice, a correction makes it a tenth smaller. Two or three corrections are
-usual. With half as many, vctune misses some repairs; with twice as many, it finds no more."""
-REPAIRS = "the repairs"
-"""Name of a stage that a time limit may cut short."""
-LONGEST = 30.0
-"""Seconds after which vctune tries no more changes. The search needs this much time only for problems that take long to
-solve. With half this time, vctune misses some repairs on a slow machine and warns of it (`CUT_SHORT`); the listed
-repairs are the same."""
+SHARE = 0.9  # Share of a repair that must not be enough to make a design possible
+ROUNDS = 10  # Greatest number of corrections of the estimated least change
+REPAIRS = "the repairs"  # Name of a stage that a time limit may cut short
+LONGEST = 30.0  # Seconds after which vctune tries no more changes
+# Share of `LONGEST` after which vctune no longer solves the problem to find out which value was edited
 COMPARING = 0.25
-"""Share of `LONGEST` after which vctune no longer solves the problem to find out which value was edited. Most problems
-take a second or two. Environments that run late take half a minute, which would leave no time to try changes."""
 CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
-FINER = 30.0
-"""Factor by which the search reduces a change while the change suffices. Then it bisects the last interval."""
+FINER = 30.0  # Factor by which the search reduces a change while the change suffices
+# Share by which the screening requires a greater ratio than the limit, so that the proof of rounded gains succeeds
 SLACK = 1e-5
-"""Share by which the screening requires a greater ratio than the limit, so that the proof of rounded gains succeeds."""
 
 Progress = Callable[[str], None]
 Posed = Callable[[dict[str, Any]], Problem | None]
@@ -124,28 +110,18 @@ def _seems_in_use(problem: Problem) -> bool:
 
 
 OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3, furthest_first=True)
+# Tests for problems that fix every variable of the design, and for problems that leave one variable free. vctune judges
+# a problem of the first kind in a millisecond, so the search can determine the least change accurately
 OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
-"""Tests for problems that fix every variable of the design, and for problems that leave one variable free. vctune
-judges a problem of the first kind in a millisecond, so the search can determine the least change accurately. Solving a
-problem of the second kind takes a second. With half the width, each value takes one more trial; with twice the width,
-one trial less.
-"""
 OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
+# The same tests, with the additional condition that the design uses its velocity loop
 OF_FREE_IN_USE = RepairTest(
     _seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width, furthest_first=True
 )
-"""The same tests, with the additional condition that the design uses its velocity loop."""
 
 
 def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
-    """Return the result of a problem with repairs if it has no design, or if its design is refuted or idle.
-
-    Parameters
-    ----------
-    file : the problem
-    solved : result of the problem
-    progress : function that receives the current stage
-    """
+    """Return the result of a problem with repairs if it has no design, or if its design is refuted or idle."""
     problem, judgement, began = file.problem, solved.judgement, perf_counter()
     idle = judgement is not None and judgement.idle
     if judgement is not None and solved.status is not Status.VIOLATED and not idle:
@@ -170,25 +146,7 @@ def repairs_of_design(
     changed: Sequence[ParameterChange],
     progress: Progress = lambda stage: None,
 ) -> list[Repair]:
-    """Return the changes of one value after which a refuted design passes: first of the design, then of the problem.
-
-    Parameters
-    ----------
-    stated : the problem's document
-    judgement : judgement of the design
-    changed : values that the user edited since the design was solved, with their earlier values as limits. If it is
-        empty, vctune solves the problem. If the design then differs from the solution in one value, this value counts
-        as edited
-    progress : function that receives the current stage
-
-    Returns
-    -------
-    list of Repair
-        First the changes of the design's variables, then the least changes of the problem; in each part the least error
-        comes first. A variable of the design returns to its value in the solved design. If the design then still fails,
-        the variable takes the value with the least error or, if the optimiser finds none, the nearest value that
-        passes.
-    """
+    """Return the changes of one value after which a refuted design passes: first of the design, then of the problem."""
     pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
     problem, _ = pose(pasted, "")
     assert problem is not None, "a valid problem with valid gains is one"
@@ -211,26 +169,13 @@ def repairs_of_design(
 
 
 def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
-    """Return the least changes of one constraint after which the best design uses its velocity loop.
-
-    Parameters
-    ----------
-    document : parsed document
-    problem : problem that the document states; its best design hardly uses the loop
-    progress : function that receives the current stage
-    """
+    """Return the least changes of one constraint after which the best design uses its velocity loop."""
     test = OF_FIXED_IN_USE if problem.bounds.fixed else OF_FREE_IN_USE
     return find_repairs(document, changes_of_demands(document, problem), test, progress)
 
 
 def has_design_in_use(problem: Problem) -> bool:
-    """Return whether solving a problem finds a design that uses its velocity loop.
-
-    Raises
-    ------
-    OutOfTimeError
-        If the time limit ends the search.
-    """
+    """Return whether solving a problem finds a design that uses its velocity loop."""
     return not problem.bounds.fixed and OF_FREE_IN_USE.verify(problem) is not None
 
 
@@ -242,28 +187,7 @@ def find_repairs(
     progress: Progress = lambda stage: None,
     posed: Posed = _posed,
 ) -> list[Repair]:
-    """Return the smallest changes that repair a problem, each of a single value.
-
-    The search ends after `LONGEST` seconds, with the changes that it has found.
-
-    The search makes each change as a user would: it changes the value in the document and reads the problem again,
-    with its defaults. Then the search solves the problem or, if every variable is fixed, judges the design. The search
-    tries small changes of all values before large changes of any value.
-
-    Parameters
-    ----------
-    document : parsed document
-    changes : the changes to try
-    test : functions that test changed problems
-    progress : function that receives the current stage
-    posed : function that returns the problem that a document states, or None
-
-    Returns
-    -------
-    list of Repair
-        The repair with the least error first. If the errors are equal, for example if each change relaxes a constraint
-        on given gains, the smallest change comes first.
-    """
+    """Return the smallest changes that repair a problem, each of a single value."""
     found: list[Repair] = []
     with suppress(OutOfTimeError), time_limit(LONGEST):
         searches = [_Search(document, change, test, posed) for change in changes]
@@ -283,27 +207,15 @@ def find_repairs(
 
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """The search for the least change of one value.
+    """The search for the least change of one value."""
 
-    Attributes
-    ----------
-    document : parsed document
-    change : value to change
-    test : functions that test changed problems
-    posed : function that returns the problem that a document states, or None
-    """
-
-    document: dict[str, Any]
-    change: ParameterChange
-    test: RepairTest
-    posed: Posed
+    document: dict[str, Any]  # parsed document
+    change: ParameterChange  # value to change
+    test: RepairTest  # functions that test changed problems
+    posed: Posed  # function that returns the problem that a document states, or None
 
     def hopeless(self) -> bool:
-        """Return whether no change of this value suffices, because even the largest change does not.
-
-        The result is False if a smaller change might suffice although the largest does not, or if the test does not try
-        the largest change first.
-        """
+        """Return whether no change of this value suffices, because even the largest change does not."""
         furthest = self.change.relative_change(self.change.limit)
         return self.test.furthest_first and self.change.eases and not self.promising(furthest)
 
@@ -322,14 +234,8 @@ class _Search:
         return judgement
 
     def least(self, low: float, high: float) -> Repair | None:
-        """Return the least change that repairs the problem while `SHARE` of it does not; None if the search finds none.
-
-        If the old value is 0 and any change of it repairs the problem, the function uses the change `high`.
-
-        Parameters
-        ----------
-        low, high : relative changes; `high` seems to suffice
-        """
+        """Return the least change that repairs the problem while `SHARE` of it does not; None if the search finds
+        none."""
         change, width = self.change, self.test.width
         if change.switch:
             design = self.certified(change.limit)

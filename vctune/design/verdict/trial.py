@@ -11,17 +11,9 @@ from vctune.model.problem import Problem
 
 @dataclass(frozen=True, slots=True)
 class RepairTest:
-    """Functions and limits with which the search for repairs tests a changed problem.
+    """Functions and limits with which the search for repairs tests a changed problem."""
 
-    Attributes
-    ----------
-    estimate : function that returns whether a problem seems to have a design
-    verify : function that returns the problem's design if it is certified, else None
-    width : relative accuracy of the least change that suffices
-    furthest_first : whether to try the largest change first, and no smaller one if it does not suffice
-    """
-
-    estimate: Callable[[Problem], bool]
+    estimate: Callable[[Problem], bool]  # function that returns whether a problem seems to have a design
     verify: Callable[[Problem], Judgement | None]
-    width: float
-    furthest_first: bool = False
+    width: float  # relative accuracy of the least change that suffices
+    furthest_first: bool = False  # whether to try the largest change first, and no smaller one if it does not suffice

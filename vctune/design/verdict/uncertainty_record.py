@@ -15,13 +15,8 @@ from vctune.model.problem import Problem
 
 
 def device_record(device: Device, problem: Problem) -> DeviceRecord:
-    """Return mass, damping and delay of a device, and its other parameters for which the problem states an uncertainty.
-
-    Parameters
-    ----------
-    device : device of the problem's box, SI units
-    problem : problem with an uncertain device
-    """
+    """Return mass, damping and delay of a device, and its other parameters for which the problem states an
+    uncertainty."""
     widths = dict(problem.uncertainty.half_widths) if problem.uncertainty is not None else {}
     known = device.numbers()
     others = {key: number for key, number in known.items() if "." in key and key in widths}
@@ -34,14 +29,7 @@ def device_record(device: Device, problem: Problem) -> DeviceRecord:
 
 
 def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: float | None) -> UncertaintyRecord:
-    """Return the box, the errors that show the cost of robustness, and the devices on which the design is worst.
-
-    Parameters
-    ----------
-    problem : problem with an uncertain device
-    judgement : judgement of the robust design
-    nominal_error : error of the best design for only the nominal device; None if not computed
-    """
+    """Return the box, the errors that show the cost of robustness, and the devices on which the design is worst."""
     posed, design = pose(problem), (judgement.gains, judgement.coupling)
     box, uncertainty = posed.box, problem.uncertainty
     assert box is not None and uncertainty is not None

@@ -18,8 +18,7 @@ from vctune.proof.claims.registry import ClaimId
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
 
-GRAMS = 0.1
-"""Mass below which a tool is weighed in grams, kg."""
+GRAMS = 0.1  # Mass below which a tool is weighed in grams, kg
 
 
 class PerturbationRecord(Part):
@@ -34,10 +33,7 @@ class PerturbationRecord(Part):
 
 
 class DeviceRecord(Part):
-    """The parameters of a device that may be uncertain.
-
-    The parameters of its parts are listed by their keys. A servo has only parameters of parts.
-    """
+    """The parameters of a device that may be uncertain."""
 
     mass: Annotated[float, Shown("mass", of="mass")] = 0.0
     damping: Annotated[float, Shown("damping", of="damping")] = 0.0
@@ -61,10 +57,7 @@ class ResonatorRecord(Part):
 
 
 class HandRecord(Part):
-    """A hand at the handle: mass, kg, damping, N s/m, and stiffness, N/m; rotary units for a rotary device.
-
-    Resonators may be attached to the hand.
-    """
+    """A hand at the handle: mass, kg, damping, N s/m, and stiffness, N/m; rotary units for a rotary device."""
 
     mass: float
     damping: float
@@ -82,29 +75,18 @@ class HandRecord(Part):
 
 
 class EnvironmentRecord(Part):
-    """An environment with which the loop of a design grows in a hand.
+    """An environment with which the loop of a design grows in a hand."""
 
-    Attributes
-    ----------
-    hand : hand at the handle
-    kind, value, unit : "spring" or "mass", its stiffness or mass, and the unit of this value; 0 for no environment
-    damping : damping in parallel, N s/m, or N m s/rad for a rotary device
-    hz, growth_per_s : frequency and growth rate of the motion
-    stiffness : stiffness of a spring in parallel with a mass, N/m, or N m/rad for a rotary device
-    rule : rule by which the firmware integrates the environment; null for the trapezoidal rule
-    late : number of samples by which its force is late; null for 0
-    """
-
-    hand: HandRecord
-    kind: Literal["spring", "mass"]
+    hand: HandRecord  # hand at the handle
+    kind: Literal["spring", "mass"]  # "spring" or "mass", its stiffness or mass, and the unit of this value
     value: float
     unit: str
-    damping: float
-    hz: float
+    damping: float  # damping in parallel, N s/m, or N m s/rad for a rotary device
+    hz: float  # frequency and growth rate of the motion
     growth_per_s: float
-    stiffness: float = 0.0
-    rule: WorldRule | None = None
-    late: int | None = None
+    stiffness: float = 0.0  # stiffness of a spring in parallel with a mass, N/m, or N m/rad for a rotary device
+    rule: WorldRule | None = None  # rule by which the firmware integrates the environment
+    late: int | None = None  # number of samples by which its force is late; null for 0
 
     def in_words(self, units: Units) -> str:
         """Return the environment in words, and how the design grows with it."""
@@ -119,6 +101,7 @@ class EnvironmentRecord(Part):
         return f"{text(self.hz, 6)} Hz with {rendered}, e-fold in {text(1 / self.growth_per_s, 3)} s"
 
 
+# Identifiers of the sentences by which older versions named their claims
 WITHOUT_ID: dict[str, ClaimId] = {
     "Re G_hh > 0 and Re Z_c >= R on the band": "passive",
     "Re G_hh > 0 and Re Z_c >= safety_factor R on the band": "passive",
@@ -131,7 +114,6 @@ WITHOUT_ID: dict[str, ClaimId] = {
     "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist": "hands",
     "stable in every hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist": "hands",
 }
-"""Identifiers of the sentences by which older versions named their claims. The list does not grow."""
 
 
 def _id_is_optional(schema: dict[str, Any]) -> None:
@@ -141,25 +123,15 @@ def _id_is_optional(schema: dict[str, Any]) -> None:
 
 class ClaimRecord(Part):
     """A claim. If it fails, the record names the frequency, the device, the hand, and the environment with which the
-    loop grows.
-
-    If the time limit `cut` the proof short, the claim is undecided. The sentence `claim` is for people and may change
-    with the version; programs should use `id`.
-
-    Attributes
-    ----------
-    witness_hz : frequency at which a claim fails or is undecided; null if there is none, or if it tends to infinity
-    witness_device, witness_hand : device of the box, and hand, in which it fails there; null if there is none
-    environment : environment with which the loop of a refuted design grows, for claims in hands; null if none was found
-    """
+    loop grows."""
 
     model_config = ConfigDict(json_schema_extra=_id_is_optional)
 
     id: ClaimId
     claim: str
     verdict: Proof
-    witness_hz: Number
-    witness_device: DeviceRecord | None = None
+    witness_hz: Number  # frequency at which a claim fails or is undecided
+    witness_device: DeviceRecord | None = None  # device of the box, and hand, in which it fails there
     witness_hand: HandRecord | None = None
     environment: EnvironmentRecord | None = None
     cut: bool = False
@@ -201,22 +173,13 @@ class WithoutOperatorRecord(Part):
 
 
 class WorldRecord(Part):
-    """The virtual environment with which a design has the smallest margin: a mass, kg, on a spring, N/m.
-
-    The number of an absent part is 0. If both are 0, the margin is smallest without an environment.
-    """
+    """The virtual environment with which a design has the smallest margin: a mass, kg, on a spring, N/m."""
 
     mass: float
     stiffness: float
 
     def row(self, hz: Number, units: Units) -> Row:
-        """Return the row of the environment.
-
-        Parameters
-        ----------
-        hz : frequency at which the environment binds; None to omit it
-        units : units of its numbers
-        """
+        """Return the row of the environment."""
         place = "" if hz is None else f" at {text(hz)} Hz"
         small = units.mass == "kg" and self.mass < GRAMS
         mass, unit = (1e3 * self.mass, "g") if small else (self.mass, units.mass)
@@ -230,50 +193,30 @@ class WorldRecord(Part):
 
 
 class WallsRecord(DisplayPart):
-    """The claim about every wall in a box of environments.
-
-    The linear environments of the box have a claim of their own.
-
-    Attributes
-    ----------
-    corner_hz : corner of the multiplier that proves the walls
-    min_ratio, worst_hz, worst_hand : the least ratio, its frequency and its hand; a number that is infinite is null
-    boxes : number of boxes in the proof
-    """
+    """The claim about every wall in a box of environments."""
 
     verdict: Annotated[Proof, Shown("every wall", "by the multiplier with its corner at {corner_hz} Hz")]
-    corner_hz: float
+    corner_hz: float  # corner of the multiplier that proves the walls
     min_ratio: Annotated[Number, Shown("least with walls", "at {worst_hz} Hz in the hand of {worst_hand}")]
     worst_hz: Number
     worst_hand: HandRecord
-    boxes: int
+    boxes: int  # number of boxes in the proof
 
 
 class HandsRecord(DisplayPart):
-    """The claims about every hand of a box, in the sampled loop at every frequency.
-
-    Attributes
-    ----------
-    box : ends of the range of each parameter of the hands
-    min_ratio, worst_hz, worst_hand : the least ratio, its frequency and its hand; a number that is infinite is null
-    boxes : number of boxes in the proof
-    worlds, worlds_rule, worlds_late : box of environments, their rule unless trapezoidal, and their lateness unless 0;
-        null in `worlds` for every environment that is passive as it runs
-    worst_world : environment with which the ratio is least; null unless the environments are lossless as they run
-    walls : claim about walls; null without walls
-    """
+    """The claims about every hand of a box, in the sampled loop at every frequency."""
 
     verdict: Annotated[Proof, Shown("every hand", "of {within}")]
-    box: dict[str, Pair]
+    box: dict[str, Pair]  # ends of the range of each parameter of the hands
     min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz in the hand of {worst_hand}")]
     worst_hz: Number
     worst_hand: HandRecord
-    boxes: int
+    boxes: int  # number of boxes in the proof
     worlds: dict[str, Pair] | None = None
     worlds_rule: WorldRule | None = None
     worlds_late: int | None = None
-    worst_world: WorldRecord | None = None
-    walls: WallsRecord | None = None
+    worst_world: WorldRecord | None = None  # environment with which the ratio is least
+    walls: WallsRecord | None = None  # claim about walls; null without walls
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, then those of the binding environment and of the walls."""
@@ -323,36 +266,22 @@ class WholeSampleRecord(Part):
 
 
 class CertificateRecord(DisplayPart):
-    """The claims about a design, and the numbers that describe them.
+    """The claims about a design, and the numbers that describe them."""
 
-    Attributes
-    ----------
-    verdict : "proved" if every claim is proved
-    band_hz : required stability band; null unless any passive hand is required on an admittance display
-    proved_band_hz : widest band around it on which a ratio of 1 is proved; null if that claim is not proved
-    proved_ratio : the safety factor if all ratios are proved, 1 if the ratio on the band is proved without the factor,
-        null if no ratio is proved
-    min_ratio, worst_hz : least of all computed ratios, and its frequency; null for infinity
-    rollett_k : Rollett's K at `worst_hz`; null without a band, and at 0 Hz or without limit
-    without_operator : verdict and least ratio of the same claims for a free handle; null if there is no least operator
-    hands, any_hand, changing : claims in hands; null if the problem does not make them
-    whole_sample : verdict beside a delay of a whole number of samples; null if the delay is not near such a value
-    """
-
-    verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]
-    band_hz: Annotated[Pair | None, Shown("band", "Hz")]
+    verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]  # "proved" if every claim is proved
+    band_hz: Annotated[Pair | None, Shown("band", "Hz")]  # required stability band
     proved_band_hz: Annotated[Pair | None, Shown("proved band", "Hz{beyond}")]
     proved_ratio: Number
     min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz")]
     worst_hz: Number
-    rollett_k: Annotated[Number, Shown("Rollett's K there", digits=6, detail=True)]
+    rollett_k: Annotated[Number, Shown("Rollett's K there", digits=6, detail=True)]  # Rollett's K at `worst_hz`
     boxes: int
     claims: list[ClaimRecord]
     without_operator: WithoutOperatorRecord | None = None
-    hands: HandsRecord | None = None
+    hands: HandsRecord | None = None  # claims in hands; null if the problem does not make them
     any_hand: AnyHandRecord | None = None
     changing: ChangingRecord | None = None
-    whole_sample: WholeSampleRecord | None = None
+    whole_sample: WholeSampleRecord | None = None  # verdict beside a delay of a whole number of samples
 
     @property
     def beyond(self) -> str:
@@ -373,10 +302,7 @@ class CertificateRecord(DisplayPart):
 
 
 class NyquistRecord(Part):
-    """Nyquist's count for the sampled loop: Z = N + P unstable poles of the closed loop.
-
-    N is computed in doubles. P is 0, because the open loop has no unstable pole. Z is 0 if this is proved, else null.
-    """
+    """Nyquist's count for the sampled loop: Z = N + P unstable poles of the closed loop."""
 
     N: int | None
     P: int
@@ -391,10 +317,7 @@ class NyquistRecord(Part):
 
 
 class InnerLoopRecord(Part):
-    """The sampled velocity loop of a device with a loop of its own. A margin that is infinite is null.
-
-    `stable` is null if the proof is undecided.
-    """
+    """The sampled velocity loop of a device with a loop of its own. A margin that is infinite is null."""
 
     stable: bool | None
     spectral_radius: Annotated[Number, Shown("spectral radius", "{stability}")]

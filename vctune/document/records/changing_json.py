@@ -11,11 +11,7 @@ from vctune.model.numbers.units import Units
 
 
 class StorageRecord(Part):
-    """The storage function (k_eq/T) q^2 + zeta' Y zeta, without dimensions (model/README.md, section 21).
-
-    `states` names zeta. Y is a weighted sum of matrices; `terms` states each weight as a function of the hand, or the
-    key of an uncertain parameter of the device, whose weight runs from -1 to 1 in its range in `device`.
-    """
+    """The storage function (k_eq/T) q^2 + zeta' Y zeta, without dimensions (model/README.md, section 21)."""
 
     states: list[str]
     terms: list[str]
@@ -24,11 +20,7 @@ class StorageRecord(Part):
 
 
 class ChangingRecord(Part):
-    """The claim about every hand of a box whose damping may take any value in its range at every sample.
-
-    `storages` proves it, with one function for each number of whole samples of the delays; it is null if the claim is
-    not proved.
-    """
+    """The claim about every hand of a box whose damping may take any value in its range at every sample."""
 
     verdict: Annotated[Proof, Shown("changing damping", "of hands of {within}, at every sample")]
     box: dict[str, Pair]
@@ -42,10 +34,7 @@ class ChangingRecord(Part):
 
 
 class ExaminedRecord(ChangingRecord):
-    """The verdict on such hands for a problem that does not require the claim.
-
-    The box is the largest that is proved, with a greater least mass if the lightest hands fail.
-    """
+    """The verdict on such hands for a problem that does not require the claim."""
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the row; "not proved" does not mean that such a hand makes the design unstable."""

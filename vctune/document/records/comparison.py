@@ -1,8 +1,4 @@
-"""Compare two designs: list the differences of their problems, and both results.
-
-`vctune compare` prints the record of this module. `vctune.api.comparing` first computes the error of each design on the
-same yardsticks. A yardstick is the scale of the error: transparency band, Z_0, norm and weights.
-"""
+"""Compare two designs: list the differences of their problems, and both results."""
 
 from __future__ import annotations
 
@@ -20,84 +16,48 @@ from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS
 
-UNCOMPARED = ("name", "description", "experiment")
-"""Keys of a problem that do not affect its design."""
+UNCOMPARED = ("name", "description", "experiment")  # Keys of a problem that do not affect its design
 
 
 class SideRecord(Part):
-    """One of the two designs.
+    """One of the two designs."""
 
-    Attributes
-    ----------
-    source : path that the caller gave; otherwise the name of the problem
-    name : name of the problem
-    status : "certified", "violated", "undecided" or "infeasible", as in design.json
-    idle : whether the design is certified and hardly uses its velocity loop
-    reason : reason why there is no design, or by how much a stable design misses the safety factor; null otherwise
-    """
-
-    source: str
-    name: str
-    status: str
-    idle: bool
-    reason: str | None
+    source: str  # path that the caller gave; otherwise the name of the problem
+    name: str  # name of the problem
+    status: str  # "certified", "violated", "undecided" or "infeasible", as in design.json
+    idle: bool  # whether the design is certified and hardly uses its velocity loop
+    reason: str | None  # reason why there is no design, or by how much a stable design misses the safety factor
 
 
 class DifferenceRecord(Part):
-    """A key with different values in the two problems.
+    """A key with different values in the two problems."""
 
-    Attributes
-    ----------
-    key : key of the problem file, dotted
-    a, b : its values, with defaults written out. A range { min, max } is a pair. A value is null if the problem does
-        not have the key, for example because its table is absent; an infinite value is null, too
-    """
-
-    key: str
-    a: Any
+    key: str  # key of the problem file, dotted
+    a: Any  # its values, with defaults written out
     b: Any
 
 
 class ValueRecord(Part):
-    """A number or a verdict of both designs.
+    """A number or a verdict of both designs."""
 
-    Attributes
-    ----------
-    group : heading under which `vctune compare` prints the value
-    key : key of design.json, dotted, for a value of design.json. The error and its terms, and the band and the Z_0 on
-        which they were computed, begin with `transparency` on a single yardstick, and with `on_a` and `on_b` on the
-        yardsticks of A and B. How a design feels begins with `felt`
-    label : name of the value; both names, joined by "or", if they differ between the two kinds of device
-    unit : unit of both values, or both units; "" without one
-    digits : number of significant digits that `vctune compare` prints
-    a, b : the values in `unit`, which may be ms or % where design.json has s or a ratio; null if a value does not exist
-    """
-
-    group: str
-    key: str
-    label: str
-    unit: str
-    digits: int
+    group: str  # heading under which `vctune compare` prints the value
+    key: str  # key of design.json, dotted, for a value of design.json
+    label: str  # name of the value; both names, joined by "or", if they differ between the two kinds of device
+    unit: str  # unit of both values, or both units; "" without one
+    digits: int  # number of significant digits that `vctune compare` prints
     a: float | int | str | list[Any] | None
     b: float | int | str | list[Any] | None
 
 
 class ComparisonRecord(Document):
-    """The output of `vctune compare`.
-
-    Attributes
-    ----------
-    a, b : the two designs
-    problem : keys of the problem in which they differ
-    design : values that at least one of the designs has, equal or not
-    """
+    """The output of `vctune compare`."""
 
     SCHEMA = "vctune/comparison/1"
 
-    a: SideRecord
+    a: SideRecord  # the two designs
     b: SideRecord
-    problem: list[DifferenceRecord]
-    design: list[ValueRecord]
+    problem: list[DifferenceRecord]  # keys of the problem in which they differ
+    design: list[ValueRecord]  # values that at least one of the designs has, equal or not
 
 
 class YardstickErrorRecord(TransparencyRecord):
@@ -109,36 +69,17 @@ class YardstickErrorRecord(TransparencyRecord):
 
 @dataclass(frozen=True, slots=True)
 class ComparedDesign:
-    """One of two designs to be compared, with its errors.
+    """One of two designs to be compared, with its errors."""
 
-    Attributes
-    ----------
-    source : name of the design in the output
-    record : record of the design, or of the reason why there is none
-    problem : problem of the record
-    felt : how the design feels; None without a design
-    errors : the error on each yardstick of the comparison. There is one yardstick if both problems have the same one.
-        There are two, those of A and of B, if they differ. There is one, the design's own, if the kinds of display or
-        their units differ. An error is None without a design, or if the band of the yardstick exceeds the Nyquist
-        frequency of the device
-    """
-
-    source: str
-    record: DesignRecord
-    problem: Problem
-    felt: FeltRecord | None
-    errors: tuple[YardstickErrorRecord | None, ...]
+    source: str  # name of the design in the output
+    record: DesignRecord  # record of the design, or of the reason why there is none
+    problem: Problem  # problem of the record
+    felt: FeltRecord | None  # how the design feels; None without a design
+    errors: tuple[YardstickErrorRecord | None, ...]  # the error on each yardstick of the comparison
 
 
 def comparison_record(a: ComparedDesign, b: ComparedDesign) -> ComparisonRecord:
-    """Return the comparison of two designs.
-
-    The values of the designs do not contain numbers that are always 0 for both kinds of display.
-
-    Parameters
-    ----------
-    a, b : the designs, with errors on the same number of yardsticks
-    """
+    """Return the comparison of two designs."""
     return ComparisonRecord(
         a=_side_record(a),
         b=_side_record(b),
@@ -181,10 +122,7 @@ def _stated(problem: Problem) -> dict[str, Any]:
 
 
 def _leaves(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
-    """Yield the path of each key with its value, for all keys in a value of a document that has the path `path`.
-
-    A range { min, max } counts as one value, the pair of its ends. A list also counts as one value.
-    """
+    """Yield the path of each key with its value, for all keys in a value of a document that has the path `path`."""
     if isinstance(node, dict) and set(node) == {"min", "max"}:
         yield path, [node["min"], node["max"]]
     elif isinstance(node, dict):
@@ -211,16 +149,7 @@ def _values_by_group(a: ComparedDesign, b: ComparedDesign) -> Iterator[ValueReco
 
 
 def _values_of_parts(title: str, key: str, sides: Sequence[tuple[Part | None, Units]]) -> Iterator[ValueRecord]:
-    """Yield the displayed fields of a part of both designs, and of the parts inside it.
-
-    Details, which only the report shows, and fields without a value on both sides are left out.
-
-    Parameters
-    ----------
-    title : group of the values
-    key : dotted key of the part, which the keys of the values begin with
-    sides : the part of A and that of B, None if a design lacks it, each with the units of its device
-    """
+    """Yield the displayed fields of a part of both designs, and of the parts inside it."""
     parts = [(part, units) for part, units in sides if part is not None]
     shown_of_field = {field: shown for part, _ in parts for field, shown in how_shown(type(part)).items()}
     for field, shown in shown_of_field.items():

@@ -1,7 +1,4 @@
-"""Define the record of the drag that a servo's latency requires.
-
-Each part of the latency requires a drag: the safety factor times the stiffness times that part.
-"""
+"""Define the record of the drag that a servo's latency requires."""
 
 from __future__ import annotations
 
@@ -15,18 +12,13 @@ from vctune.document.records.certificate_json import HandRecord
 from vctune.document.records.part import Number, Part, Row, Shown, how_shown, text
 from vctune.model.numbers.units import Units
 
-ROUND = (5.0, 2.0, 1.0)
-"""Leading digits of the round latency that an example subtracts."""
+ROUND = (5.0, 2.0, 1.0)  # Leading digits of the round latency that an example subtracts
 
-SENSOR = "device.force_sensor"
-"""Start of the keys of the parts that do not delay the firmware's own spring."""
+SENSOR = "device.force_sensor"  # Start of the keys of the parts that do not delay the firmware's own spring
 
 
 class LatencyPartRecord(Part):
-    """A part of the latency: its name, its key, its length, s, and the drag that it requires at rest, N s/m.
-
-    This drag includes the safety factor.
-    """
+    """A part of the latency: its name, its key, its length, s, and the drag that it requires at rest, N s/m."""
 
     part: str
     key: str
@@ -35,25 +27,13 @@ class LatencyPartRecord(Part):
 
 
 class ContactRecord(Part):
-    """The drag that contacts require on a servo, and the stiffest contact that the coupling allows.
-
-    `stiffness` is the stiffness of the stiffest hand in the box. `safety_factor` comes from the problem. Every drag
-    includes the safety factor. `own_spring` is the drag that the firmware's own spring requires at rest.
-
-    Attributes
-    ----------
-    parts, latency_s : parts of the latency, and their sum; of the device of the box with the longest latency
-    rest_drag : drag that the hands require at rest
-    drag_alone, drag_alone_hz, drag_alone_hand : drag that a coupling without b_c needs, and where and in which hand
-    stiffest_contact, stiffest_contact_verdict : stiffest contact that this coupling bears, and whether that is proved;
-        null if it bears none
-    """
+    """The drag that contacts require on a servo, and the stiffest contact that the coupling allows."""
 
     stiffness: float
     safety_factor: float
-    parts: Annotated[list[LatencyPartRecord], Field(min_length=1)]
+    parts: Annotated[list[LatencyPartRecord], Field(min_length=1)]  # parts of the latency, and their sum
     latency_s: Annotated[float, Shown("latency L", "ms", scale=1e3)]
-    rest_drag: Annotated[float, Shown("least drag at rest", of="damping")]
+    rest_drag: Annotated[float, Shown("least drag at rest", of="damping")]  # drag that the hands require at rest
     drag_alone: Annotated[float, Shown("least drag without b_c", of="damping")]
     drag_alone_hz: Number
     drag_alone_hand: HandRecord
@@ -97,12 +77,7 @@ class ContactRecord(Part):
         return f"{rule} {'less the damping of every hand' if less else 'and the part of unmodelled dynamics'}"
 
     def example(self) -> tuple[float, float] | None:
-        """Return a round share of the latency, s, and the drag at rest without this share, N s/m.
-
-        The share is at most a quarter of the latency. With an own spring, it is at most a quarter of the latency
-        outside the force sensor, because this part delays both the contacts and the own spring. The result is None if
-        no drag is required at rest.
-        """
+        """Return a round share of the latency, s, and the drag at rest without this share, N s/m."""
         if self.rest_drag == 0:
             return None
         moved = self.latency_s

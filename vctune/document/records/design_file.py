@@ -13,27 +13,10 @@ KIND = "a design.json of `vctune solve`"
 
 
 def read_design(path: Path) -> DesignRecord:
-    """Return the record in a design.json.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is not a design; the error lists the parts that are missing or wrong.
-    """
+    """Return the record in a design.json."""
     return design_of(read_json(path, KIND, MAX_BYTES), str(path))
 
 
 def design_of(value: Any, source: str) -> DesignRecord:
-    """Return the record in the object of a design.json.
-
-    Parameters
-    ----------
-    value : object of the file
-    source : name of the file in messages
-
-    Raises
-    ------
-    InputError
-        If the object is not a design; the error lists the parts that are missing or wrong.
-    """
+    """Return the record in the object of a design.json."""
     return as_record(value, DesignRecord, source, kind=KIND, remedy="solve the problem again")

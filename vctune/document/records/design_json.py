@@ -1,8 +1,4 @@
-"""Define the record of a design: each key of design.json once, with its type and its label (README.md, section 3).
-
-The fields of these classes determine what is written, what a file must contain to be read back, and the rows of the
-table and of the report's page. A new number is a new field.
-"""
+"""Define the record of a design: each key of design.json once, with its type and its label (README.md, section 3)."""
 
 from __future__ import annotations
 
@@ -33,53 +29,33 @@ from vctune.model.transparency import TermName
 Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
+# Text that replaces the active constraints if the search stopped early, or if it does not solve an NLP
 UNKNOWN_LIMITS = "not known: the search ended without multipliers"
-"""Text that replaces the active constraints if the search stopped early, or if it does not solve an NLP."""
 
 
-SAME_PLACE = 1.05
-"""Greatest ratio of two frequencies that belong to the same extremum of a response. At half this distance, the search
-and the proof may place one extremum at two frequencies. At twice this distance, two resonances would count as one."""
+SAME_PLACE = 1.05  # Greatest ratio of two frequencies that belong to the same extremum of a response
 
 
 class ActiveRecord(Part):
-    """An active constraint of the search.
+    """An active constraint of the search."""
 
-    Attributes
-    ----------
-    demand : formula of the constraint
-    hz : frequency at which it is active; null if it belongs to no frequency
-    multiplier : relative decrease of the error for a relative weakening of the constraint, to first order
-    device : device on which it is active; null if there is only one device
-    """
-
-    demand: str
-    hz: Number
-    multiplier: float
-    device: DeviceRecord | None = None
+    demand: str  # formula of the constraint
+    hz: Number  # frequency at which it is active; null if it belongs to no frequency
+    multiplier: float  # relative decrease of the error for a relative weakening of the constraint, to first order
+    device: DeviceRecord | None = None  # device on which it is active; null if there is only one device
 
 
 class RepairRecord(Part):
     """A change of one value of the problem file after which there is a design, or after which an idle design uses its
-    loop.
+    loop."""
 
-    Attributes
-    ----------
-    key : dotted key
-    old, new : old and new value, in the unit of the file; 1 and 0 for true and false. An infinite value is null
-    change : meaning of the change, in words
-    needs : the new line of the file, in TOML
-    size : change relative to the greater of the two values; null in older files
-    error : transparency error of the repaired design
-    """
-
-    key: str
-    old: Number
+    key: str  # dotted key
+    old: Number  # old and new value, in the unit of the file; 1 and 0 for true and false. An infinite value is null
     new: Number
-    change: str
-    needs: str
-    size: Number = None
-    error: Number
+    change: str  # meaning of the change, in words
+    needs: str  # the new line of the file, in TOML
+    size: Number = None  # change relative to the greater of the two values; null in older files
+    error: Number  # transparency error of the repaired design
 
     @property
     def turns_off(self) -> bool:
@@ -88,10 +64,7 @@ class RepairRecord(Part):
 
 
 class AlternativeRecord(Part):
-    """The error of the best design under one stability criterion alone, from the optimiser and without proof.
-
-    `stiffness` is k_c of an impedance display, `drag` is b_0 of other displays; the other one is null.
-    """
+    """The error of the best design under one stability criterion alone, from the optimiser and without proof."""
 
     criterion: Literal["passive", "hands"]
     error: float
@@ -100,11 +73,7 @@ class AlternativeRecord(Part):
 
 
 class GlanceRecord(Part):
-    """The state of the search for a bound at one moment.
-
-    `boxes` counts the searched boxes, `open` those that may contain a better design, and `error` is the error of the
-    best design known.
-    """
+    """The state of the search for a bound at one moment."""
 
     boxes: int
     lower_bound: Number
@@ -113,20 +82,14 @@ class GlanceRecord(Part):
 
 
 class BoxRecord(Part):
-    """A box of designs: the ends of K_v, K_p, tau_c and b_0.
-
-    tau_c is m_c/b_c. For an impedance display tau_c is b_c/k_c, and K_p and b_0 are 0.
-    """
+    """A box of designs: the ends of K_v, K_p, tau_c and b_0."""
 
     low: Four
     high: Four
 
 
 class OptimalityRecord(Part):
-    """The proved lower bound on the error of every feasible design.
-
-    If some terms of the error are the same for all designs, the bound covers only `terms`.
-    """
+    """The proved lower bound on the error of every feasible design."""
 
     lower_bound: Annotated[Number, Shown("lower bound", "{verdict}, {boxes} boxes")]
     gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]
@@ -186,6 +149,7 @@ class DesignRecord(Document):
     """The result of a problem, in SI units and hertz: the object of design.json."""
 
     SCHEMA = "vctune/design/1"
+    # The parts of the record that a table shows, with their names, in the order of the table
     GROUPS: ClassVar[dict[str, str]] = {
         "gains": "gains",
         "coupling": "coupling",
@@ -198,7 +162,6 @@ class DesignRecord(Document):
         "optimality": "optimality",
         "inner_loop": "velocity loop",
     }
-    """The parts of the record that a table shows, with their names, in the order of the table."""
 
     problem: ProblemRecord
     status: Literal["certified", "violated", "undecided", "infeasible"]
@@ -279,11 +242,7 @@ class DesignRecord(Document):
 
     @property
     def limits(self) -> list[str]:
-        """The active constraints, the greatest multiplier first, each with the frequencies at which it is active.
-
-        The search and the proof place the same minimum at slightly different frequencies. The list shows the frequency
-        from the proof. If the search did not converge, it contains only `UNKNOWN_LIMITS`.
-        """
+        """The active constraints, the greatest multiplier first, each with the frequencies at which it is active."""
         if not self.active and self.solver.get("converged") is False:
             return [UNKNOWN_LIMITS]
         prices: dict[str, float] = {}
@@ -319,10 +278,7 @@ class DesignRecord(Document):
         return None if self.gains is None or self.coupling is None else (self.gains.plain, self.coupling.plain)
 
     def groups(self) -> dict[str, list[Row]]:
-        """Return the rows of a design by the titles of `GROUPS`; empty without a design.
-
-        The rows of a servo have no gains, and those of an impedance display no K_p.
-        """
+        """Return the rows of a design by the titles of `GROUPS`; empty without a design."""
         if self.gains is None:
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}

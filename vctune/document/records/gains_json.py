@@ -21,10 +21,7 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 class ProblemRecord(Part):
-    """The problem: its name, its digest, the text of its file, and the motion of its device.
-
-    A JSON file omits the motion if it is linear.
-    """
+    """The problem: its name, its digest, the text of its file, and the motion of its device."""
 
     name: str
     sha256: str
@@ -81,10 +78,7 @@ class SpringRecord(Part):
 
 
 def coupling_tag(value: Any) -> str:
-    """Return the tag of a coupling, given as tables or as a record.
-
-    Only the coupling of an impedance display has a stiffness.
-    """
+    """Return the tag of a coupling, given as tables or as a record."""
     stiff = "stiffness" in value if isinstance(value, dict) else isinstance(value, SpringRecord)
     return "<spring>" if stiff else "<mass>"
 
@@ -102,12 +96,7 @@ def coupling_record(coupling: AnyCoupling) -> CouplingRecord | SpringRecord:
 
 
 def term_labels(display: DisplayName) -> dict[TermName, str]:
-    """Return the label of each error term: of free motion, of the commanded motion or force, and of the coupling.
-
-    Parameters
-    ----------
-    display : kind of display; an impedance display has the dual terms
-    """
+    """Return the label of each error term: of free motion, of the commanded motion or force, and of the coupling."""
     if display == "impedance":
         return {"admittance": "|1/G_hh|/Z_0", "tracking": "|1 - A H/N|", "coupling": "Z_0 |1/Z_c|"}
     return {"admittance": "|Z_0 G_hh|", "tracking": "|1 - G_he|", "coupling": "|Z_c|/Z_0"}

@@ -16,16 +16,13 @@ from vctune.model.experiment import usual_share
 from vctune.model.numbers.units import UNITS, Units
 
 FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
+# Stroke, m, and speed, m/s, of the hand in the experiment. vctune shortens the stroke if it would take too many samples
 STROKE = {"to": 0.05, "speed": 0.01}
-"""Stroke, m, and speed, m/s, of the hand in the experiment. vctune shortens the stroke if it would take too many
-samples."""
-GRIP = 0.1
-"""Distance from the axis at which a hand holds a rotary servo, m."""
+GRIP = 0.1  # Distance from the axis at which a hand holds a rotary servo, m
+# Greatest numbers of the hands of a rotary servo: those of a human hand at the distance `GRIP`, in kg m2, N m s/rad and
+# N m/rad
 ROTARY_HAND = {"mass": 0.005, "damping": 0.3, "stiffness": 30.0}
-"""Greatest numbers of the hands of a rotary servo: those of a human hand at the distance `GRIP`, in kg m2, N m s/rad
-and N m/rad."""
-STEP = 1e-5
-"""Step to which half-widths are rounded up, so that the written box contains the identified one."""
+STEP = 1e-5  # Step to which half-widths are rounded up, so that the written box contains the identified one
 
 
 class NumberRecord(Part):
@@ -54,33 +51,22 @@ class CandidateRecord(Part):
 
 
 class RecordingRecord(Part):
-    """A recording and its results.
-
-    Attributes
-    ----------
-    samples, used : number of samples in the file, and number of samples that the fit uses
-    kind : kind of the excitation, in words
-    cutoff_hz : cut-off frequency of the fit in time; null for periodic excitation and for a servo
-    residual_share : root mean square residual as a share of the signal
-    chi2 : residual relative to the noise alone, squared, per degree of freedom; null if the noise is not known
-    numbers, derived : fitted numbers, and numbers derived from them
-    candidates : structures of the device that the fit compared
-    """
+    """A recording and its results."""
 
     source: str
     sha256: str
-    samples: int
+    samples: int  # number of samples in the file, and number of samples that the fit uses
     used: int
     sample_time: float
-    kind: str
-    cutoff_hz: Number
+    kind: str  # kind of the excitation, in words
+    cutoff_hz: Number  # cut-off frequency of the fit in time; null for periodic excitation and for a servo
     residual: Number
-    residual_share: Number
-    chi2: Number
-    numbers: list[NumberRecord]
+    residual_share: Number  # root mean square residual as a share of the signal
+    chi2: Number  # residual relative to the noise alone, squared, per degree of freedom; null if the noise is not known
+    numbers: list[NumberRecord]  # fitted numbers, and numbers derived from them
     derived: list[NumberRecord]
     checks: list[CheckRecord]
-    candidates: list[CandidateRecord]
+    candidates: list[CandidateRecord]  # structures of the device that the fit compared
     remarks: list[str]
 
 
@@ -93,25 +79,16 @@ class EstimateRecord(Part):
 
 
 class BoundedRecord(Part):
-    """A parameter of the device with its interval.
+    """A parameter of the device with its interval."""
 
-    Attributes
-    ----------
-    key, unit : dotted key without "device.", and the unit of the numbers
-    value, share : middle of the written interval, and its relative half-width
-    low, high : ends of the identified interval
-    limit : what determines the width of the interval, in words
-    estimates : estimates from single recordings or directions
-    """
-
-    key: str
+    key: str  # dotted key without "device.", and the unit of the numbers
     unit: str
-    value: float
-    low: float
+    value: float  # middle of the written interval, and its relative half-width
+    low: float  # ends of the identified interval
     high: float
     share: float
-    limit: str
-    estimates: list[EstimateRecord]
+    limit: str  # what determines the width of the interval, in words
+    estimates: list[EstimateRecord]  # estimates from single recordings or directions
 
 
 class FrictionRecord(Part):
@@ -123,24 +100,15 @@ class FrictionRecord(Part):
 
 
 class ExcitationRecord(Part):
-    """A multisine for the numbers that are still uncertain: excitation.csv is one period of it.
+    """A multisine for the numbers that are still uncertain: excitation.csv is one period of it."""
 
-    Attributes
-    ----------
-    period, periods : length of a period, s, and number of periods to record
-    lines_hz : excited frequencies
-    peak, speed : greatest force, N, and predicted root mean square speed, m/s
-    spread : predicted relative standard deviation of the worst line
-    reasons : the parameters that the multisine would determine better
-    """
-
-    period: float
+    period: float  # length of a period, s, and number of periods to record
     periods: int
-    lines_hz: list[float]
-    peak: float
+    lines_hz: list[float]  # excited frequencies
+    peak: float  # greatest force, N, and predicted root mean square speed, m/s
     speed: float
-    spread: float
-    reasons: list[str]
+    spread: float  # predicted relative standard deviation of the worst line
+    reasons: list[str]  # the parameters that the multisine would determine better
 
 
 class IdentificationRecord(Document):
@@ -171,19 +139,7 @@ class IdentificationRecord(Document):
 
 
 def stated(value: float, low: float, high: float) -> tuple[float, float]:
-    """Return a value with six digits, and a relative half-width, rounded up so that the file contains the interval.
-
-    The half-width is at most 0.99 if the interval reaches 0, and less than 1 otherwise. A value of 0 has no half-width.
-
-    Parameters
-    ----------
-    value, low, high : value and ends of the interval
-
-    Returns
-    -------
-    tuple of float
-        The value and the half-width.
-    """
+    """Return a value with six digits, and a relative half-width, rounded up so that the file contains the interval."""
     shown = float(f"{value:.6g}")
     if shown == 0:
         return 0.0, 0.0
@@ -192,14 +148,7 @@ def stated(value: float, low: float, high: float) -> tuple[float, float]:
 
 
 def device_text(record: IdentificationRecord) -> str:
-    """Return the device file: a problem file with the device, its uncertainty and its friction, and their sources.
-
-    The file of a device with a mass states the criterion "passive". The file of a rotary servo states hands.
-
-    Parameters
-    ----------
-    record : record of the identification
-    """
+    """Return the device file: a problem file with the device, its uncertainty and its friction, and their sources."""
     device = dict(record.device)
     document: dict[str, Any] = {"name": record.name}
     document |= {"description": record.description} if record.description else {}
@@ -284,10 +233,7 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
 
 
 def _experiment(record: IdentificationRecord) -> dict[str, Any]:
-    """Return an experiment that the device can follow, with the identified friction and noise.
-
-    The numbers of a rotary device are those of a linear device, times its share of inertia (`usual_share`).
-    """
+    """Return an experiment that the device can follow, with the identified friction and noise."""
     experiment: dict[str, Any] = {"name": "as identified"}
     bristles: dict[str, float] = {}
     cycles = SceneOperatorTable.model_fields["cycles"].default

@@ -58,6 +58,7 @@ def _named(part: type[Part]) -> dict[str, Any]:
     return schema
 
 
+# Function that makes the schema, for each kind of document
 SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "problem": json_schema,
     "gains": _of_gains,
@@ -78,4 +79,3 @@ SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "explanation": lambda: _of(ExplanationRecord),
     "example": lambda: _of(ExampleRecord),
 }
-"""Function that makes the schema, for each kind of document."""

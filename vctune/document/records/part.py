@@ -1,7 +1,4 @@
-"""Define the base class of all records.
-
-A record checks fields on reading, writes them as JSON, and shows them as rows.
-"""
+"""Define the base class of all records."""
 
 from __future__ import annotations
 
@@ -20,26 +17,15 @@ from vctune.model.numbers.units import Units
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """How a field is displayed.
+    """How a field is displayed."""
 
-    Attributes
-    ----------
-    label : name of the field, for a linear device
-    unit : text after the number; in label and unit, a field's name in braces is replaced by its value
-    digits : number of significant digits
-    scale : factor from the stored number to the displayed one
-    optional : whether to omit the row if the number does not exist
-    detail : whether only the report shows it, because it is too long for a terminal
-    of : quantity (`vctune.model.numbers.units`) whose unit follows the number instead of `unit`; "" for `unit`
-    """
-
-    label: str
-    unit: str = ""
-    digits: int = 5
-    scale: float = 1.0
-    optional: bool = False
-    detail: bool = False
-    of: str = ""
+    label: str  # name of the field, for a linear device
+    unit: str = ""  # text after the number; in label and unit, a field's name in braces is replaced by its value
+    digits: int = 5  # number of significant digits
+    scale: float = 1.0  # factor from the stored number to the displayed one
+    optional: bool = False  # whether to omit the row if the number does not exist
+    detail: bool = False  # whether only the report shows it, because it is too long for a terminal
+    of: str = ""  # quantity (`vctune.model.numbers.units`) whose unit follows the number instead of `unit`
 
 
 class Row(NamedTuple):
@@ -52,13 +38,7 @@ class Row(NamedTuple):
 
 
 def text(value: Any, digits: int = 5) -> str:
-    """Return a value of a record as text.
-
-    Parameters
-    ----------
-    value : a number, a pair of numbers of which None stands for inf, a text, or None if it does not exist
-    digits : number of significant digits of a float
-    """
+    """Return a value of a record as text."""
     if isinstance(value, list):
         low, high = ("inf" if edge is None else text(edge, digits) for edge in value)
         return f"{low} to {high}"
@@ -69,8 +49,8 @@ def _existing(value: Any) -> Any:
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
+# A number; null in the file stands for infinity, for NaN, or for a number that is absent
 Number = Annotated[float | None, BeforeValidator(_existing)]
-"""A number; null in the file stands for infinity, for NaN, or for a number that is absent."""
 Proof = Literal["proved", "refuted", "undecided"]
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
@@ -96,14 +76,7 @@ class Part(BaseModel):
 
 
 def filled(part: Part, words: str, units: Units) -> str:
-    """Return a text in which each name in braces is replaced by the field, part or property of that name.
-
-    Parameters
-    ----------
-    part : part with the named fields
-    words : text with names in braces, as in "of {band}"
-    units : units of the displayed numbers
-    """
+    """Return a text in which each name in braces is replaced by the field, part or property of that name."""
 
     def stated(field: re.Match[str]) -> str:
         value = getattr(part, field[1])
@@ -113,14 +86,9 @@ def filled(part: Part, words: str, units: Units) -> str:
 
 
 class Document(Part):
-    """A record that is a whole file, or the whole output of a command.
+    """A record that is a whole file, or the whole output of a command."""
 
-    Attributes
-    ----------
-    SCHEMA : name of the object under the key `schema`
-    """
-
-    SCHEMA: ClassVar[str]
+    SCHEMA: ClassVar[str]  # name of the object under the key `schema`
 
     def to_json(self) -> dict[str, Any]:
         """Return the object. Every number in it is finite or null."""

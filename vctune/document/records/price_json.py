@@ -7,9 +7,8 @@ from vctune.document.records.part import Part, text
 from vctune.document.schema.number_units import unit_of
 from vctune.model.numbers.units import Units
 
+# Relative change of the error, for a number that improves by 1 %, below which a price counts as zero
 NO_DIFFERENCE = 5e-5
-"""Relative change of the error, for a number that improves by 1 %, below which a price counts as zero. Half this
-threshold would show changes that nobody can feel; twice this threshold would hide some that matter."""
 
 
 class PriceRecord(Part):

@@ -15,26 +15,16 @@ class NamedRecord(Part):
 
 
 class RefusalRecord(Document):
-    """An entry in the list of `vctune check` for a file that it cannot use or has skipped.
-
-    Attributes
-    ----------
-    problem : name, as in a design
-    source : the file
-    line : line of the file to which the reason refers, from 1
-    status : null, so that every entry of the list has this key
-    reason : why vctune cannot use the file, or has skipped it
-    warnings : always empty
-    """
+    """An entry in the list of `vctune check` for a file that it cannot use or has skipped."""
 
     SCHEMA = "vctune/refusal/1"
 
-    problem: NamedRecord
-    source: str
-    line: int
-    status: None = None
-    reason: str
-    warnings: list[str]
+    problem: NamedRecord  # name, as in a design
+    source: str  # the file
+    line: int  # line of the file to which the reason refers, from 1
+    status: None = None  # null, so that every entry of the list has this key
+    reason: str  # why vctune cannot use the file, or has skipped it
+    warnings: list[str]  # always empty
 
 
 class ReportRecord(Document):
@@ -46,52 +36,31 @@ class ReportRecord(Document):
 
 
 class ExportRecord(Document):
-    """The output of `vctune export`.
-
-    Attributes
-    ----------
-    name : name of the controller
-    status : as in design.json
-    statement : lines that state what is proved; the exported files contain the same lines
-    folder : folder of the files
-    files : their names in the folder
-    """
+    """The output of `vctune export`."""
 
     SCHEMA = "vctune/export/1"
 
-    name: str
-    status: str
-    statement: list[str]
-    folder: str
-    files: list[str]
+    name: str  # name of the controller
+    status: str  # as in design.json
+    statement: list[str]  # lines that state what is proved; the exported files contain the same lines
+    folder: str  # folder of the files
+    files: list[str]  # their names in the folder
 
 
 class BenchRecord(Document):
-    """The result of a benchmark.
-
-    Attributes
-    ----------
-    name : name of the benchmark
-    title : what it measures
-    machine : the machine on which it ran
-    facts : summary, in sentences
-    table : one object for each measured row; its keys depend on the benchmark
-    """
+    """The result of a benchmark."""
 
     SCHEMA = "vctune/bench/1"
 
-    name: str
-    title: str
-    machine: str
-    facts: list[str]
-    table: list[dict[str, Any]]
+    name: str  # name of the benchmark
+    title: str  # what it measures
+    machine: str  # the machine on which it ran
+    facts: list[str]  # summary, in sentences
+    table: list[dict[str, Any]]  # one object for each measured row; its keys depend on the benchmark
 
 
 class EntryRecord(Part):
-    """The text of a guide about a name, in Markdown. The list of all names contains this record with an empty text.
-
-    `guide` is the file of the guide.
-    """
+    """The text of a guide about a name, in Markdown. The list of all names contains this record with an empty text."""
 
     kind: Literal["code", "key", "term", "claim"]
     name: str
@@ -109,15 +78,9 @@ class ExplanationRecord(Document):
 
 
 class ExampleRecord(Document):
-    """The output of `vctune example`.
-
-    Attributes
-    ----------
-    names : the written example, or all examples
-    file : path of the written file; null for the list
-    """
+    """The output of `vctune example`."""
 
     SCHEMA = "vctune/example/1"
 
-    names: list[str]
-    file: str | None
+    names: list[str]  # the written example, or all examples
+    file: str | None  # path of the written file; null for the list

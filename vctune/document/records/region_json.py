@@ -1,8 +1,4 @@
-"""Define the region file: the feasible gains, cell by cell, as a baseline for continuous integration.
-
-These classes state each key of region.json once, with its type. They determine what vctune writes and what a file must
-contain.
-"""
+"""Define the region file: the feasible gains, cell by cell, as a baseline for continuous integration."""
 
 from __future__ import annotations
 
@@ -42,16 +38,12 @@ Key = Literal[
 Index = Annotated[int, Field(ge=0)]
 Edges = Annotated[list[NotNegative], Field(min_length=2)]
 Verdict = Literal["feasible", "infeasible", "undecided"]
+# Indices of the edges x_low, x_high, y_low and y_high, then the verdict, then b_c of a feasible cell if b_c is free
 Cell = Annotated[tuple[Index, Index, Index, Index, Verdict, float | None], Strict(False)]
-"""Indices of the edges x_low, x_high, y_low and y_high, then the verdict, then b_c of a feasible cell if b_c is
-free."""
 
 
 class DemandsRecord(Part):
-    """The constraints on the gains; `hands` is the box of hands that they include, empty without one.
-
-    `criterion` is stated with a box of hands; otherwise it is "passive".
-    """
+    """The constraints on the gains; `hands` is the box of hands that they include, empty without one."""
 
     safety_factor: float
     max_sensitivity: float
@@ -107,28 +99,17 @@ class CheckedProblemRecord(Part):
 
 
 class RegionDocument(Document):
-    """A plane of gains, or of environments for one design, and its cells, in SI units: the object of region.json.
-
-    If the search was `interrupted`, skipped cells are undecided.
-
-    Attributes
-    ----------
-    axes, edges, cells : keys of the plane, its edges, and its cells
-    others : number, or least and greatest number, of each key outside the plane; infinite numbers are left out, and the
-        infinite damping of a rigid coupling is null
-    areas : share of the plane for each verdict
-    designs : listed gain sets; exactly one if the cells are environments
-    """
+    """A plane of gains, or of environments for one design, and its cells, in SI units: the object of region.json."""
 
     SCHEMA = "vctune/region/1"
 
     problem: ProblemRecord
     demands: DemandsRecord | None = None
-    axes: AxesRecord
+    axes: AxesRecord  # keys of the plane, its edges, and its cells
     others: dict[str, float | dict[str, float] | None] = Field(default_factory=dict)
-    areas: dict[str, float] = Field(default_factory=dict)
+    areas: dict[str, float] = Field(default_factory=dict)  # share of the plane for each verdict
     interrupted: bool = False
-    designs: list[DesignPoint]
+    designs: list[DesignPoint]  # listed gain sets; exactly one if the cells are environments
     edges: EdgesRecord
     cells: list[Cell]
     versions: dict[str, str | None] = Field(default_factory=dict)
@@ -165,13 +146,7 @@ class RegionCheckRecord(Document):
 
 
 def read_region(path: Path) -> RegionDocument:
-    """Read a region file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is not a region.
-    """
+    """Read a region file."""
     value = read_json(path, KIND, MAX_BYTES)
     remedy = "correct it, or find the region again"
     return as_record(value, RegionDocument, str(path), kind=KIND, remedy=remedy)

@@ -12,11 +12,7 @@ from vctune.model.numbers.units import Units
 
 class RenderedRecord(Part):
     """The greatest stiffness and the least mass of an environment that are proved in every hand, with the other
-    ranges.
-
-    `tools` is the range of masses for the stiffest spring. `springs` is the range of stiffnesses for the lightest tool.
-    An infinite value is null in the file. `stiffest_spring` and `lightest_tool` are null if none is proved.
-    """
+    ranges."""
 
     stiffest_spring: Annotated[Number, Shown("stiffest spring", digits=4, of="stiffness")] = None
     tools: list[Number]

@@ -1,7 +1,4 @@
-"""Define simulation.json, which `vctune simulate --json` prints and which a report reads.
-
-Each key is a field of a class. The fields determine what vctune writes and what a file must contain.
-"""
+"""Define simulation.json, which `vctune simulate --json` prints and which a report reads."""
 
 from __future__ import annotations
 
@@ -88,28 +85,17 @@ class SimulatedLoopRecord(Part):
 
 
 class RunRecord(Part):
-    """One controller in one experiment.
+    """One controller in one experiment."""
 
-    Attributes
-    ----------
-    diverged_s : time at which the run diverged, s; null if it did not
-    metrics : measures; null if the run diverged
-    loop : linear loop of this controller
-    curve : points of the hand's force over position or velocity (`ExperimentRecord.axis`)
-    """
-
-    diverged_s: Number
-    metrics: MetricsRecord | None
-    loop: SimulatedLoopRecord
+    diverged_s: Number  # time at which the run diverged, s; null if it did not
+    metrics: MetricsRecord | None  # measures; null if the run diverged
+    loop: SimulatedLoopRecord  # linear loop of this controller
     curve: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
 
 
 class DifferenceRecord(Part):
-    """The greatest difference between the commands of a firmware and of the design on the same data, and its time, s.
-
-    Both commands are in the precision of the firmware. A difference up to `tolerance` passes. `force` and `tolerance`
-    have the unit of the command, which for a servo is a velocity or a position.
-    """
+    """The greatest difference between the commands of a firmware and of the design on the same data, and its time,
+    s."""
 
     force: Number
     time_s: float
@@ -119,29 +105,18 @@ class DifferenceRecord(Part):
 
 
 class ExperimentRecord(Part):
-    """An experiment with the runs of the regular PID and of the design.
-
-    Attributes
-    ----------
-    axis : quantity of the horizontal axis of the curves
-    samples : number of samples of the design's run
-    least_virtual, baseline : least virtual mass of the regular PID, and its run; null without one
-    design : run of the design, or of the controller that replaces it
-    difference : difference of the commands of such a controller; null without one
-    quiet_stiffness : stiffest wall at which an impedance display with an encoder comes to rest; null for other displays
-    dwell_s : time from one change of the hand to the next, s; null if the hand does not change at a fixed interval
-    """
+    """An experiment with the runs of the regular PID and of the design."""
 
     name: str
     environment: EnvironmentRecord
-    axis: Literal["position", "velocity"]
-    samples: int
-    least_virtual: LeastVirtualRecord | None
+    axis: Literal["position", "velocity"]  # quantity of the horizontal axis of the curves
+    samples: int  # number of samples of the design's run
+    least_virtual: LeastVirtualRecord | None  # least virtual mass of the regular PID, and its run; null without one
     baseline: RunRecord | None
-    design: RunRecord
-    difference: DifferenceRecord | None = None
-    quiet_stiffness: float | None = None
-    dwell_s: float | None = None
+    design: RunRecord  # run of the design, or of the controller that replaces it
+    difference: DifferenceRecord | None = None  # difference of the commands of such a controller; null without one
+    quiet_stiffness: float | None = None  # stiffest wall at which an impedance display with an encoder comes to rest
+    dwell_s: float | None = None  # time from one change of the hand to the next, s
 
     @property
     def stayed(self) -> bool:
@@ -151,11 +126,7 @@ class ExperimentRecord(Part):
 
 
 class SimulationRecord(Document):
-    """Simulated experiments, in SI units and hertz: the object of simulation.json.
-
-    `controller` names the firmware that replaced the design's own; it is null otherwise. `commanded` is the motion that
-    a servo follows; it is null for a motor, which follows a force.
-    """
+    """Simulated experiments, in SI units and hertz: the object of simulation.json."""
 
     SCHEMA = "vctune/simulation/1"
 
@@ -190,13 +161,7 @@ class SimulationRecord(Document):
 
 
 def simulation_beside(folder: Path, design: DesignRecord) -> SimulationRecord | None:
-    """Return the content of a folder's simulation.json if it belongs to a given design; else None.
-
-    Parameters
-    ----------
-    folder : folder that contains design.json
-    design : record of the design
-    """
+    """Return the content of a folder's simulation.json if it belongs to a given design; else None."""
     try:
         record = simulation_of(read_json(folder / FILE, KIND, MAX_BYTES))
     except InputError:
@@ -205,11 +170,5 @@ def simulation_beside(folder: Path, design: DesignRecord) -> SimulationRecord | 
 
 
 def simulation_of(value: Any) -> SimulationRecord:
-    """Return the record in the object of a simulation.json.
-
-    Raises
-    ------
-    InputError
-        If the object is not a simulation; the error lists the parts that are missing or wrong.
-    """
+    """Return the record in the object of a simulation.json."""
     return as_record(value, SimulationRecord, FILE, kind=KIND, remedy="simulate again")

@@ -17,15 +17,11 @@ from vctune.model.hands import HAND
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
 from vctune.model.parts import DELAYS, PARTS
 
-MAX_DECADES = 12
-"""Greatest width of a band, in decades of frequency."""
+MAX_DECADES = 12  # Greatest width of a band, in decades of frequency
 
 
 def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return contradictions between values that are valid on their own.
-
-    The function examines only the valid parts of the document.
-    """
+    """Return contradictions between values that are valid on their own."""
     return [
         *_empty_ranges(raw),
         *_impossible_bands(raw),
@@ -82,10 +78,7 @@ def _impossible_bands(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of unmodelled dynamics that the stated criterion does not cover.
-
-    The proof in hands covers those of a servo, which has no other criterion.
-    """
+    """Yield the fault of unmodelled dynamics that the stated criterion does not cover."""
     stability, uncertainty = raw.get("stability"), raw.get("uncertainty")
     criterion = stability.get("criterion") if isinstance(stability, dict) else None
     device = raw.get("device")
@@ -116,11 +109,7 @@ def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the faults in the limits of the environments.
-
-    Environments that are not passive as they run need a greatest mass, damping and stiffness. Passive environments may
-    have a greatest mass and stiffness, and must not have a greatest damping.
-    """
+    """Yield the faults in the limits of the environments."""
     table = raw["environment"]
     late_samples, explicit = table.get("late", 0), table.get("rule") == "explicit"
     if not (explicit or (isinstance(late_samples, int) and late_samples > 0)):
@@ -158,10 +147,7 @@ def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the keys that the proof for walls does not allow, and a corner without walls.
-
-    The corner 2 pi corner_hz of the multiplier is at most 2/T.
-    """
+    """Yield the keys that the proof for walls does not allow, and a corner without walls."""
     table, corner = raw["environment"], number_at(raw, "environment", "corner_hz")
     rule, late_samples = table.get("rule", "trapezoid"), table.get("late", 0)
     if table.get("walls") is True and (rule != "trapezoid" or late_samples):

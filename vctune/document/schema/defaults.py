@@ -1,19 +1,5 @@
-"""Compute defaults from the device's own scales, so that a change of units does not change them.
-
-See document/README.md, section 1.
-
-For an admittance display: let tau be T/2 + delay plus the lags of actuator and velocity estimate. Let Z = m/tau + b,
-which is about the device's impedance at the frequency 1/tau. There the lags begin to destabilise the loop. The
-transparency band is [0.00025, 0.015]/tau. The stability band ends at 0.05/tau, which is a tenth of the sampling rate if
-there is no delay. Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, and K_p <= 2 Z/tau. The least K_v is
-1e-8 m/T, which is below 1e-5 Z for any supported delay. Where actuator or estimate make tau longer than about 1000 T,
-it may be 1e-5 Z.
-
-For an impedance display the stability band ends at the Nyquist frequency, K_v is 0 unless the file frees it, b_c may be
-0, and k_c replaces K_p, m_c and b_0. For a servo tau is the lag of hold, delay, low-pass and interpolation, the
-transparency band is [0.005, 0.1]/tau, the stability band ends at the Nyquist frequency, Z_0 is the resistance of the
-greatest hand, and there are no gains.
-"""
+"""Compute defaults from the device's own scales, so that a change of units does not change them. See
+document/README.md, section 1."""
 
 from __future__ import annotations
 
@@ -57,17 +43,7 @@ from vctune.model.worlds import EVERY_WORLD, World, Worlds
 
 
 def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | None = None) -> Problem:
-    """Return the problem that a valid document states, with all defaults filled in.
-
-    Parameters
-    ----------
-    document : the tables of a problem file, in its units
-    default_name : name of the problem if the document states none
-    yardstick : problem whose transparency band and Z_0 replace the defaults; None for the device's own defaults. Its
-        stability band replaces the default if both problems require any passive hand on an admittance display. Else
-        the default stability band starts at the lower edge of the yardstick's transparency band. The bounds of the
-        variables use the device's own scales in either case
-    """
+    """Return the problem that a valid document states, with all defaults filled in."""
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
     device = device_of(document.device)
@@ -110,16 +86,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
 
 
 def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, middle_omega: float) -> Bounds:
-    """Return the ranges of the design variables.
-
-    Parameters
-    ----------
-    document : document that states some of the ranges
-    device : device whose scales the default ranges have
-    lag : lag of the device's loop, s
-    Z_0, middle_omega : Z_0, N s/m, and the middle of the transparency band, rad/s; the device's own unless the
-        problem states others
-    """
+    """Return the ranges of the design variables."""
     gains, coupling = document.gains, document.coupling
     if device.kind.inverse:
         return Bounds(
@@ -163,13 +130,7 @@ def _with_yardstick(yardstick: Problem | None, objective: Transparency, table: T
 
 
 def _hands(table: OperatorTable, units: UnitSystem) -> Hands:
-    """Return the hands of a table.
-
-    A plain number is the least value. The greatest value is then that of a human hand, or the plain number if that is
-    greater.
-
-    The hands of a rotary device have no default, so a plain number is both ends of the range.
-    """
+    """Return the hands of a table."""
     ranges = {}
     for name, high in HUMAN_HANDS.high.numbers.items():
         value, human_most = getattr(table, name), high if units == "linear" else 0.0
@@ -193,27 +154,13 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
 
 
 def _resistance_of_hands(hands: Hands, lag: float) -> float:
-    """Return the default Z_0 of a servo, N s/m: the greatest of K lag, B and M/lag of the greatest hand.
-
-    The default is 1 if all are 0. `lag` is the lag of the servo, s, without the lag of the force sensor. This lag is
-    less than the latency L.
-    """
+    """Return the default Z_0 of a servo, N s/m: the greatest of K lag, B and M/lag of the greatest hand."""
     greatest = hands.high
     return max(greatest.stiffness * lag, greatest.damping, greatest.mass / lag) or 1.0
 
 
 def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag: float, slowest: float) -> Stability:
-    """Return the constraints.
-
-    For an impedance display and for a servo, the default stability band ends at the Nyquist frequency.
-
-    Parameters
-    ----------
-    table : table as the file states it
-    criterion : criterion, which selects the hands
-    device, lag : device of the loop, and the loop's lag, s
-    slowest : lower edge of the transparency band, rad/s
-    """
+    """Return the constraints."""
     if table.band_hz is not None:
         low, high = table.band_hz
         band = Band(2 * pi * low, 2 * pi * high if high < inf else inf)
@@ -224,10 +171,7 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
 
 
 def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
-    """Return the device of a table, without its least operator and without the radii of a servo.
-
-    Parts without effect are omitted.
-    """
+    """Return the device of a table, without its least operator and without the radii of a servo."""
     if isinstance(table, ServoDeviceTable):
         # mass 1 and damping 0: the motion of a servo does not depend on them
         return Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **_parts(table))
@@ -261,11 +205,7 @@ def stated_parts(table: BaseModel) -> dict[str, Any]:
 
 
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
-    """Return the uncertainty; None if no parameter of the device varies and there is no disc.
-
-    A parameter does not vary if its half-width or the parameter is 0, or if the device lacks it. The disc of a servo is
-    in Servo.radii, not here.
-    """
+    """Return the uncertainty; None if no parameter of the device varies and there is no disc."""
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
     moving = tuple((key, width) for key, width in widths.items() if width > 0)
     radii = () if device.servo is not None else tuple(table.unmodelled)
@@ -296,10 +236,7 @@ def _experiment(table: ExperimentTable, device: Device) -> Experiment:
 
 
 def _friction(table: FrictionTable, device: Device) -> Friction:
-    """Return the friction of an experiment, with defaults for stiction and for the damping of the bristles.
-
-    That damping makes the damping ratio of the device's mass on the bristles 1/2.
-    """
+    """Return the friction of an experiment, with defaults for stiction and for the damping of the bristles."""
     stiction = table.coulomb if table.stiction is None else table.stiction
     damping = sqrt(table.stiffness * device.mass) if table.damping is None else table.damping
     return Friction(table.coulomb, stiction, table.stribeck_velocity, table.stiffness, damping)

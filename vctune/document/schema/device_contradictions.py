@@ -12,14 +12,10 @@ from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
 from vctune.model.parts import DELAYS, LOOP_DELAYS, NUMBERS, PARTS, PartNumber
 
+# Greatest permitted delay of the device or the servo, and of its force sensor, each with its uncertainty, in samples
 MAX_DELAY_SAMPLES = 200
-"""Greatest permitted delay of the device or the servo, and of its force sensor, each with its uncertainty, in
-samples."""
-SENSED_DELAYS = set(DELAYS) - set(LOOP_DELAYS)
-"""Keys of the delays of the sensed force. `contradictions` examines the delay of the device or of the servo."""
-FASTEST, SLOWEST = 1e3, 1e-6
-"""Greatest and least bandwidth or resonance, as a share of the sampling rate. Above this range the part has no effect;
-below it, it hides all other parts. A filter of samples only has to be below the Nyquist frequency."""
+SENSED_DELAYS = set(DELAYS) - set(LOOP_DELAYS)  # Keys of the delays of the sensed force
+FASTEST, SLOWEST = 1e3, 1e-6  # Greatest and least bandwidth or resonance, as a share of the sampling rate
 
 
 def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:

@@ -1,7 +1,4 @@
-"""Define the schema of a device: type, range and documentation of the keys of [device] and [uncertainty].
-
-`vctune.model.parts` defines the parts of a device.
-"""
+"""Define the schema of a device: type, range and documentation of the keys of [device] and [uncertainty]."""
 
 from __future__ import annotations
 
@@ -143,20 +140,14 @@ def _share(key: str) -> Any:
     return Share, Field(0.0, alias=key, description=f"Uncertainty of device.{key}{meaning}.")
 
 
+# Table with a relative half-width for each parameter of a device that may be uncertain
 SharesTable: Any = create_model(
     "SharesTable", __base__=Table, **{key.replace(".", "_"): _share(key) for key in UNCERTAIN}
 )
-"""Table with a relative half-width for each parameter of a device that may be uncertain."""
 
 
 class UncertaintyTable(SharesTable):
-    """Relative half-widths of the intervals of the device's parameters.
-
-    The constraints hold for every device whose parameters lie in these intervals.
-
-    To state the uncertainty of a parameter in a sub-table of [device], quote its name,
-    as in "actuator.bandwidth_hz" = 0.2.
-    """
+    """Relative half-widths of the intervals of the device's parameters."""
 
     unmodelled: list[tuple[Positive, Positive]] = Field(
         default_factory=list,

@@ -11,6 +11,7 @@ from vctune.document.text.raw import number_at
 from vctune.model.hands import HAND
 from vctune.model.parts import PARTS
 
+# Keys that do not apply to an impedance display, each with the reason
 OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     **{("device", key): part.refused_by["impedance"] for key, part in PARTS.items() if "impedance" in part.refused_by},
     ("gains", "position"): "it has no velocity loop, whose error an integrator would add up",
@@ -20,7 +21,7 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("stability", "changing"): "its port takes a force, and a steady force has no rest in a hand without stiffness",
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
-"""Keys that do not apply to an impedance display, each with the reason."""
+# Keys that do not apply to a servo, each with the reason
 MEANINGLESS_WITH_SERVO: dict[tuple[str, ...], str] = {
     ("device", "mass"): "the hand does not move it: its motion follows the command alone",
     ("device", "damping"): "the hand does not move it: its motion follows the command alone",
@@ -36,7 +37,6 @@ MEANINGLESS_WITH_SERVO: dict[tuple[str, ...], str] = {
     ("uncertainty", "delay"): 'the delay is "servo.delay"',
     ("stability", "max_sensitivity"): "the file closes no loop of its own that could be too sensitive",
 }
-"""Keys that do not apply to a servo, each with the reason."""
 
 
 def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
@@ -86,10 +86,7 @@ def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of a box whose only hand has no impedance, on a servo without a spring of its own.
-
-    Such a hand pushes with no force, so there is no feedback.
-    """
+    """Yield the fault of a box whose only hand has no impedance, on a servo without a spring of its own."""
     numbers = (key.split(".") for key in HAND)
     if all(number_at(raw, *path, "max") == 0 for path in numbers) and not number_at(
         raw, "device", "servo", "stiffness"
@@ -98,10 +95,7 @@ def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_in_time(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield a rule or a lateness of environments for which vctune does not design an impedance display.
-
-    See model/README.md, section 20.
-    """
+    """Yield a rule or a lateness of environments for which vctune does not design an impedance display."""
     table = raw.get("environment")
     if isinstance(table, dict) and (table.get("rule", "trapezoid") != "trapezoid" or table.get("late", 0) != 0):
         key = "late" if table.get("late", 0) != 0 else "rule"

@@ -12,17 +12,15 @@ from vctune.document.schema.number_units import units_stated
 from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
 
-LEAST_STROKE = 4
-"""Least duration of a stroke at the greatest speed of the hand, sample times."""
-MOST_SAMPLES = 5_000_000
-"""Greatest number of samples of an experiment. A cycle of a sine takes pi times a stroke at its greatest speed."""
+LEAST_STROKE = 4  # Least duration of a stroke at the greatest speed of the hand, sample times
+MOST_SAMPLES = 5_000_000  # Greatest number of samples of an experiment
+# Keys that do not apply to the experiment of a servo, each with the reason
 MEANINGLESS_EXPERIMENT_WITH_SERVO: dict[tuple[str, ...], str] = {
     ("friction",): "the hand does not move it, and its motion follows the command whatever rubs",
     ("sensors", "position_resolution"): "the firmware reads no position of it",
     ("actuator", "limit"): "the firmware commands no force",
     ("baseline",): "a regular PID commands a force, which it does not take",
 }
-"""Keys that do not apply to the experiment of a servo, each with the reason."""
 
 
 def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
@@ -42,10 +40,8 @@ def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | None:
-    """Return a number in the sub-table `group` of a table, or its default if it is absent; None if it is not a number.
-
-    The schema of the sub-table is `model`.
-    """
+    """Return a number in the sub-table `group` of a table, or its default if it is absent; None if it is not a
+    number."""
     values = table.get(group, {})
     if isinstance(values, dict) and key not in values:
         fields = model.model_fields.items()

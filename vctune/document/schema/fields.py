@@ -9,8 +9,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from vctune.model.worlds import MOST_LATE
 
+# Least and greatest positive number of a key that does not permit inf, in the units of the file
 LEAST, MOST = 1e-20, 1e20
-"""Least and greatest positive number of a key that does not permit inf, in the units of the file."""
 
 
 def _zero_or_sizeable(value: float) -> float:

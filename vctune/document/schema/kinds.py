@@ -13,25 +13,14 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.model.display import IMPEDANCE, DisplayName, stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 
+# Words for each kind of display in messages
 DISPLAYS: Mapping[DisplayName, str] = MappingProxyType(
     {"admittance": "an admittance display", "impedance": "an impedance display", "servo": "a servo"}
 )
-"""Words for each kind of display in messages."""
 
 
 def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
-    """Check that gains are for the same kind of device as a problem.
-
-    Parameters
-    ----------
-    file : the problem
-    given : the gains; the function does not compare units that they do not state
-
-    Raises
-    ------
-    InputError
-        If display or units differ; the message names both.
-    """
+    """Check that gains are for the same kind of device as a problem."""
     lines = toml.Lines(given.text)
     telling = ("coupling", "stiffness" if given.kind is IMPEDANCE else "mass")
     keys = {"display": telling, "units": ("design", "units")}
@@ -44,20 +33,7 @@ def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
 
 
 def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, what: str) -> None:
-    """Check that a record is for the same kind of device as a problem.
-
-    Parameters
-    ----------
-    file : the problem
-    record : the problem for which the record was made
-    source : file that contains the record
-    what : the kind of record, "design" or "region"
-
-    Raises
-    ------
-    InputError
-        If display or units differ; the message names both.
-    """
+    """Check that a record is for the same kind of device as a problem."""
     table: Any = toml.parse(record.text, source).get("device")
     device = table if isinstance(table, dict) else {}
     differ = _differences(file, stated_display(device).name, record.units, what)

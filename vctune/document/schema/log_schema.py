@@ -9,13 +9,13 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 from vctune.document.schema.device_schema import ActuatorTable, ForceSensorTable, VelocityTable
 from vctune.document.schema.fields import MOST, NotNegative, Positive, Table, Text
 
+# Units of a column by name, each in SI units
 UNITS: dict[str, float] = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6,
     "m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295,
     "m/s": 1.0, "mm/s": 1e-3, "rad/s": 1.0, "deg/s": 0.017453292519943295,
     "N": 1.0, "mN": 1e-3, "kN": 1e3, "Nm": 1.0, "mNm": 1e-3,
 }  # fmt: skip
-"""Units of a column by name, each in SI units."""
 Unit = Literal[
     "s",
     "ms",

@@ -9,6 +9,7 @@ from vctune.model.hands import QUANTITIES as OF_HAND
 from vctune.model.numbers.keys import QUANTITIES as OF_VARIABLES
 from vctune.model.numbers.units import UNITS, Units
 
+# Last parts of the keys of numbers, in any table, by their quantity (`vctune.model.numbers.units`)
 QUANTITIES = {
     "mass": ("mass", "handle_mass", "changing_mass_min"),
     "damping": ("damping", "other_damping", "drag", "kd", "reference_impedance"),
@@ -20,11 +21,9 @@ QUANTITIES = {
     "time": ("sample_time", "delay", "dwell", "changes_at"),
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz", "corner_hz"),
 }
-"""Last parts of the keys of numbers, in any table, by their quantity (`vctune.model.numbers.units`)."""
+# Quantity of each number whose quantity depends on the whole key, not only on the last part of the key
 BY_KEY = OF_VARIABLES | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
-"""Quantity of each number whose quantity depends on the whole key, not only on the last part of the key."""
-SHARES = ("uncertainty", "weights")
-"""Tables of numbers that have no unit."""
+SHARES = ("uncertainty", "weights")  # Tables of numbers that have no unit
 
 
 def units_stated(raw: dict[str, Any]) -> Units:
@@ -34,13 +33,7 @@ def units_stated(raw: dict[str, Any]) -> Units:
 
 
 def unit_of(path: KeyPath, units: Units) -> str:
-    """Return the unit of a number in a problem file; "" for a number without a unit.
-
-    Parameters
-    ----------
-    path : path of the number's key
-    units : units of the problem
-    """
+    """Return the unit of a number in a problem file; "" for a number without a unit."""
     names = [step for step in path if isinstance(step, str) and step not in ("min", "max")]
     if not names or any(name in SHARES for name in names):
         return ""
@@ -49,11 +42,5 @@ def unit_of(path: KeyPath, units: Units) -> str:
 
 
 def heading(name: str, unit: str) -> str:
-    """Return the heading of a column: its name with its unit, unless the name contains "_hz".
-
-    Parameters
-    ----------
-    name : name of the column
-    unit : unit of the column; "" for none
-    """
+    """Return the heading of a column: its name with its unit, unless the name contains "_hz"."""
     return f"{name} [{unit}]" if unit and "_hz" not in name else name

@@ -10,24 +10,17 @@ from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
 from vctune.model.worlds import Worlds
 
+# Sample time, s, from which vctune asks whether it is in seconds: twice the sample time of the slowest example
 SLOWEST = 0.1
-"""Sample time, s, from which vctune asks whether it is in seconds: twice the sample time of the slowest example."""
+# Stiffness of a hand, N/m or N m/rad, from which vctune asks whether it is in SI units: ten times the stiffness of a
+# stiff fixture, and a thousand times the stiffness of a firm grip
 STIFFEST = 1e6
-"""Stiffness of a hand, N/m or N m/rad, from which vctune asks whether it is in SI units: ten times the stiffness of a
-stiff fixture, and a thousand times the stiffness of a firm grip."""
-FIRM = 1e3
-"""Stiffness of a firm grip, N/m."""
-FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))
-"""Finer units of time, each in seconds, with its name."""
+FIRM = 1e3  # Stiffness of a firm grip, N/m
+FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))  # Finer units of time, each in seconds, with its name
 
 
 def doubts(problem: Problem) -> Iterator[Note]:
-    """Yield values that are probably not intended.
-
-    Parameters
-    ----------
-    problem : a valid problem
-    """
+    """Yield values that are probably not intended."""
     T, name = problem.device.sample_time, problem.name
     if T >= SLOWEST:
         unit, instead = in_finer_unit(T, SLOWEST)
@@ -49,10 +42,7 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return a phrase about what takes an environment out of a problem's box, and the key of it.
-
-    The key is a number, `wall`, `rule` or `late`. Return None if the environment is inside, or if there is no box.
-    """
+    """Return a phrase about what takes an environment out of a problem's box, and the key of it."""
     worlds, units = problem.worlds, problem.units
     if worlds is None:
         return None
@@ -74,25 +64,13 @@ _RULES = {"backward": "backward Euler", "trapezoid": "the trapezoidal rule", "ex
 
 
 def _stepped_alike(environment: Environment, worlds: Worlds) -> bool:
-    """Return whether a box contains an environment that behaves as a given environment does with its own rule.
-
-    A spring stepped by backward Euler equals a spring stepped by the trapezoidal rule with a parallel damper. A mass
-    has no such equivalent.
-    """
+    """Return whether a box contains an environment that behaves as a given environment does with its own rule."""
     rule = "implicit" if environment.rule == "backward" else environment.rule
     alike = environment.mass == 0 and (environment.stiffness == 0 or (rule == "implicit" and worlds.lossless))
     return rule == worlds.rule or alike
 
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:
-    """Return the finer unit in which a number of seconds may have been written, and the value in seconds.
-
-    The unit is the millisecond if the value is then below a fifth of the greatest plausible time, else the microsecond.
-
-    Parameters
-    ----------
-    value : the written value
-    most : the greatest plausible time, s
-    """
+    """Return the finer unit in which a number of seconds may have been written, and the value in seconds."""
     scale, unit = next(((scale, unit) for scale, unit in reversed(FINER) if value * scale < most / 5), FINER[0])
     return unit, float(f"{value * scale:.12g}")

@@ -15,17 +15,12 @@ from vctune.model.parts import PARTS, Servo, VelocityEstimate
 from vctune.model.problem import Band, Bounds, Problem, Range
 from vctune.model.worlds import Worlds
 
+# Keys in the table of a servo
 SERVO_KEYS = ("units", "sample_time", *(key for key, part in PARTS.items() if "servo" not in part.refused_by))
-"""Keys in the table of a servo."""
 
 
 def statement(problem: Problem) -> dict[str, Any]:
-    """Return the document of a problem, as a problem file would state it.
-
-    Reading it gives the same problem, up to the second last digit of frequencies. Hands that no claim is about are not
-    stated: with the criterion "passive", and with any passive hand on an impedance display, the document has only the
-    least mass and damping.
-    """
+    """Return the document of a problem, as a problem file would state it."""
     device = table_of(problem.device)
     operator = device.pop("operator", None)
     transparency, stability = problem.transparency, problem.stability
@@ -65,12 +60,7 @@ def statement(problem: Problem) -> dict[str, Any]:
 
 
 def table_of(value: Any) -> dict[str, Any]:
-    """Return an object of the model as the table that states it, without absent parts.
-
-    Parameters
-    ----------
-    value : a `Device`, one of its parts, a `Range` or a similar object
-    """
+    """Return an object of the model as the table that states it, without absent parts."""
     table = {field.name: getattr(value, field.name) for field in fields(value)}
     table = {
         key: table_of(entry) if is_dataclass(entry) and not isinstance(entry, type) else entry

@@ -1,7 +1,4 @@
-"""Define the schema of the study file: the types of its tables.
-
-`vctune.document.study_axes` reads the values of an axis.
-"""
+"""Define the schema of the study file: the types of its tables."""
 
 from __future__ import annotations
 
@@ -9,8 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-MOST_VALUES = 10_000_000
-"""Greatest number of values of an axis, and of points of a Latin hypercube."""
+MOST_VALUES = 10_000_000  # Greatest number of values of an axis, and of points of a Latin hypercube
 
 Text = Annotated[str, Field(strict=True)]
 Count = Annotated[int, Field(strict=True, ge=1, le=MOST_VALUES)]

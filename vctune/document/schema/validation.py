@@ -18,16 +18,13 @@ from vctune.document.text.codes import Code
 from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.hints import CALLED, commas_meant, number_meant
 
-MAX_MISTAKES = 25
-"""Greatest number of mistakes that one error lists."""
+MAX_MISTAKES = 25  # Greatest number of mistakes that one error lists
+# Tags of the alternative forms of a key's value
 TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>")
-"""Tags of the alternative forms of a key's value. A tag is not part of the key's path."""
-LONG = 60
-"""Greatest length of a key or a value that a message quotes, in characters."""
+LONG = 60  # Greatest length of a key or a value that a message quotes, in characters
 
 KeyPath = tuple[str | int, ...]
-Contradiction = tuple[KeyPath, str]
-"""Path of a key, and a message on how its value contradicts other values."""
+Contradiction = tuple[KeyPath, str]  # Path of a key, and a message on how its value contradicts other values
 
 
 class Fault(NamedTuple):
@@ -38,36 +35,22 @@ class Fault(NamedTuple):
     code: Code
 
 
+# Keys of earlier versions, each with advice on where to write it now
 MOVED: dict[KeyPath, str] = {
     ("sensors", "velocity"): "is the device's now, of design and simulation alike: write it as [device.velocity] from",
     ("sensors", "filter_hz"): "is the device's now, of design and simulation alike: write it in [device.velocity]",
 }
-"""Keys of earlier versions, each with advice on where to write it now."""
+# Keys whose values are lists of pairs, each with an example
 PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
     ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
 }
-"""Keys whose values are lists of pairs, each with an example."""
+# Function that finds contradictions between values in the valid parts of a document
 Check = Callable[[dict[str, Any]], list[Contradiction]]
-"""Function that finds contradictions between values in the valid parts of a document."""
 Document = TypeVar("Document", bound=BaseModel)
 
 
 def validated(model: type[Document], text: str, source: str, check: Check) -> Document:
-    """Return the document that a TOML text states.
-
-    Parameters
-    ----------
-    model : class of the document
-    text : text in TOML
-    source : name of the file in messages
-    check : function that finds contradictions between valid values
-
-    Raises
-    ------
-    InputError
-        If the text is invalid; the error lists the first `MAX_MISTAKES` mistakes in line order, with dotted keys,
-        values and remedies.
-    """
+    """Return the document that a TOML text states."""
     document, faults = examined(model, toml.parse(text, source), check)
     if document is None or faults:
         raise refusal(faults, text, source)
@@ -75,17 +58,7 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
 
 
 def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[Document | None, list[Fault]]:
-    """Return the document that parsed TOML states, and all faults.
-
-    The document is None if a key violates the schema. It exists if the only faults are contradictions. An unknown key
-    is no fault of its own if a contradiction explains why the key has no meaning.
-
-    Parameters
-    ----------
-    model : class of the document
-    raw : tables of the document
-    check : function that finds contradictions between valid values
-    """
+    """Return the document that parsed TOML states, and all faults."""
     between = [Fault(path, message, "contradiction") for path, message in check(raw)]
     try:
         return model.model_validate(raw), between
@@ -102,14 +75,7 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
 
 
 def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
-    """Return the error that lists the first `MAX_MISTAKES` faults, with their lines if there is a text.
-
-    Parameters
-    ----------
-    faults : faults, at least one
-    text : text of the file; None without a file
-    source : name of the file in the message
-    """
+    """Return the error that lists the first `MAX_MISTAKES` faults, with their lines if there is a text."""
     lines = toml.Lines(text) if text is not None else None
     listed = faults[:MAX_MISTAKES]
     mistakes = [
@@ -132,10 +98,7 @@ def _line(lines: toml.Lines, path: KeyPath) -> int:
 
 
 def dotted(path: KeyPath) -> str:
-    """Return a key in its written form: tables joined by dots, indices of lists in brackets.
-
-    The form ends with "..." if the key is longer than `LONG`.
-    """
+    """Return a key in its written form: tables joined by dots, indices of lists in brackets."""
     text = ""
     for step in path:
         name = step if isinstance(step, int) or re.fullmatch(r"[\w-]+", step) else json.dumps(step, ensure_ascii=False)
@@ -164,8 +127,8 @@ def _fault(model: type[BaseModel], details: Any, means: Callable[[KeyPath, str],
     return Fault(path, message, "wrong-type")
 
 
+# Function that makes a message from a value and the constraint that it violates
 Message = Callable[[Any, dict[str, Any]], str]
-"""Function that makes a message from a value and the constraint that it violates."""
 
 
 def _range_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
@@ -254,12 +217,7 @@ def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
 
 
 def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
-    """Return the table at a path: the value of the key, an element of its list, or an optional table.
-
-    A tag in the path selects one of several tables that a key may hold. Without a tag, the function returns the first.
-    The result is None if the key does not exist, if its value is no table, or if the key is a variable, whose value is
-    a number or a range.
-    """
+    """Return the table at a path: the value of the key, an element of its list, or an optional table."""
     tables, annotation = [model], None
     for step in path:
         if isinstance(step, int):
@@ -303,16 +261,7 @@ def _with(raw: Any, path: KeyPath) -> Any:
 
 
 def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str], bool]) -> str:
-    """Return the message on an unknown key.
-
-    It names the key that was probably intended, or the table to which the key belongs.
-
-    Parameters
-    ----------
-    model : class of the document
-    path : path of the key, with the tags of alternative forms
-    has_a_meaning : function that returns whether a key of the table has a meaning with the other stated keys
-    """
+    """Return the message on an unknown key."""
     table = _table_at(model, path[:-1])
     known_keys = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
     known_keys = [name for name in known_keys if has_a_meaning(name)]
@@ -329,11 +278,7 @@ def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str
 
 
 def _tables(model: type[BaseModel], tagged: KeyPath, tag: KeyPath) -> Iterator[tuple[str, set[str]]]:
-    """Yield the name and the keys of each table at the top of a document.
-
-    Where a key may hold one of several tables, yield the one that the tag selects if the key is `tagged`, else the
-    first.
-    """
+    """Yield the name and the keys of each table at the top of a document."""
     for name in model.model_fields:
         table = _table_at(model, (name, *(tag if (name,) == tagged else ())))
         if table:

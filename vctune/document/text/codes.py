@@ -1,8 +1,4 @@
-"""List the stable codes of all refusals, warnings, remarks and omitted lines.
-
-Each code has a heading in the README of the folder that uses it. `vctune explain CODE` shows the text under this
-heading. Tests fail if a code has no heading, or if the example under a heading does not produce the code.
-"""
+"""List the stable codes of all refusals, warnings, remarks and omitted lines."""
 
 from __future__ import annotations
 
@@ -10,6 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
+# All codes
 Code = Literal[
     "ambiguous-files",
     "bad-option",
@@ -111,48 +108,27 @@ Code = Literal[
     "warn-yields",
     "wrong-type",
 ]
-"""All codes. To add a code, write it here, use it in its message, and explain it in a README."""
-ENDING = re.compile(r" \[([a-z]+(?:-[a-z]+)*)\]$")
-"""A code in brackets at the end of a line."""
+ENDING = re.compile(r" \[([a-z]+(?:-[a-z]+)*)\]$")  # A code in brackets at the end of a line
 
 
 def coded(text: str, code: Code) -> str:
-    """Return a line with its code in brackets at the end, as an argument for `vctune explain`.
-
-    Parameters
-    ----------
-    text : text of the line
-    code : code that the function appends
-    """
+    """Return a line with its code in brackets at the end, as an argument for `vctune explain`."""
     return f"{text} [{code}]"
 
 
 def has_code(line: str | None, code: Code) -> bool:
-    """Return whether a line ends with a code.
-
-    Parameters
-    ----------
-    line : the line; may be None
-    code : the code to look for
-    """
+    """Return whether a line ends with a code."""
     match = ENDING.search(line or "")
     return match is not None and match[1] == code
 
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A note for the reader: a warning, a part that a search omitted, or a remark on a log.
+    """A note for the reader: a warning, a part that a search omitted, or a remark on a log."""
 
-    Attributes
-    ----------
-    code : code of the note
-    text : text of the note
-    path : key of the problem file that the note is about; empty if it is not about a single key
-    """
-
-    code: Code
-    text: str
-    path: tuple[str | int, ...] = ()
+    code: Code  # code of the note
+    text: str  # text of the note
+    path: tuple[str | int, ...] = ()  # key of the problem file that the note is about
 
     @property
     def line(self) -> str:

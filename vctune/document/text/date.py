@@ -7,10 +7,7 @@ from datetime import UTC, datetime
 
 
 def today() -> str:
-    """Return the day in UTC, such as 2026-01-31.
-
-    If SOURCE_DATE_EPOCH is set, return its day, for reproducible builds.
-    """
+    """Return the day in UTC, such as 2026-01-31."""
     stated = os.environ.get("SOURCE_DATE_EPOCH", "")
     now = datetime.fromtimestamp(int(stated), UTC) if stated.isdigit() else datetime.now(UTC)
     return now.date().isoformat()

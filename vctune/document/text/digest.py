@@ -1,7 +1,4 @@
-"""Compute digests of the meaning of a document.
-
-Documents that differ only in spelling have equal digests; documents with different numbers have different digests.
-"""
+"""Compute digests of the meaning of a document."""
 
 from __future__ import annotations
 
@@ -17,14 +14,13 @@ from vctune.model.hands import Hand
 from vctune.model.parts import OF_FIRMWARE, PARTS
 from vctune.model.problem import Problem
 
+# Defaults of the keys that are newer than the digests, by table
 LATER: Mapping[str, Mapping[str, Any]] = {
     "stability": {"changing": None, "changing_mass_min": None},
     "worlds": {"walls": False, "corner": None, "rule": "trapezoid", "late": 0, "resistive": False},
     "operator": {"dwell": None, "changes_at": (), "other_damping": None, "regrip": False},
     "environment": {"late": 0},
 }
-"""Defaults of the keys that are newer than the digests, by table. The digest omits such a key at its default, so older
-digests remain valid."""
 
 
 def problem_digest(problem: Problem) -> str:
@@ -55,13 +51,8 @@ def problem_digest(problem: Problem) -> str:
 
 
 def _without_defaults(stated: dict[str, Any], later: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a table without those keys of later versions that have their defaults, so that earlier digests still hold.
-
-    Parameters
-    ----------
-    stated : numbers, flags and words by their keys
-    later : default of each key that a later version added
-    """
+    """Return a table without those keys of later versions that have their defaults, so that earlier digests still
+    hold."""
     return {key: value for key, value in stated.items() if key not in later or value != later[key]}
 
 

@@ -10,28 +10,16 @@ from vctune.document.text.codes import Code, coded
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
-    """One mistake in a document.
+    """One mistake in a document."""
 
-    Attributes
-    ----------
-    code : code of the mistake; `vctune explain CODE` tells more
-    key : dotted key; "" for the document as a whole
-    message : the fault, with the value and what to do
-    line : line number from 1; None without a line
-    """
-
-    code: Code
-    key: str
-    message: str
-    line: int | None = None
+    code: Code  # code of the mistake; `vctune explain CODE` tells more
+    key: str  # dotted key; "" for the document as a whole
+    message: str  # the fault, with the value and what to do
+    line: int | None = None  # line number from 1; None without a line
 
 
 def printable(text: str) -> str:
-    """Return a text with all unprintable characters escaped.
-
-    The result stays on one line and fits into any document. The result cannot control a terminal or change the
-    direction of text.
-    """
+    """Return a text with all unprintable characters escaped."""
     return "".join(char if is_plain(char) else _escaped(ord(char)) for char in text)
 
 

@@ -5,31 +5,25 @@ from __future__ import annotations
 import re
 from math import pi
 
+# Units that users write instead of the file's units, with the conversion
 PREFIXED = {"g": ("kg", 1e-3), "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s", 1e-6), "mm": ("m", 1e-3)} | {
     "cm": ("m", 1e-2), "kHz": ("Hz", 1e3), "kN/m": ("N/m", 1e3), "N/mm": ("N/m", 1e3),
     "g cm2": ("kg m2", 1e-7), "kg cm2": ("kg m2", 1e-4), "mNm": ("N m", 1e-3), "mN m": ("N m", 1e-3),
     "deg": ("rad", pi / 180), "rpm": ("rad/s", pi / 30),
 }  # fmt: skip
-"""Units that users write instead of the file's units, with the conversion."""
+# Names that users give to keys by mistake, in particular names of rotary quantities
 CALLED = {
     "inertia": "mass",
     "moment_of_inertia": "mass",
     "handle_inertia": "handle_mass",
 }
-"""Names that users give to keys by mistake, in particular names of rotary quantities. The key of a torque is the key of
-a force."""
 WITH_COMMA = re.compile(r"([-+]?\d+),(\d+)")
 WITH_UNIT = re.compile(r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?) *([A-Za-zµ][\w /^²·*]*)")
 ASSIGNED = re.compile(r"=\s*([^#]*?)\s*(?:#.*)?$")
 
 
 def number_meant(text: str) -> str:
-    """Return a hint on the number that a text probably means, with a decimal comma or a unit; "" without a guess.
-
-    Parameters
-    ----------
-    text : text as the user wrote it
-    """
+    """Return a hint on the number that a text probably means, with a decimal comma or a unit; "" without a guess."""
     comma = WITH_COMMA.fullmatch(text)
     if comma:
         return f"; is the comma a decimal point? Write {comma[1]}.{comma[2]}"
@@ -43,23 +37,13 @@ def number_meant(text: str) -> str:
 
 
 def hint_on_line(line: str) -> str:
-    """Return a hint on the number that an unparsable line of TOML probably means; "" without a guess.
-
-    Parameters
-    ----------
-    line : line of the file
-    """
+    """Return a hint on the number that an unparsable line of TOML probably means; "" without a guess."""
     assigned = ASSIGNED.search(line)
     return number_meant(assigned[1]) if assigned else ""
 
 
 def commas_meant(values: list[object]) -> str:
-    """Return a hint on the pair of numbers that a list split by decimal commas probably means; "" without a guess.
-
-    Parameters
-    ----------
-    values : values of the list
-    """
+    """Return a hint on the pair of numbers that a list split by decimal commas probably means; "" without a guess."""
     if len(values) != 4 or not all(type(value) is int for value in values):
         return ""
     a, b, c, d = values

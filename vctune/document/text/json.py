@@ -17,19 +17,7 @@ Record = TypeVar("Record", bound=Document)
 
 
 def read_json(path: Path, kind: str, max_bytes: int) -> Any:
-    """Return the content of a JSON file.
-
-    Parameters
-    ----------
-    path : path of the file
-    kind : expected kind of file, for the message about a file that is too long
-    max_bytes : greatest size of such a file
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is too long, or is not strict JSON.
-    """
+    """Return the content of a JSON file."""
     try:
         with path.open("rb") as file:
             data = file.read(max_bytes + 1)
@@ -47,21 +35,7 @@ def read_json(path: Path, kind: str, max_bytes: int) -> Any:
 
 
 def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy: str) -> Record:
-    """Return the record that the object of a JSON file states.
-
-    Parameters
-    ----------
-    value : object of the file
-    part : class of the record
-    source : name of the file in messages
-    kind : expected kind of object, for the message
-    remedy : remedy for a damaged object, for the message
-
-    Raises
-    ------
-    InputError
-        If it is another kind of object, or if parts are missing or wrong; the error lists up to `MAX_MISTAKES` of them.
-    """
+    """Return the record that the object of a JSON file states."""
     if not isinstance(value, dict) or value.get("schema") != part.SCHEMA:
         raise InputError.of(source, "other-document", f"is not {part.SCHEMA}; name {kind}", key="schema")
     try:

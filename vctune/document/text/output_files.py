@@ -14,37 +14,14 @@ from vctune.document.text.errors import InputError, is_plain
 from vctune.interrupt import interrupt_deferred, raise_lost_interrupt
 
 Content = str | bytes | memoryview
-MAX_NAME_BYTES = 100
-"""Greatest length of a folder's name, in bytes of UTF-8."""
+MAX_NAME_BYTES = 100  # Greatest length of a folder's name, in bytes of UTF-8
+# Names of devices on Windows, which a file or folder cannot have
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
-"""Names of devices on Windows, which a file or folder cannot have."""
 
 
 def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
-    """Replace the files of an earlier run with the files of a new run. SIGINT and SIGTERM take effect only afterwards.
-
-    When all new files are complete, the function deletes the stale files, and what earlier runs set aside under the
-    same names. The function then deletes the files of the earlier run in reverse order, except the first file and the
-    files to set aside. Finally, the function renames the
-    files to set aside, and moves the new files into place in order. The files in the folder therefore always belong to
-    one run, even if the process is killed. The first file must be useful alone. The last file should be the one that
-    displays the others.
-
-    Parameters
-    ----------
-    files : contents by path
-    stale : files of an earlier run that the new run does not write; they are deleted first
-    aside : outdated files and folders that may still be wanted; they are renamed from NAME.SUFFIX to
-        NAME.previous.SUFFIX, also if a new file takes their place
-
-    Raises
-    ------
-    InputError
-        If a file cannot be written; the files of the earlier run are then untouched. Also if a file cannot be deleted
-        or renamed; some files of the earlier run may then be missing.
-    KeyboardInterrupt
-        If an interrupt was lost; the files of the earlier run are then untouched.
-    """
+    """Replace the files of an earlier run with the files of a new run. SIGINT and SIGTERM take effect only
+    afterwards."""
     raise_lost_interrupt()
     first, *others = files
     renamed = {path: previous(path) for path in aside if path.exists()}
@@ -81,13 +58,7 @@ def previous(path: Path) -> Path:
 
 
 def make_folder(path: Path) -> None:
-    """Create a folder with its parents and make sure that it can be written to.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be created or written.
-    """
+    """Create a folder with its parents and make sure that it can be written to."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
@@ -100,11 +71,7 @@ def make_folder(path: Path) -> None:
 
 
 def folder_name(name: str) -> str:
-    """Return a design's name as a folder name that is valid on any system.
-
-    The name has no separators, no unprintable characters and no leading dots, and is not the name of a Windows device.
-    If nothing else remains, the name is "design".
-    """
+    """Return a design's name as a folder name that is valid on any system."""
     plain = "".join(char if is_plain(char) and char not in '/\\:*?"<>|' else "_" for char in name)
     short = plain.encode()[:MAX_NAME_BYTES].decode(errors="ignore").strip().lstrip(".").rstrip(". ")
     return f"_{short}" if RESERVED.match(short) else short or "design"

@@ -20,15 +20,7 @@ def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
 
 
 def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
-    """Return a copy of a document with numbers set at their paths. The function creates missing tables and pairs.
-
-    A table or a pair also replaces a value that is in the way, such as a number where the path needs a range.
-
-    Parameters
-    ----------
-    document : tables
-    numbers : pairs of a path (keys and list indices) and a number
-    """
+    """Return a copy of a document with numbers set at their paths. The function creates missing tables and pairs."""
     copy = deepcopy(document)
     for path, number in numbers:
         node: Any = copy

@@ -13,22 +13,14 @@ from typing import Any
 from vctune.document.text.errors import InputError
 from vctune.document.text.hints import hint_on_line
 
-MAX_BYTES = 100_000
-"""Greatest size of a file that people write, bytes."""
-STDIN = Path("-")
-"""Path that stands for standard input instead of a file."""
+MAX_BYTES = 100_000  # Greatest size of a file that people write, bytes
+STDIN = Path("-")  # Path that stands for standard input instead of a file
 
 KeyPath = Sequence[str | int]
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a small UTF-8 file, or of standard input for "-".
-
-    Raises
-    ------
-    InputError
-        If the file is missing, a directory, unreadable, longer than `MAX_BYTES`, or not UTF-8.
-    """
+    """Return the text of a small UTF-8 file, or of standard input for "-"."""
     source = str(called(path))
     if path == STDIN and (sys.stdin is None or sys.stdin.buffer.closed):
         raise InputError.of(source, "unreadable-file", "is closed, or has been read already; name a file")
@@ -64,24 +56,7 @@ def _is_json(text: str) -> bool:
 
 
 def parse(text: str, source: str) -> dict[str, Any]:
-    """Parse TOML.
-
-    Parameters
-    ----------
-    text : text of a file
-    source : name of the file in messages
-
-    Returns
-    -------
-    dict
-        Tables and values by their keys.
-
-    Raises
-    ------
-    InputError
-        If the text is not TOML; the error has the line of the first syntax error, if there is one. Also if tables are
-        nested too deeply or a number has thousands of digits; the error then has no line.
-    """
+    """Parse TOML."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -98,12 +73,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
 
 
 class Lines:
-    """Finds the line of a key in a TOML text.
-
-    tomllib gives no positions, but it can parse beginnings of the text. The key stands on the line after the longest
-    parsable beginning that lacks the key. If a beginning has the key, so has every longer parsable one. A bisection
-    therefore finds the line in a few parses. The object stores these parses for the next key.
-    """
+    """Finds the line of a key in a TOML text."""
 
     def __init__(self, text: str) -> None:
         self._lines = [line + "\n" for line in text.split("\n")]

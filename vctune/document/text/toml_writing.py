@@ -9,18 +9,7 @@ from typing import Any
 
 
 def toml_text(document: Mapping[str, Any]) -> str:
-    """Return the TOML text of a document.
-
-    Parameters
-    ----------
-    document : texts, booleans, numbers (written in their shortest exact decimals), and lists and tables of these
-
-    Returns
-    -------
-    str
-        Keys that are no tables come first. Each table and each table of a list has its own heading; tables within them
-        are inline.
-    """
+    """Return the TOML text of a document."""
     plain = {key: value for key, value in document.items() if not _headed(value)}
     blocks = ["\n".join(_entries(plain))] if plain else []
     for key, value in document.items():

@@ -9,10 +9,8 @@ import numpy as np
 
 from vctune.document.recording import Floats
 
-TOGETHER = 0.95
-"""Probability with which all intervals of a box hold at the same time."""
-BLOCK = 1 << 16
-"""Number of rows that the code sums in one operation."""
+TOGETHER = 0.95  # Probability with which all intervals of a box hold at the same time
+BLOCK = 1 << 16  # Number of rows that the code sums in one operation
 
 
 class Scores(Protocol):
@@ -25,19 +23,7 @@ class Scores(Protocol):
 
 
 def robust_covariance(scores: Scores, information: Floats, reach: int) -> Floats:
-    """Return the covariance of estimates whose residuals are correlated (Newey and West).
-
-    Parameters
-    ----------
-    scores : residual times sensitivity, shape (n, p)
-    information : information matrix of the sensitivities, shape (p, p)
-    reach : number of rows over which residuals are correlated
-
-    Returns
-    -------
-    array of float
-        Shape (p, p).
-    """
+    """Return the covariance of estimates whose residuals are correlated (Newey and West)."""
     n, p = scores.shape
     window = min(reach, n - 1) + 1
     middle = np.zeros((p, p))
@@ -54,16 +40,7 @@ def robust_covariance(scores: Scores, information: Floats, reach: int) -> Floats
 
 
 def least_squares(sensitivity: Floats, measured: Floats) -> Floats:
-    """Return the least-squares solution, as NumPy does, but without copying a long table.
-
-    The function reduces the table block by block to the triangular factor of its QR decomposition. The solution for the
-    triangular factor equals the solution for the table.
-
-    Parameters
-    ----------
-    sensitivity : sensitivities, shape (n, p)
-    measured : measured values, shape (n,)
-    """
+    """Return the least-squares solution, as NumPy does, but without copying a long table."""
     count = sensitivity.shape[1]
     triangle = np.zeros((0, count + 1))
     for first in range(0, len(measured), BLOCK):
@@ -74,14 +51,8 @@ def least_squares(sensitivity: Floats, measured: Floats) -> Floats:
 
 
 def joint_factor(count: int) -> float:
-    """Return the number of standard deviations with which `count` intervals hold together with probability `TOGETHER`.
-
-    The result is at least 2.
-
-    Parameters
-    ----------
-    count : number of parameters in the box
-    """
+    """Return the number of standard deviations with which `count` intervals hold together with probability
+    `TOGETHER`."""
     probability = TOGETHER ** (1 / max(count, 1))
     low, high = 0.0, 10.0
     while high - low > 1e-9:

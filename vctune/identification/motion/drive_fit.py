@@ -16,35 +16,17 @@ PI2 = 2 * np.pi
 
 @dataclass(frozen=True, slots=True)
 class DriveFit:
-    """A first-order lag and a delay between two sampled columns. The delay includes half a sample for the hold.
+    """A first-order lag and a delay between two sampled columns. The delay includes half a sample for the hold."""
 
-    Attributes
-    ----------
-    lag, delay : lag and delay, s
-    lag_sigma, delay_sigma : their standard deviations, s
-    residual : relative root mean square of the residual
-    """
-
-    lag: float
+    lag: float  # lag and delay, s
     delay: float
-    lag_sigma: float
+    lag_sigma: float  # their standard deviations, s
     delay_sigma: float
-    residual: float
+    residual: float  # relative root mean square of the residual
 
 
 def fit_drive(lines: Lines, sample_time: float) -> DriveFit:
-    """Fit the response from command to force.
-
-    Parameters
-    ----------
-    lines : measured response from command to force
-    sample_time : T, s
-
-    Returns
-    -------
-    DriveFit
-        Lag and delay, s, with their standard deviations.
-    """
+    """Fit the response from command to force."""
     from scipy.optimize import least_squares
 
     def errors(at: np.ndarray) -> np.ndarray:

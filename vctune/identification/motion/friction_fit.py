@@ -14,40 +14,22 @@ from vctune.identification.motion.motion import MEMORY, SYMMETRIC, FittedSamples
 from vctune.identification.motion.signals import Signals
 from vctune.identification.motion.spectral_filters import filtered, smooth, spectrum, stride
 
-CLEAR = 4.0
-"""Required significance of the rise at low speed, in standard deviations. This threshold is high because the fit
-chooses the velocity of the rise from the same data."""
-TRIED = 24
-"""Number of velocities that the fit tries for the curve, from a hundredth to a half of the peak speed."""
-WITHIN = 12
-"""Greatest rise of Stribeck's curve, as a multiple of the Coulomb friction."""
+CLEAR = 4.0  # Required significance of the rise at low speed, in standard deviations
+TRIED = 24  # Number of velocities that the fit tries for the curve, from a hundredth to a half of the peak speed
+WITHIN = 12  # Greatest rise of Stribeck's curve, as a multiple of the Coulomb friction
 
 
 @dataclass(frozen=True, slots=True)
 class FrictionFound:
-    """Friction in the form that the simulation uses.
+    """Friction in the form that the simulation uses."""
 
-    Attributes
-    ----------
-    coulomb : friction at high speed, N
-    stiction, stribeck_velocity : friction at vanishing speed, N, and speed of the transition, m/s; None if the data do
-        not show them
-    """
-
-    coulomb: float
-    stiction: float | None = None
+    coulomb: float  # friction at high speed, N
+    stiction: float | None = None  # friction at vanishing speed, N, and speed of the transition, m/s
     stribeck_velocity: float | None = None
 
 
 def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> FrictionFound | None:
-    """Return the friction that a motion shows; None if the motion shows no friction.
-
-    Parameters
-    ----------
-    signals : signals of the recording
-    fit : fit of the recording's motion, symmetric in both directions
-    known : known delays by name, s
-    """
+    """Return the friction that a motion shows; None if the motion shows no friction."""
     coulomb = fit.value("coulomb")
     if coulomb <= 2 * fit.sigma("coulomb"):
         return None

@@ -1,11 +1,4 @@
-"""Regress any motion: the force that mass, viscous and Coulomb friction explain (README, section 2).
-
-    F(t - delay) + f_h(t + sensor) = m a + b_+ v_+ + b_- v_- + c_+ [v > 0] - c_- [v < 0]
-
-The symmetric form has one damping b, one Coulomb friction c and an offset: m a + b v + c sign v + offset. Both
-equations are linear in all parameters except the delays. The method of Gauss and Newton finds the delays. One low-pass
-filters both sides and the signs of the velocity.
-"""
+"""Regress any motion: the force that mass, viscous and Coulomb friction explain (README, section 2)."""
 
 from __future__ import annotations
 
@@ -23,42 +16,25 @@ from vctune.identification.motion.spectral_filters import Complex, edge, filtere
 
 DIRECTIONAL = ("mass", "damping_forwards", "damping_backwards", "coulomb_forwards", "coulomb_backwards")
 SYMMETRIC = ("mass", "damping", "coulomb", "offset")
-MEMORY = 1.0
-"""Time over which residuals are correlated, s. Half or twice this time changes the intervals of the test data by less
-than a fifth."""
+MEMORY = 1.0  # Time over which residuals are correlated, s
+# Share of the peak speed below which friction does not follow Coulomb's law and the sign of the velocity is unclear
 SLOW = 0.05
-"""Share of the peak speed below which friction does not follow Coulomb's law and the sign of the velocity is
-unclear."""
-LEAST_KEPT = 0.3
-"""Least share of samples that are not near turning points. If the share is lower, the fit also uses the samples near
-turning points."""
-STEPS = 60
-"""Greatest number of Gauss-Newton steps."""
-STRIDE = 4.0
-"""Greatest change of a delay in one step, in sample times."""
+LEAST_KEPT = 0.3  # Least share of samples that are not near turning points
+STEPS = 60  # Greatest number of Gauss-Newton steps
+STRIDE = 4.0  # Greatest change of a delay in one step, in sample times
 Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
 class MotionFit:
-    """The result of a regression.
+    """The result of a regression."""
 
-    Attributes
-    ----------
-    names : names of the parameters in the order of `values`, with the delays last
-    values : estimates, SI units, shape (p,)
-    covariance : covariance for correlated residuals, shape (p, p)
-    cutoff_hz : cut-off of the low-pass on both sides, Hz
-    samples : number of used samples, and number of samples in the log
-    residual, force : root mean square of residual and of force, N
-    """
-
-    names: tuple[str, ...]
-    values: Floats
-    covariance: Floats
-    cutoff_hz: float
-    samples: tuple[int, int]
-    residual: float
+    names: tuple[str, ...]  # names of the parameters in the order of `values`, with the delays last
+    values: Floats  # estimates, SI units, shape (p,)
+    covariance: Floats  # covariance for correlated residuals, shape (p, p)
+    cutoff_hz: float  # cut-off of the low-pass on both sides, Hz
+    samples: tuple[int, int]  # number of used samples, and number of samples in the log
+    residual: float  # root mean square of residual and of force, N
     force: float
 
     def value(self, name: str) -> float:
@@ -73,21 +49,13 @@ class MotionFit:
 
 @dataclass(frozen=True, slots=True)
 class FittedSamples:
-    """The data of a regression and its result, at as many samples as the cut-off requires.
+    """The data of a regression and its result, at as many samples as the cut-off requires."""
 
-    Attributes
-    ----------
-    rows : indices of the samples among every `stride`-th sample of the log
-    step : time between two neighbouring strided samples, s
-    measured, fitted : measured and fitted force, N
-    sensitivity : sensitivity of the fitted force to each parameter, shape (samples, p)
-    """
-
-    rows: NDArray[np.int64]
-    step: float
-    measured: Floats
+    rows: NDArray[np.int64]  # indices of the samples among every `stride`-th sample of the log
+    step: float  # time between two neighbouring strided samples, s
+    measured: Floats  # measured and fitted force, N
     fitted: Floats
-    sensitivity: Floats
+    sensitivity: Floats  # sensitivity of the fitted force to each parameter, shape (samples, p)
 
     @property
     def time(self) -> Floats:
@@ -103,23 +71,7 @@ class FittedSamples:
 def motion_fit(
     signals: Signals, cutoff_hz: float, names: Sequence[str], known_delays: Mapping[str, float], slow: float = SLOW
 ) -> tuple[MotionFit, FittedSamples]:
-    """Fit a recording.
-
-    Parameters
-    ----------
-    signals : position, force and time of a recording, prepared for the regression
-    cutoff_hz : cut-off of the low-pass on both sides, Hz, at most `HIGHEST` of the sampling rate
-    names : `DIRECTIONAL` or `SYMMETRIC`
-    known_delays : delays that the fit does not search for, by "delay" and "sensor_delay", s
-    slow : share of the peak speed below which samples are not used
-
-    Returns
-    -------
-    MotionFit
-        The estimates of the parameters in `names` and of the delays that are not known.
-    FittedSamples
-        The samples used in the fit.
-    """
+    """Fit a recording."""
     delays = _delays(signals, known_delays)
     free = [name for name in delays if name not in known_delays]
     every, used = stride(cutoff_hz, signals.sample_time), _kept(signals, cutoff_hz, slow)
@@ -174,19 +126,12 @@ def _covariance(
 @dataclass(frozen=True, slots=True)
 class PlacedScores:
     """Residual times sensitivity at every sample of the log. The object computes the rows block by block to save
-    memory.
+    memory."""
 
-    Attributes
-    ----------
-    sensitivity, residual : values at the used samples
-    places : indices of the used samples, in ascending order
-    count : number of all samples
-    """
-
-    sensitivity: Floats
+    sensitivity: Floats  # values at the used samples
     residual: Floats
-    places: NDArray[np.int64]
-    count: int
+    places: NDArray[np.int64]  # indices of the used samples, in ascending order
+    count: int  # number of all samples
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -251,14 +196,7 @@ def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every:
 
 
 def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[str]) -> Iterator[Floats]:
-    """Yield the regressor of each parameter.
-
-    Parameters
-    ----------
-    a : acceleration behind the low-pass, m/s2
-    behind : function that returns a column of `WAYS` behind the low-pass
-    names : `DIRECTIONAL` or `SYMMETRIC`
-    """
+    """Yield the regressor of each parameter."""
     regressor_of: dict[str, Callable[[], Floats]] = {
         "mass": lambda: a,
         "damping": lambda: behind("forwards") + behind("backwards"),

@@ -1,7 +1,4 @@
-"""Check the fit of a motion by three other methods (README, section 2).
-
-The methods are a bootstrap of blocks of the log, instrumental variables, and the classical inverse model.
-"""
+"""Check the fit of a motion by three other methods (README, section 2)."""
 
 from __future__ import annotations
 
@@ -17,38 +14,23 @@ from vctune.identification.motion.motion import DIRECTIONAL, MEMORY, FittedSampl
 from vctune.identification.motion.signals import Signals, acceleration, speed, ways
 from vctune.identification.motion.spectral_filters import filtered, smooth, spectrum, stride
 
-RESAMPLINGS = 400
-"""Number of resamplings. With half or twice as many resamplings, a deviation changes by 5 %."""
+RESAMPLINGS = 400  # Number of resamplings
 SEED = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """An estimate of a parameter by another method.
+    """An estimate of a parameter by another method."""
 
-    Attributes
-    ----------
-    code : code of the method
-    name : name of the parameter and of the method
-    value : estimate, SI units
-    sigma : standard deviation of this estimate; None if the method gives no standard deviation
-    """
-
-    code: Code
-    name: str
-    value: float
-    sigma: float | None
+    code: Code  # code of the method
+    name: str  # name of the parameter and of the method
+    value: float  # estimate, SI units
+    sigma: float | None  # standard deviation of this estimate; None if the method gives no standard deviation
 
 
 def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
     """Return the mass and its deviation from randomly drawn blocks of the log; None if the log has fewer than two
-    blocks.
-
-    Parameters
-    ----------
-    fit : fit of the motion
-    samples : data of the fit
-    """
+    blocks."""
     length = max(1, round(MEMORY / samples.step))
     count = samples.rows.size // length
     if count < 2:
@@ -66,14 +48,7 @@ def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
 
 
 def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Check | None:
-    """Return the mass by instrumental variables, with the reference as instrument; None without a reference.
-
-    Parameters
-    ----------
-    signals : signals of the recording
-    fit : directional fit of its motion
-    samples : data of the fit
-    """
+    """Return the mass by instrumental variables, with the reference as instrument; None without a reference."""
     if signals.reference is None:
         return None
     T, cutoff = signals.sample_time, fit.cutoff_hz
@@ -91,28 +66,15 @@ def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Ch
 
 @dataclass(frozen=True, slots=True)
 class Classical:
-    """The inverse model by ordinary least squares, with the standard deviations that this method claims.
+    """The inverse model by ordinary least squares, with the standard deviations that this method claims."""
 
-    Attributes
-    ----------
-    checks : mass, damping, Coulomb friction and offset
-    residual_share : norm of the residual divided by the norm of the force
-    """
-
-    checks: tuple[Check, ...]
-    residual_share: float
+    checks: tuple[Check, ...]  # mass, damping, Coulomb friction and offset
+    residual_share: float  # norm of the residual divided by the norm of the force
 
 
 def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) -> Classical | None:
     """Return the classical inverse model: a filter in both directions, central differences, decimation, white
-    residuals.
-
-    Parameters
-    ----------
-    recording : recording; the function returns None if it has no force on the motor
-    sample_time : T, s
-    recipe : filter and decimation
-    """
+    residuals."""
     from scipy.signal import butter, decimate, filtfilt
 
     force = recording.values("command") if "command" in recording.channels else recording.values("force")
@@ -141,5 +103,4 @@ def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) 
     return Classical(checks, float(np.linalg.norm(residual) / np.linalg.norm(y)))
 
 
-EDGE = 5
-"""Number of decimated samples at each end that the filters distort; the fit omits them."""
+EDGE = 5  # Number of decimated samples at each end that the filters distort; the fit omits them

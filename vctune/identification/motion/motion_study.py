@@ -1,7 +1,5 @@
-"""Study a recording of any motion with fits at several cut-offs, for each direction and for both directions.
-
-See README, section 2.
-"""
+"""Study a recording of any motion with fits at several cut-offs, for each direction and for both directions. See
+README, section 2."""
 
 from __future__ import annotations
 
@@ -25,58 +23,35 @@ from vctune.identification.motion.signals import signals as turned_signals
 from vctune.identification.motion.spectral_filters import HIGHEST, smooth, spectrum
 from vctune.model.parts import Actuator
 
+# Greatest relative residual of the force with which the study accepts a mass with friction as the explanation of a log
 MAX_RESIDUAL_SHARE = 0.6
-"""Greatest relative residual of the force with which the study accepts a mass with friction as the explanation of a
-log."""
+# Relative residual of the force above which the study tests whether the user swapped two columns
 SUSPICIOUS_SHARE = 0.05
-"""Relative residual of the force above which the study tests whether the user swapped two columns."""
+# Difference between the directions, in standard deviations, above which each direction gets its own parameters
 SIGNIFICANT = 2.0
-"""Difference between the directions, in standard deviations, above which each direction gets its own parameters."""
 FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
-MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}
-"""Range of masses of a haptic device, kg, or kg m2 if it is rotary."""
+MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}  # Range of masses of a haptic device, kg, or kg m2 if it is rotary
 
 
 @dataclass(frozen=True, slots=True)
 class MotionStudy:
-    """The results of a recording of any motion.
+    """The results of a recording of any motion."""
 
-    Attributes
-    ----------
-    directional, symmetric : fits with separate friction for each direction, and with the same friction for both
-    samples : samples of the directional fit
-    others : directional fits at higher cut-offs, and at cut-offs up to three octaves lower
-    force_noise : standard deviation of a sample of the sensed force, N; None without a column of sensed force
-    checks : estimates of the mass by other methods
-    classical : the classical inverse model; None if not requested, or without a force on the motor
-    friction : friction for the simulation; None if the recording shows no friction
-    speed : root mean square speed, m/s
-    position_noise : standard deviation of a position sample, m
-    chi2 : power of the residual divided by the power that the encoder's noise causes in the residual
-    sharp_chi2 : chi2 at the highest cut-off, where two models differ the most, and its degrees of freedom
-    """
-
-    directional: MotionFit
+    directional: MotionFit  # fits with separate friction for each direction, and with the same friction for both
     symmetric: MotionFit
-    samples: FittedSamples
-    others: tuple[MotionFit, ...]
-    force_noise: float | None
-    checks: tuple[Check, ...]
-    classical: Classical | None
-    friction: FrictionFound | None
-    speed: float
-    position_noise: float
-    chi2: float
+    samples: FittedSamples  # samples of the directional fit
+    others: tuple[MotionFit, ...]  # directional fits at higher cut-offs, and at cut-offs up to three octaves lower
+    force_noise: float | None  # standard deviation of a sample of the sensed force, N
+    checks: tuple[Check, ...]  # estimates of the mass by other methods
+    classical: Classical | None  # the classical inverse model; None if not requested, or without a force on the motor
+    friction: FrictionFound | None  # friction for the simulation; None if the recording shows no friction
+    speed: float  # root mean square speed, m/s
+    position_noise: float  # standard deviation of a position sample, m
+    chi2: float  # power of the residual divided by the power that the encoder's noise causes in the residual
     sharp_chi2: tuple[float, float]
 
     def encoder_noise(self, hertz: Floats, sample_time: float) -> Floats:
-        """Return the root mean square of the encoder's noise in the force, for each bin of a spectrum, N.
-
-        Parameters
-        ----------
-        hertz : frequencies of the bins, evenly spaced from 0
-        sample_time : sample time of the log, s
-        """
+        """Return the root mean square of the encoder's noise in the force, for each bin of a spectrum, N."""
         omega = 2 * np.pi * hertz
         share = smooth(omega, self.directional.cutoff_hz) * omega**2 * abs(self.directional.value("mass"))
         return share * self.position_noise / np.sqrt(0.5 / sample_time / (hertz[1] - hertz[0]))
@@ -122,25 +97,7 @@ class MotionStudy:
 
 
 def motion_study(recording: Recording, sample_time: float, actuator: Actuator | None, log_map: LogMap) -> MotionStudy:
-    """Study a recording.
-
-    Parameters
-    ----------
-    recording : a checked recording
-    sample_time : T, s
-    actuator : actuator between command and motor; None if it is not known
-    log_map : log.toml, which may state delays
-
-    Returns
-    -------
-    MotionStudy
-        Fits at several cut-offs, SI units.
-
-    Raises
-    ------
-    InputError
-        If no plausible mass with friction explains the force, or if the encoder's noise hides the acceleration.
-    """
+    """Study a recording."""
     signals = signals_of(recording, sample_time, actuator)
     delays = known_delays(log_map)
     usable = cutoffs(signals)
@@ -204,10 +161,7 @@ def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, del
 
 
 def _residual_if_swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
-    """Return the relative residual of a fit with force and position swapped.
-
-    The result is None without a force on the motor, or if its noise hides its second derivative.
-    """
+    """Return the relative residual of a fit with force and position swapped."""
     if signals.command is None:
         return None
     T, position = signals.sample_time, signals.command
@@ -221,9 +175,6 @@ def _residual_if_swapped(signals: Signals, delays: Mapping[str, float]) -> float
 
 
 def force_noise(hand: Floats) -> float:
-    """Return the standard deviation of a force sample, computed from the third difference.
-
-    The motion of a hand is too slow to contribute to this difference.
-    """
+    """Return the standard deviation of a force sample, computed from the third difference."""
     third = np.diff(hand, 3)
     return float(1.4826 * np.median(np.abs(third)) / sqrt(20))

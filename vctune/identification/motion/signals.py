@@ -23,42 +23,24 @@ from vctune.identification.motion.spectral_filters import (
 from vctune.model.device import Device
 from vctune.model.parts import Actuator
 
-WAYS = ("forwards", "backwards", "ahead", "back", "always")
-"""Names of the regressors of friction."""
+WAYS = ("forwards", "backwards", "ahead", "back", "always")  # Names of the regressors of friction
 
-ATTENUATION = 1e-4
-"""Greatest permitted share of encoder noise in the power of the acceleration. Encoder noise reduces the estimated mass
-by this share."""
+ATTENUATION = 1e-4  # Greatest permitted share of encoder noise in the power of the acceleration
 
 
 @dataclass(frozen=True, slots=True)
 class Signals:
-    """A recording, prepared for the regression.
+    """A recording, prepared for the regression."""
 
-    Attributes
-    ----------
-    position : position, m, shape (n,)
-    command : force on the motor, commanded or measured, N; None if there is no such column or its force is constant
-    hand : sensed force of the hand, N; None without a column of this force
-    reference : commanded position, m; None without a column of this position
-    sample_time : T, s
-    is_command : whether the force is a command, which is held between samples
-    actuator : actuator after a held command; None if it is not known
-    noise : standard deviation of a position sample, m
-    velocity : velocity after the low-pass with the highest cut-off that the noise permits, m/s; it gives the direction
-        of motion
-    spectra : spectra of position, of command (behind hold and actuator), of hand, and of the columns of `WAYS`
-    """
-
-    position: Floats
-    command: Floats | None
-    hand: Floats | None
-    reference: Floats | None
-    sample_time: float
-    is_command: bool
-    actuator: Actuator | None
-    noise: float
-    velocity: Floats
+    position: Floats  # position, m, shape (n,)
+    command: Floats | None  # force on the motor, commanded or measured, N
+    hand: Floats | None  # sensed force of the hand, N; None without a column of this force
+    reference: Floats | None  # commanded position, m; None without a column of this position
+    sample_time: float  # T, s
+    is_command: bool  # whether the force is a command, which is held between samples
+    actuator: Actuator | None  # actuator after a held command; None if it is not known
+    noise: float  # standard deviation of a position sample, m
+    velocity: Floats  # velocity after the low-pass with the highest cut-off that the noise permits, m/s
     spectra: Mapping[str, Spectrum]
 
 
@@ -74,19 +56,7 @@ def signals(
     is_command: bool = False,
     actuator: Actuator | None = None,
 ) -> Signals:
-    """Return columns with their spectra as `Signals`.
-
-    Parameters
-    ----------
-    position, force : position, m, and force, N, shape (n,); force is None if there is no force column or the force is
-        constant
-    sample_time : T, s
-    noise : standard deviation of a position sample, m
-    velocity : velocity, m/s
-    hand, reference : force of the hand, N, and commanded position, m; None if the log has no such column
-    is_command : whether the force is a command, which is held between samples
-    actuator : actuator after a held command; None if it is not known
-    """
+    """Return columns with their spectra as `Signals`."""
     columns = {"position": position - position.mean()} | ways(velocity)
     columns |= {} if hand is None else {"hand": hand}
     spectra = {name: spectrum(values, sample_time) for name, values in columns.items()}
@@ -109,33 +79,18 @@ def ways(velocity: Floats) -> dict[str, Floats]:
 
 
 def acceleration(position: Spectrum, cutoff_hz: float, every: int = 1) -> Floats:
-    """Return the acceleration after the low-pass, m/s2.
-
-    Parameters
-    ----------
-    position : spectrum of the position about its mean, m or rad
-    cutoff_hz : cut-off of the low-pass, Hz
-    every : stride of the returned samples
-    """
+    """Return the acceleration after the low-pass, m/s2."""
     return filtered(position, lambda w: -(w**2) * smooth(w, cutoff_hz), every)
 
 
 def speed(position: Spectrum, cutoff_hz: float) -> Floats:
-    """Return the velocity after the low-pass, m/s.
-
-    Parameters
-    ----------
-    position : spectrum of the position about its mean, m or rad
-    cutoff_hz : cut-off of the low-pass, Hz
-    """
+    """Return the velocity after the low-pass, m/s."""
     return filtered(position, lambda w: 1j * w * smooth(w, cutoff_hz))
 
 
 def cutoffs(signals: Signals) -> list[float]:
-    """Return the cut-offs, Hz, at which the share of the encoder's noise in the acceleration is at most `ATTENUATION`.
-
-    The highest cut-off comes first.
-    """
+    """Return the cut-offs, Hz, at which the share of the encoder's noise in the acceleration is at most
+    `ATTENUATION`."""
     T, usable = signals.sample_time, []
     for halvings in range(7):
         cutoff = HIGHEST / T / 2**halvings
@@ -150,26 +105,13 @@ def cutoffs(signals: Signals) -> list[float]:
 
 
 def acceleration_noise(signals: Signals, cutoff_hz: float) -> float:
-    """Return the standard deviation that the encoder alone causes in the acceleration after the low-pass, m/s2.
-
-    Parameters
-    ----------
-    signals : signals of the recording
-    cutoff_hz : cut-off of the low-pass, Hz
-    """
+    """Return the standard deviation that the encoder alone causes in the acceleration after the low-pass, m/s2."""
     omega = np.linspace(0, np.pi / signals.sample_time, 4096)
     return signals.noise * sqrt(float(np.mean((omega**2 * smooth(omega, cutoff_hz)) ** 2)))
 
 
 def signals_of(recording: Recording, sample_time: float, actuator: Actuator | None) -> Signals:
-    """Return the columns of a recording that the regression needs.
-
-    Parameters
-    ----------
-    recording : recording with position, and with force or command
-    sample_time : T, s
-    actuator : actuator between command and motor; None if it is not known
-    """
+    """Return the columns of a recording that the regression needs."""
     force, held = recording.values("force"), False
     if force is None:
         force, held = recording.values("command"), True
@@ -192,10 +134,7 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
 
 
 def _velocity(position: Spectrum, noise: float) -> Floats:
-    """Return the velocity after a low-pass with the highest cut-off at which the noise is at most 1 % of the signal.
-
-    If there is no such cut-off, the low-pass has the lowest cut-off that the function tries.
-    """
+    """Return the velocity after a low-pass with the highest cut-off at which the noise is at most 1 % of the signal."""
     omega = np.linspace(0, np.pi / position.sample_time, 4096)
     cutoff = HIGHEST / position.sample_time
     for _ in range(7):
@@ -209,13 +148,7 @@ def _velocity(position: Spectrum, noise: float) -> Floats:
 
 def position_noise(position: Floats, quantum: float | None) -> float:
     """Return the standard deviation of a position sample: the larger of its rounding and of the noise above three
-    quarters of the Nyquist frequency.
-
-    Parameters
-    ----------
-    position : position, m
-    quantum : stated resolution, m; None for the least step between samples
-    """
+    quarters of the Nyquist frequency."""
     step = np.abs(np.diff(position))
     least = float(step[step > 0].min(initial=np.inf)) if quantum is None else quantum
     rounding = least / sqrt(12) if np.isfinite(least) else 0.0

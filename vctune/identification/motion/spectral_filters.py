@@ -1,8 +1,4 @@
-"""Filter columns in the frequency domain without phase.
-
-The same filter acts on all columns, so no column leads another. After a low-pass filter, every n-th sample suffices.
-`stride` returns n.
-"""
+"""Filter columns in the frequency domain without phase."""
 
 from __future__ import annotations
 
@@ -20,36 +16,21 @@ from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.arithmetic import FLOATS
 
 Complex = NDArray[np.complex128]
-Response = Callable[[Floats], Any]
-"""A frequency response, real or complex, as a function of omega, rad/s."""
-HIGHEST = 0.08
-"""Greatest cut-off as a share of the sampling rate. A low-pass with this cut-off attenuates the Nyquist frequency to
-1e-6. A low-pass with twice this cut-off would attenuate it only to 3 %."""
-REACH = 1.1
-"""Reach of the low-pass's kernel in time, in units of 1/cut-off. Beyond this reach the kernel is less than 1e-14 of its
-height."""
-LONGEST = 64
-"""Greatest permitted stride."""
-BEHIND = 1 << 16
-"""Number of zeros after a long column. The zeros must outlast the kernel of the lowest cut-off, the longest delay and
-the ringing of an actuator together."""
+Response = Callable[[Floats], Any]  # A frequency response, real or complex, as a function of omega, rad/s
+HIGHEST = 0.08  # Greatest cut-off as a share of the sampling rate
+REACH = 1.1  # Reach of the low-pass's kernel in time, in units of 1/cut-off
+LONGEST = 64  # Greatest permitted stride
+BEHIND = 1 << 16  # Number of zeros after a long column
 
 
 @dataclass(frozen=True, slots=True)
 class Spectrum:
-    """The spectrum of a column that is followed by zeros.
+    """The spectrum of a column that is followed by zeros."""
 
-    Attributes
-    ----------
-    lines : complex spectrum, shape (size // 2 + 1,)
-    samples, size : number of samples of the column without the zeros and with the zeros
-    sample_time : T, s
-    """
-
-    lines: Complex
-    samples: int
+    lines: Complex  # complex spectrum, shape (size // 2 + 1,)
+    samples: int  # number of samples of the column without the zeros and with the zeros
     size: int
-    sample_time: float
+    sample_time: float  # T, s
 
     def omega(self, every: int = 1) -> Floats:
         """Return the frequencies up to the Nyquist frequency of every `every`-th sample, rad/s."""
@@ -58,13 +39,7 @@ class Spectrum:
 
 
 def spectrum(values: Floats, sample_time: float) -> Spectrum:
-    """Return the spectrum of a column, for any number of filters.
-
-    Parameters
-    ----------
-    values : column, shape (n,)
-    sample_time : T, s
-    """
+    """Return the spectrum of a column, for any number of filters."""
     from scipy.fft import next_fast_len
 
     needed = values.size + min(values.size, BEHIND)
@@ -73,24 +48,12 @@ def spectrum(values: Floats, sample_time: float) -> Spectrum:
 
 
 def smooth(omega: Floats, cutoff_hz: float) -> Floats:
-    """Return a Gaussian low-pass whose power is halved at its cut-off.
-
-    Parameters
-    ----------
-    omega : frequencies, rad/s
-    cutoff_hz : cut-off, Hz
-    """
+    """Return a Gaussian low-pass whose power is halved at its cut-off."""
     return np.exp(-0.5 * log(2) * (omega / (2 * np.pi * cutoff_hz)) ** 2)
 
 
 def stride(cutoff_hz: float, sample_time: float) -> int:
-    """Return the stride n after a low-pass. Every n-th sample suffices, with an aliasing of 1e-6.
-
-    Parameters
-    ----------
-    cutoff_hz : cut-off of the low-pass, Hz
-    sample_time : T, s
-    """
+    """Return the stride n after a low-pass. Every n-th sample suffices, with an aliasing of 1e-6."""
     every = 1
     while every < LONGEST and 2 * every * cutoff_hz * sample_time <= HIGHEST * (1 + 1e-9):
         every *= 2
@@ -99,38 +62,18 @@ def stride(cutoff_hz: float, sample_time: float) -> int:
 
 def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
     """Return a column after a filter. Within the kernel's reach of its ends, the column depends on the zeros outside
-    the log.
-
-    Parameters
-    ----------
-    column : spectrum of the column
-    response : response of the filter as a function of omega, rad/s
-    every : stride of the returned samples; a power of two, at most `LONGEST`
-    """
+    the log."""
     omega = column.omega(every)
     values = np.fft.irfft(column.lines[: omega.size] * response(omega), column.size // every)
     return np.asarray(values[: ceil(column.samples / every)] / every)
 
 
 def edge(cutoff_hz: float, delay: float, sample_time: float) -> int:
-    """Return the number of samples at each end of a filtered column that depend on the zeros outside the log.
-
-    Parameters
-    ----------
-    cutoff_hz : cut-off of the low-pass, Hz
-    delay : shift of the column, s
-    sample_time : T, s
-    """
+    """Return the number of samples at each end of a filtered column that depend on the zeros outside the log."""
     return ceil((REACH / cutoff_hz + abs(delay)) / sample_time) + 1
 
 
 def drive(device: Device, omega: Floats) -> Complex:
-    """Return A H e^(-s delay) of a device, the response of the motor's force to the held command.
-
-    Parameters
-    ----------
-    device : device; the function uses its sample time, delay, hold and actuator
-    omega : frequencies, rad/s
-    """
+    """Return A H e^(-s delay) of a device, the response of the motor's force to the held command."""
     at = device_response(device, omega, FLOATS).drive
     return np.asarray(at.re - 1j * omega * at.lag)

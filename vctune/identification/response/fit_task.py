@@ -18,33 +18,21 @@ from vctune.model.device import Device
 from vctune.model.parts import Actuator
 
 Ints = NDArray[np.int64]
-FLOOR = (1e-5, 10.0)
-"""Range of the model-error floor, relative to the response."""
-EVALUATIONS = 100
-"""Greatest number of evaluations in a search. A search that needs more evaluations from its start rarely finds the best
-fit."""
-LOG_RANGE = 5.0
-"""Greatest change of a positive parameter in one search, as a natural logarithm."""
-OUTLYING = 1.0
-"""Greatest relative spread of a line that the fit uses. A line with a greater spread is noise."""
+FLOOR = (1e-5, 10.0)  # Range of the model-error floor, relative to the response
+EVALUATIONS = 100  # Greatest number of evaluations in a search
+LOG_RANGE = 5.0  # Greatest change of a positive parameter in one search, as a natural logarithm
+OUTLYING = 1.0  # Greatest relative spread of a line that the fit uses
 
 
 @dataclass(frozen=True, slots=True)
 class FitTask:
-    """A response and a candidate structure. Together they give the residuals for any parameters.
+    """A response and a candidate structure. Together they give the residuals for any parameters."""
 
-    Attributes
-    ----------
-    measured, candidate, actuator : the measured response, the candidate structure, and the actuator before the motor
-    left_out : lines to skip; None to use all lines
-    aliased : ratio of the sampled to the continuous response to the command
-    """
-
-    measured: Response
+    measured: Response  # the measured response, the candidate structure, and the actuator before the motor
     candidate: Candidate
     actuator: Actuator | None
-    left_out: Ints | None = None
-    aliased: Complex | float = 1.0
+    left_out: Ints | None = None  # lines to skip; None to use all lines
+    aliased: Complex | float = 1.0  # ratio of the sampled to the continuous response to the command
 
     def numbers(self, at: Floats) -> dict[str, float]:
         """Return the parameters of the candidate at a point of the search."""
@@ -94,13 +82,7 @@ class FitTask:
         return np.concatenate(errors), np.concatenate(spreads), np.concatenate(owners)
 
     def residuals(self, at: Floats, model_errors: Floats) -> Floats:
-        """Return the errors divided by their standard deviations, first all real parts, then all imaginary parts.
-
-        Parameters
-        ----------
-        at : parameters of the candidate, in the form of `point`, shape (n,)
-        model_errors : relative model error of each output, shape (outputs,)
-        """
+        """Return the errors divided by their standard deviations, first all real parts, then all imaginary parts."""
         errors, spread, owners = self.errors(at)
         weighed = errors * sqrt(2) / np.hypot(spread, np.maximum(model_errors, FLOOR[0])[owners])
         return np.concatenate([weighed.real, weighed.imag])
@@ -108,25 +90,12 @@ class FitTask:
 
 def point(numbers: Mapping[str, float], candidate: Candidate) -> Floats:
     """Return the parameters of a candidate in the form of the search, in which the parameters of `SCALED` are
-    logarithms.
-
-    Parameters
-    ----------
-    numbers : parameters by name, SI units
-    candidate : candidate, which determines the parameters and their order
-    """
+    logarithms."""
     return np.array([log(numbers[name]) if name in SCALED else numbers[name] for name in candidate.names])
 
 
 def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
-    """Return the point with the least weighted squares that the search finds from a start.
-
-    Parameters
-    ----------
-    task : the response and the candidate
-    start : start in the form of `point`, shape (n,)
-    model_errors : relative model error of each output, shape (outputs,)
-    """
+    """Return the point with the least weighted squares that the search finds from a start."""
     from scipy.optimize import least_squares
 
     names, T = task.candidate.names, task.measured.sample_time
@@ -143,14 +112,7 @@ def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
 
 
 def scale_of(at: Floats, names: tuple[str, ...], measured: Response) -> Floats:
-    """Return the size of a typical change of each parameter, which the search uses as unit.
-
-    Parameters
-    ----------
-    at : point in the form of `point`, shape (n,)
-    names : names of the n parameters
-    measured : the response, whose frequencies and friction set the units
-    """
+    """Return the size of a typical change of each parameter, which the search uses as unit."""
     numbers = dict(zip(names, at, strict=True))
     drag = np.exp(numbers["mass"]) * float(measured.position.omega[0])
     pushed = 1 / float(np.median(np.abs(measured.friction)) + 1e-300)

@@ -16,26 +16,17 @@ from vctune.identification.response.response import Response
 from vctune.identification.response.response_fit import ResponseFit
 from vctune.model.device import Device
 
-SIGNIFICANT = 3.0
-"""Least significance, in standard deviations, of a lag that the file states. No interval of a box extends by more
-standard deviations."""
+SIGNIFICANT = 3.0  # Least significance, in standard deviations, of a lag that the file states
 
 
 @dataclass(frozen=True, slots=True)
 class PeriodicStudy:
-    """The results of a periodic recording.
+    """The results of a periodic recording."""
 
-    Attributes
-    ----------
-    measured : the averaged response
-    fit, candidates : fit of the chosen structure, and fits of all structures
-    drive : lag and delay from command to force; None unless both command and force were recorded
-    """
-
-    measured: Response
-    fit: ResponseFit
+    measured: Response  # the averaged response
+    fit: ResponseFit  # fit of the chosen structure, and fits of all structures
     candidates: tuple[ResponseFit, ...]
-    drive: DriveFit | None
+    drive: DriveFit | None  # lag and delay from command to force; None unless both command and force were recorded
 
     @property
     def left(self) -> Floats:
@@ -59,17 +50,7 @@ class PeriodicStudy:
 
 
 def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Estimate]:
-    """Return the estimates of the parameters that a problem file states.
-
-    A problem file has all damping on the motor's side. If the chosen handle has its own damping, the function adds this
-    damping to the motor's, and also returns the dampings of the fit without it.
-
-    Parameters
-    ----------
-    study : study of the recording
-    source : name of the recording, for the reader
-    T : sample time, s
-    """
+    """Return the estimates of the parameters that a problem file states."""
     fit, estimates = study.fit, []
     numbers, text = fit.numbers, f"{source}: response"
 
@@ -116,16 +97,8 @@ def _bandwidth(lag: float, sigma: float) -> tuple[float, float]:
 def behind_force(
     study: PeriodicStudy, T: float, device: Device, bounds: Sequence[Bounded]
 ) -> tuple[Device, list[Bounded]]:
-    """Return device and box without the parts before the recorded force, unless the response has the command as input.
-
-    A measured force comes after the actuator and the delay between command and force.
-
-    Parameters
-    ----------
-    study : study of the recording
-    T : sample time, s
-    device, bounds : device and box as seen from the command
-    """
+    """Return device and box without the parts before the recorded force, unless the response has the command as
+    input."""
     if study.measured.input == "command":
         return device, list(bounds)
     force_estimates = periodic_estimates(replace(study, drive=None), "", T)

@@ -20,24 +20,16 @@ from vctune.model.parts import Actuator, Structure
 Complex = NDArray[np.complex128]
 RIGID = ("mass", "damping", "coulomb", "delay")
 SPRING = ("handle_mass", "frequency_hz", "damping_ratio")
-SCALED = ("mass", "handle_mass", "frequency_hz", "lag")
-"""Names of the positive parameters. The search uses the logarithms of these parameters."""
+SCALED = ("mass", "handle_mass", "frequency_hz", "lag")  # Names of the positive parameters
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A structure that the device may have.
+    """A structure that the device may have."""
 
-    Attributes
-    ----------
-    masses : number of masses, 1 or 2
-    lag : whether there is a first-order actuator between command and motor
-    damped_handle : whether the handle has its own damping, which a problem file cannot state
-    """
-
-    masses: int
-    lag: bool
-    damped_handle: bool = False
+    masses: int  # number of masses, 1 or 2
+    lag: bool  # whether there is a first-order actuator between command and motor
+    damped_handle: bool = False  # whether the handle has its own damping, which a problem file cannot state
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -55,14 +47,7 @@ class Candidate:
 
 
 def device_of(numbers: Mapping[str, float], sample_time: float, actuator: Actuator | None = None) -> Device:
-    """Return the device with given parameters.
-
-    Parameters
-    ----------
-    numbers : parameters by the names of `Candidate.names`
-    sample_time : T, s
-    actuator : known actuator; None without a known actuator
-    """
+    """Return the device with given parameters."""
     structure = None
     if "handle_mass" in numbers:
         damped = numbers.get("handle_damping")
@@ -76,13 +61,7 @@ def device_of(numbers: Mapping[str, float], sample_time: float, actuator: Actuat
 
 
 def compliances(device: Device, omega: Floats) -> tuple[Complex, Complex]:
-    """Return the responses of motor and handle to a force on the motor, m/N.
-
-    Parameters
-    ----------
-    device : device; the function uses its mechanism
-    omega : frequencies, rad/s, > 0
-    """
+    """Return the responses of motor and handle to a force on the motor, m/N."""
     at = device_response(
         Device(device.mass, device.damping, device.sample_time, structure=device.structure), omega, FLOATS
     )
@@ -99,14 +78,7 @@ def compliances(device: Device, omega: Floats) -> tuple[Complex, Complex]:
 
 
 def held_compliance(device: Device, omega: Floats) -> Complex:
-    """Return the exact response of the motor at the samples to a command that is held between them, m/N.
-
-    Parameters
-    ----------
-    device : device with its delay and actuator; for a negative delay, the function advances the response by a sample
-        and delays it by the remainder
-    omega : frequencies, rad/s, 0 < omega <= pi/T
-    """
+    """Return the exact response of the motor at the samples to a command that is held between them, m/N."""
     T = device.sample_time
     early = max(0, ceil(-float(device.delay) / T))
     there = replace(device, delay=float(device.delay) + early * T, velocity=None)

@@ -10,81 +10,44 @@ from numpy.typing import NDArray
 from vctune.document.recording import Channel, Floats, Recording
 
 Complex = NDArray[np.complex128]
-LEAST_PERIODS = 4
-"""Least number of periods. The evaluation omits the first period, and fewer periods would not show a line's
-variance."""
-LEAST_LINES = 8
-"""Least number of excited lines."""
-REPEATS = 0.9
-"""Least correlation of a column with itself one period later. If the noise has at most a tenth of the power, the
-correlation stays above this value."""
-EXCITED = 0.05
-"""Least amplitude of an excited line, relative to the greatest amplitude."""
-ABOVE_NOISE = 5.0
-"""Least amplitude of an excited line, in standard deviations of the line's mean."""
-FINER = 32
-"""Number of points per sample for the direction of motion. With half or twice as many points, the lines change by a
-thousandth."""
-MOST_POINTS = 1 << 21
-"""Greatest number of points in half a period. A very long period has fewer points per sample."""
-HIGHEST_LINE = 0.45
-"""Frequency of the highest line, as a share of the sampling rate. At higher frequencies, anti-aliasing filters matter
-more than the device."""
+LEAST_PERIODS = 4  # Least number of periods
+LEAST_LINES = 8  # Least number of excited lines
+REPEATS = 0.9  # Least correlation of a column with itself one period later
+EXCITED = 0.05  # Least amplitude of an excited line, relative to the greatest amplitude
+ABOVE_NOISE = 5.0  # Least amplitude of an excited line, in standard deviations of the line's mean
+FINER = 32  # Number of points per sample for the direction of motion
+MOST_POINTS = 1 << 21  # Greatest number of points in half a period
+HIGHEST_LINE = 0.45  # Frequency of the highest line, as a share of the sampling rate
 
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """A response at the excited lines.
+    """A response at the excited lines."""
 
-    Attributes
-    ----------
-    omega : frequencies, rad/s, shape (n,)
-    ratio : ratio of output to input, averaged over periods, shape (n,)
-    spread : relative standard deviation of this average, for real and imaginary part together, shape (n,)
-    coherence : coherence between periods, shape (n,)
-    """
-
-    omega: Floats
-    ratio: Complex
-    spread: Floats
-    coherence: Floats
+    omega: Floats  # frequencies, rad/s, shape (n,)
+    ratio: Complex  # ratio of output to input, averaged over periods, shape (n,)
+    spread: Floats  # relative standard deviation of this average, for real and imaginary part together, shape (n,)
+    coherence: Floats  # coherence between periods, shape (n,)
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """The results of a periodic recording.
+    """The results of a periodic recording."""
 
-    Attributes
-    ----------
-    period : length of a period in samples
-    periods : number of averaged periods
-    input : "force" or "command", the column by which position and handle are divided
-    position, handle : responses, m/N; handle is None if it was not recorded
-    drive : response from command to force; None unless both were recorded
-    friction : lines of a Coulomb friction of 1 N, divided by the lines of the input, 1/N
-    speed : root mean square speed of the motor, m/s
-    sample_time : T, s
-    """
-
-    period: int
-    periods: int
-    input: str
-    position: Lines
+    period: int  # length of a period in samples
+    periods: int  # number of averaged periods
+    input: str  # "force" or "command", the column by which position and handle are divided
+    position: Lines  # responses, m/N; handle is None if it was not recorded
     handle: Lines | None
-    drive: Lines | None
-    friction: Complex
-    speed: float
-    sample_time: float
+    drive: Lines | None  # response from command to force; None unless both were recorded
+    friction: Complex  # lines of a Coulomb friction of 1 N, divided by the lines of the input, 1/N
+    speed: float  # root mean square speed of the motor, m/s
+    sample_time: float  # T, s
 
 
 def response(recording: Recording, sample_time: float) -> Response | None:
-    """Return the averaged response of a recording; None if it is not periodic, or has fewer than `LEAST_LINES` lines.
-
-    Parameters
-    ----------
-    recording : recording with position, and with command or force
-    sample_time : T, s
-    """
+    """Return the averaged response of a recording; None if it is not periodic, or has fewer than `LEAST_LINES`
+    lines."""
     excited = recording.values("command")
     excited = recording.values("force") if excited is None else excited
     period = None if excited is None else find_period(excited)
@@ -172,12 +135,7 @@ def _excited(spectra: Complex, sample_time: float, period: int) -> NDArray[np.in
 
 
 def _direction(position: Complex) -> Complex:
-    """Return the lines of the velocity's sign, whose changes may lie between samples.
-
-    Parameters
-    ----------
-    position : spectrum of one period, without drift
-    """
+    """Return the lines of the velocity's sign, whose changes may lie between samples."""
     count = position.size
     finer = max(2, min(FINER, MOST_POINTS // count))
     fine = np.zeros((count - 1) * finer + 1, dtype=complex)
@@ -198,14 +156,7 @@ def _rounding(channel: Channel, period: int) -> float:
 
 
 def _lines(outputs: Complex, inputs: Complex, omega: Floats, rounding: float) -> Lines:
-    """Return the ratio of outputs to inputs at the lines, with its spread over the periods and its coherence.
-
-    Parameters
-    ----------
-    outputs, inputs : spectra of each period at the lines, shape (periods, n)
-    omega : frequencies of the lines, rad/s, shape (n,)
-    rounding : error of an output's line due to rounding, see `_rounding`
-    """
+    """Return the ratio of outputs to inputs at the lines, with its spread over the periods and its coherence."""
     count = len(outputs)
     ratio = outputs.mean(axis=0) / inputs.mean(axis=0)
     deviation = outputs - ratio * inputs

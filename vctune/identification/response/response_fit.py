@@ -17,54 +17,28 @@ from vctune.identification.response.response import Complex, Response
 from vctune.model.device import Device
 from vctune.model.parts import Actuator
 
-START_FLOOR = 0.1
-"""Model error with which the search starts. Half or twice this error leads to the same fits."""
-ROUNDS = 20
-"""Greatest number of alternations between fitting the parameters and fitting the model errors."""
-DECISIVE_FACTOR = 2.0
-"""Factor by which a second mass must reduce chi2. Model errors of neighbouring lines are similar, and friction changes
-a response slightly at all lines. For a device with a resonance, a second mass reduces chi2 by a factor of a hundred."""
-MAX_DAMPING_RATIO = 0.5
-"""Damping ratio above which a peak does not count as a resonance."""
-REGULARISATION = 1e-12
-"""Number added to the diagonal of the information matrix, whose diagonal entries are 1. A parameter that no line
-determines then gets a very large standard deviation."""
-BLOCKS = 8
-"""Number of blocks of neighbouring lines. The fit omits one block at a time. The intervals therefore allow for model
-errors that extend over many lines."""
+START_FLOOR = 0.1  # Model error with which the search starts
+ROUNDS = 20  # Greatest number of alternations between fitting the parameters and fitting the model errors
+DECISIVE_FACTOR = 2.0  # Factor by which a second mass must reduce chi2
+MAX_DAMPING_RATIO = 0.5  # Damping ratio above which a peak does not count as a resonance
+REGULARISATION = 1e-12  # Number added to the diagonal of the information matrix, whose diagonal entries are 1
+BLOCKS = 8  # Number of blocks of neighbouring lines
 
 
 @dataclass(frozen=True, slots=True)
 class ResponseFit:
-    """The fit of a candidate.
+    """The fit of a candidate."""
 
-    Attributes
-    ----------
-    candidate : fitted structure
-    numbers : parameters by name, SI units
-    names : names of the candidate's parameters in the order of `covariance`
-    covariance : diagonal matrix, shape (p, p), with the largest of the variances from correlated residuals, from
-        independent residuals and from omitting blocks of lines
-    model_errors : relative model errors of position and handle with which chi2 per degree of freedom is 1; 0 where
-        noise alone explains the residual
-    chi2 : chi2 with the noise alone, per degree of freedom
-    lines : number of lines of all outputs
-    speed : root mean square speed of the motor, m/s
-    device : device with the fitted parameters
-    position, handle : responses of the model at the lines, with Coulomb friction, m/N; handle is None if it was not
-        recorded
-    """
-
-    candidate: Candidate
-    numbers: Mapping[str, float]
-    names: tuple[str, ...]
+    candidate: Candidate  # fitted structure
+    numbers: Mapping[str, float]  # parameters by name, SI units
+    names: tuple[str, ...]  # names of the candidate's parameters in the order of `covariance`
     covariance: Floats
-    model_errors: Floats
-    chi2: float
-    lines: int
-    speed: float
-    device: Device
-    position: Complex
+    model_errors: Floats  # relative model errors of position and handle with which chi2 per degree of freedom is 1
+    chi2: float  # chi2 with the noise alone, per degree of freedom
+    lines: int  # number of lines of all outputs
+    speed: float  # root mean square speed of the motor, m/s
+    device: Device  # device with the fitted parameters
+    position: Complex  # responses of the model at the lines, with Coulomb friction, m/N
     handle: Complex | None
 
     def sigma(self, name: str) -> float:
@@ -76,16 +50,7 @@ class ResponseFit:
 def fit_response(
     measured: Response, actuator: Actuator | None = None
 ) -> tuple[ResponseFit, tuple[ResponseFit, ...]] | None:
-    """Return the fit of the simplest candidate that explains a response about as well as the best one, and all fits.
-
-    Return None if no candidate can be fitted, such as for too few lines. The fits do not contain structures whose
-    resonance the response does not show.
-
-    Parameters
-    ----------
-    measured : averaged response of a periodic recording
-    actuator : actuator between command and motor; None if it is not known
-    """
+    """Return the fit of the simplest candidate that explains a response about as well as the best one, and all fits."""
     lags = (False, True) if measured.input == "command" and actuator is None else (False,)
     structures = ((1, False), (2, False), (2, True))
     candidates = [Candidate(masses, lag, damped_handle) for masses, damped_handle in structures for lag in lags]
@@ -123,11 +88,7 @@ def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, 
 
 
 def _fitted(measured: Response, candidate: Candidate, actuator: Actuator | None) -> ResponseFit | None:
-    """Return the fit of a candidate: its best parameters with the model errors that explain the residual.
-
-    Return None if there are too few lines, or if the search ends at a structure whose motion over a sample overflows.
-    The function alternates between fitting the parameters and fitting the model errors.
-    """
+    """Return the fit of a candidate: its best parameters with the model errors that explain the residual."""
     task = FitTask(measured, candidate, actuator)
     starts = [point(start, candidate) for start in _starts(measured, candidate)]
     if not starts or task.residuals(starts[0], np.zeros(2)).size <= starts[0].size:
@@ -172,11 +133,7 @@ def _model_errors(task: FitTask, at: Floats) -> Floats:
 
 
 def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
-    """Return the starts of the search.
-
-    A single mass comes from all lines. Of two masses, the sum comes from the lowest lines, and the spring from the
-    highest peaks of |omega^2 G|. Without a peak, there is no start.
-    """
+    """Return the starts of the search."""
     lines = measured.position
     inertia = 1 / np.abs(lines.omega**2 * lines.ratio)
     low_lines = max(3, inertia.size // 10)

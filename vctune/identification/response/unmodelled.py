@@ -1,7 +1,5 @@
-"""Compute the disc around 1 that covers the distance between the measured response and the devices of the box.
-
-See README, section 4.
-"""
+"""Compute the disc around 1 that covers the distance between the measured response and the devices of the box. See
+README, section 4."""
 
 from __future__ import annotations
 
@@ -15,30 +13,15 @@ from vctune.identification.response.physics import compliances, held_compliance
 from vctune.identification.response.response import Response
 from vctune.model.device import Device
 
-TRIED = 600
-"""Number of devices of the box with which the code compares a line. On the data of the bench (README, section 6), a
-tenth of this number makes the radii 20 % larger. Ten times this number makes the radii 3 % smaller."""
-KNOTS = 24
-"""Greatest number of frequencies at which the radius is stated."""
+TRIED = 600  # Number of devices of the box with which the code compares a line
+KNOTS = 24  # Greatest number of frequencies at which the radius is stated
 SEED = 1
-LEAST = 1e-6
-"""Least radius, because the logarithmic axes have no 0."""
-MARGIN = 1 + 1e-6
-"""Relative allowance for the rounding of the numbers in the file."""
+LEAST = 1e-6  # Least radius, because the logarithmic axes have no 0
+MARGIN = 1 + 1e-6  # Relative allowance for the rounding of the numbers in the file
 
 
 def distances(device: Device, bounds: Sequence[Bounded], measured: Response, coulomb: float) -> Floats:
-    """Return the relative difference of each line of the position from the nearest device of the box.
-
-    The function first subtracts the effect of Coulomb friction from the line, because Coulomb friction is not linear.
-
-    Parameters
-    ----------
-    device : device at the centre of the box, without the parts before the recorded force
-    bounds : intervals of the box; the function skips parameters that the device lacks
-    measured : averaged response of a periodic recording
-    coulomb : Coulomb friction, N
-    """
+    """Return the relative difference of each line of the position from the nearest device of the box."""
     is_command, omega = measured.input == "command", measured.position.omega
     needed = np.full(omega.size, np.inf)
     for device_of_box in devices(device, bounds):
@@ -52,13 +35,7 @@ def distances(device: Device, bounds: Sequence[Bounded], measured: Response, cou
 
 
 def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
-    """Return `TRIED` devices of a box: its centre, corners at random, and random devices.
-
-    Parameters
-    ----------
-    device : device at the centre
-    bounds : intervals of the box; the function skips parameters that the device lacks
-    """
+    """Return `TRIED` devices of a box: its centre, corners at random, and random devices."""
     has = device.numbers()
     varied = [bounded for bounded in bounds if bounded.key in has]
     random = np.random.default_rng(SEED).uniform(-1, 1, (TRIED, len(varied)))
@@ -75,21 +52,7 @@ def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
 def covered(
     device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]], omega: Floats, *, is_command: bool
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the least and the greatest magnitude and phase over all responses that the file allows.
-
-    Each of these responses is the response of a device of the box times 1 + delta.
-
-    Parameters
-    ----------
-    device, bounds, radii : device, box and radii of the file
-    omega : frequencies, rad/s
-    is_command : whether the force is a command
-
-    Returns
-    -------
-    tuple of four arrays
-        Magnitudes in m/N and phases in degrees.
-    """
+    """Return the least and the greatest magnitude and phase over all responses that the file allows."""
     x, y = np.log(np.array(radii)).T
     radius = np.exp(np.interp(np.log(omega / (2 * np.pi)), x, y))
     responses = []
@@ -112,12 +75,7 @@ def covered(
 
 def envelope(hertz: Floats, needed: Floats) -> tuple[tuple[float, float], ...]:
     """Return a few points (Hz, radius). The polyline through these points on logarithmic axes lies above all required
-    radii.
-
-    Parameters
-    ----------
-    hertz, needed : frequencies in ascending order, and required radii, shape (n,)
-    """
+    radii."""
     count = min(KNOTS, hertz.size)
     knots = np.unique(np.round(np.exp(np.linspace(np.log(hertz[0]), np.log(hertz[-1]), count)), 6))
     segment = np.clip(np.searchsorted(knots, hertz, side="right") - 1, 0, knots.size - 2)
@@ -127,13 +85,6 @@ def envelope(hertz: Floats, needed: Floats) -> tuple[tuple[float, float], ...]:
 
 
 def within(hertz: Floats, needed: Floats, stated: Sequence[tuple[float, float]]) -> bool:
-    """Return whether required radii lie within stated radii.
-
-    Parameters
-    ----------
-    hertz : frequencies of the lines, Hz, shape (n,)
-    needed : required relative radius of each line, shape (n,)
-    stated : points (Hz, radius) of a device file, with straight lines between them on logarithmic axes
-    """
+    """Return whether required radii lie within stated radii."""
     x, y = np.log(np.array(stated)).T
     return bool(np.all(np.log(np.maximum(needed, LEAST)) <= np.interp(np.log(hertz), x, y)))

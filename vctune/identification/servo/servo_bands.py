@@ -11,44 +11,26 @@ from vctune.document.recording import Floats
 from vctune.identification.servo.servo_fit import ServoFit, ServoLog
 from vctune.identification.servo.servo_motion import Complex, positions, sampled_response
 
-PER_OCTAVE = 3
-"""Number of bands per octave."""
-LOWEST = 3.0
-"""Lower edge of the lowest band, in units of the log's frequency resolution."""
+PER_OCTAVE = 3  # Number of bands per octave
+LOWEST = 3.0  # Lower edge of the lowest band, in units of the log's frequency resolution
+# Greatest relative standard deviation of a band's ratio. vctune does not use a band with a greater deviation
 CLEAR = 0.02
-"""Greatest relative standard deviation of a band's ratio. vctune does not use a band with a greater deviation."""
-HANN = 1.5
-"""Equivalent width of the Hann window in bins."""
+HANN = 1.5  # Equivalent width of the Hann window in bins
 
 
 @dataclass(frozen=True, slots=True)
 class Bands:
-    """The measured response divided by the response of a fit, in bands.
+    """The measured response divided by the response of a fit, in bands."""
 
-    Attributes
-    ----------
-    hertz : centres of the bands, Hz, shape (n,)
-    ratio : measured response divided by the fitted response
-    spread : relative standard deviation of the ratio
-    fitted : response of the fit, from commanded velocity to the velocity between samples
-    share : square root of the share of the motion's power that lies in the band
-    """
-
-    hertz: Floats
-    ratio: Complex
-    spread: Floats
-    fitted: Complex
-    share: Floats
+    hertz: Floats  # centres of the bands, Hz, shape (n,)
+    ratio: Complex  # measured response divided by the fitted response
+    spread: Floats  # relative standard deviation of the ratio
+    fitted: Complex  # response of the fit, from commanded velocity to the velocity between samples
+    share: Floats  # square root of the share of the motion's power that lies in the band
 
 
 def bands(servo_log: ServoLog, fit: ServoFit) -> Bands:
-    """Return the bands in which a log shows the response.
-
-    Parameters
-    ----------
-    servo_log : the fitted log
-    fit : the fit that explains the log best
-    """
+    """Return the bands in which a log shows the response."""
     T = servo_log.sample_time
     fitted_steps = np.diff(
         positions(servo_log.time, servo_log.velocity, fit.delay.value, fit.bandwidth.value, fit.order)[fit.first :]

@@ -13,52 +13,30 @@ from vctune.identification.motion.covariance import joint_factor, robust_covaria
 from vctune.identification.servo.servo_motion import modes, positions
 from vctune.identification.servo.servo_noise import Noise, exposure, jitter, likeliest, whitened
 
-BANDWIDTHS = (2e-4, 8.0)
-"""Range of the low-pass's bandwidth, as shares of the sampling rate. For order 1, the lags range from 800 samples to a
-fiftieth of a sample; for order 2 they are sqrt(2) times as long."""
-LATENCIES = (-5.0, 2.0 * MAX_DELAY_SAMPLES + 800.0)
-"""Range of the latency, the sum of delay and lag, in samples. The upper end is twice the greatest supported delay plus
-the longest lag of order 1. The latency is negative if the clock of the log is early."""
-START_BANDWIDTHS = 24
-"""Number of bandwidths from which the search starts, spaced evenly on a logarithmic axis."""
-SETTLING_LAGS = 6.0
-"""Time after which motion before the log has no effect, in lags of the servo."""
-OTHER_BANDWIDTHS = 14
-"""Number of other bandwidths at which the search looks for a better fit."""
-NOISE_ROUNDS = 2
-"""Number of alternations between fitting the noise and fitting the parameters."""
-LEAST_SPAN = 8
-"""Least number of rows over which a step of the motion is measured. A single row would show only the encoder's
-noise."""
-DERIVATIVE_STEP = 1e-4
-"""Step of a numerical derivative, in samples of the latency or in the logarithm of the bandwidth."""
+BANDWIDTHS = (2e-4, 8.0)  # Range of the low-pass's bandwidth, as shares of the sampling rate
+LATENCIES = (-5.0, 2.0 * MAX_DELAY_SAMPLES + 800.0)  # Range of the latency, the sum of delay and lag, in samples
+START_BANDWIDTHS = 24  # Number of bandwidths from which the search starts, spaced evenly on a logarithmic axis
+SETTLING_LAGS = 6.0  # Time after which motion before the log has no effect, in lags of the servo
+OTHER_BANDWIDTHS = 14  # Number of other bandwidths at which the search looks for a better fit
+NOISE_ROUNDS = 2  # Number of alternations between fitting the noise and fitting the parameters
+LEAST_SPAN = 8  # Least number of rows over which a step of the motion is measured
+DERIVATIVE_STEP = 1e-4  # Step of a numerical derivative, in samples of the latency or in the logarithm of the bandwidth
+# Greatest permitted half-width from the standard deviation, relative to the shorter side of the interval that chi2
+# gives
 MAX_SIGMA_RATIO = 1.5
-"""Greatest permitted half-width from the standard deviation, relative to the shorter side of the interval that chi2
-gives."""
-JOINT_INTERVALS = 2
-"""Number of intervals that must hold at the same time: the intervals of delay and bandwidth."""
+JOINT_INTERVALS = 2  # Number of intervals that must hold at the same time: the intervals of delay and bandwidth
 
 
 @dataclass(frozen=True, slots=True)
 class ServoLog:
-    """A log, prepared for the fit.
+    """A log, prepared for the fit."""
 
-    Attributes
-    ----------
-    time : times of the rows, s
-    velocity : commanded velocity, held from each row to the next, m/s
-    position : measured position, m
-    sample_time : T, s
-    is_position : whether the command is a position, which the servo interpolates
-    rounding : least standard deviation of a position sample, m
-    """
-
-    time: Floats
-    velocity: Floats
-    position: Floats
-    sample_time: float
-    is_position: bool
-    rounding: float
+    time: Floats  # times of the rows, s
+    velocity: Floats  # commanded velocity, held from each row to the next, m/s
+    position: Floats  # measured position, m
+    sample_time: float  # T, s
+    is_position: bool  # whether the command is a position, which the servo interpolates
+    rounding: float  # least standard deviation of a position sample, m
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,49 +51,28 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class ServoFit:
-    """The fit of a servo of one order.
+    """The fit of a servo of one order."""
 
-    Attributes
-    ----------
-    order : order of the low-pass
-    delay, bandwidth : intervals of the delay, s, and of the bandwidth, Hz; they hold at the same time
-    gain, gain_sigma : ratio of motion to command, and its standard deviation
-    lag : lag of the low-pass at rest, s
-    jitter : standard deviation of the delay from command to command, s
-    noise : noise in the likelihood
-    exposed : variance that jitter causes in each fitted row, divided by the variance of the delay
-    first : first row of the fit
-    minus_twice_log_likelihood : -2 log likelihood
-    inflation : factor by which correlation of the residuals increases a variance
-    residual : part of the position's steps that the fit leaves unexplained, m
-    residual_share : root mean square residual motion divided by the root mean square motion, both over as many rows as
-        the servo's latency, at least `LEAST_SPAN`
-    bandwidth_is_bounded : whether the interval of the bandwidth ends below the highest bandwidth of `BANDWIDTHS`
-    """
-
-    order: int
-    delay: Interval
+    order: int  # order of the low-pass
+    delay: Interval  # intervals of the delay, s, and of the bandwidth, Hz; they hold at the same time
     bandwidth: Interval
-    gain: float
+    gain: float  # ratio of motion to command, and its standard deviation
     gain_sigma: float
-    lag: float
-    jitter: float
-    noise: Noise
-    exposed: Floats
-    first: int
-    minus_twice_log_likelihood: float
-    inflation: float
-    residual: Floats
+    lag: float  # lag of the low-pass at rest, s
+    jitter: float  # standard deviation of the delay from command to command, s
+    noise: Noise  # noise in the likelihood
+    exposed: Floats  # variance that jitter causes in each fitted row, divided by the variance of the delay
+    first: int  # first row of the fit
+    minus_twice_log_likelihood: float  # -2 log likelihood
+    inflation: float  # factor by which correlation of the residuals increases a variance
+    residual: Floats  # part of the position's steps that the fit leaves unexplained, m
     residual_share: float
-    bandwidth_is_bounded: bool
+    bandwidth_is_bounded: bool  # whether the interval of the bandwidth ends below the highest bandwidth of `BANDWIDTHS`
 
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """The least-squares problem of the whitened steps.
-
-    The unknowns are the latency in samples, and the log of bandwidth times sample time.
-    """
+    """The least-squares problem of the whitened steps."""
 
     servo_log: ServoLog
     order: int
@@ -171,12 +128,7 @@ class _Task:
 
 
 def fit_servos(servo_log: ServoLog) -> tuple[ServoFit, ServoFit]:
-    """Fit servos of order 1 and of order 2 to the same rows, and return both fits in this order.
-
-    Parameters
-    ----------
-    servo_log : times, command and position of a recording
-    """
+    """Fit servos of order 1 and of order 2 to the same rows, and return both fits in this order."""
     tasks = [_best_numbers(servo_log, order) for order in (1, 2)]
     first = max(task.first for task, _ in tasks)
     fits = [
@@ -312,21 +264,14 @@ def _fit_with_intervals(task: _Task, at: Floats) -> ServoFit:
 
 def _residual_share(residual_motion: Floats, position: Floats, span: int) -> float:
     """Return the root mean square residual motion over `span` rows, divided by the root mean square motion over `span`
-    rows.
-
-    Differences over `span` rows contain only the drift within the span, not the drift over the whole log.
-    """
+    rows."""
     span = min(span, residual_motion.size // 2)
     motion = np.sqrt(np.mean((position[span:] - position[:-span]) ** 2))
     return float(np.sqrt(np.mean((residual_motion[span:] - residual_motion[:-span]) ** 2)) / motion)
 
 
 def _intervals(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[Interval, Interval]:
-    """Return intervals of delay and bandwidth.
-
-    An interval ends at the bandwidth whose least chi2 over the latencies exceeds the limit. For a short lag, chi2 is
-    not a parabola. A standard deviation would then give wrong ends for the bandwidth.
-    """
+    """Return intervals of delay and bandwidth."""
     T, factor = task.servo_log.sample_time, joint_factor(JOINT_INTERVALS)
     least = float(np.sum(task.white(at) ** 2))
     allowance = factor**2 * inflation
@@ -342,21 +287,15 @@ def _intervals(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tupl
 
 
 def _interval(value: float, sigma: float, low: float, high: float, factor: float) -> Interval:
-    """Return the interval that contains both given ends and reaches at least `factor` standard deviations to each side.
-
-    If the standard deviation reaches far beyond an end, chi2 is not a parabola. The function then reduces the standard
-    deviation (`MAX_SIGMA_RATIO`).
-    """
+    """Return the interval that contains both given ends and reaches at least `factor` standard deviations to each
+    side."""
     sigma = min(sigma, MAX_SIGMA_RATIO * min(value - low, high - value) / factor)
     return Interval(value, sigma, min(low, value - factor * sigma), max(high, value + factor * sigma))
 
 
 def _end_of_bandwidth(task: _Task, at: Floats, least: float, allowance: float, side: int, sigma: float) -> Floats:
-    """Return the parameters at one end of the bandwidth's interval: the lower end for `side` -1, the upper end for 1.
-
-    The function steps outwards until chi2 exceeds its least value by the allowance, and then bisects. If chi2 does not
-    exceed it within `BANDWIDTHS`, the interval ends there.
-    """
+    """Return the parameters at one end of the bandwidth's interval: the lower end for `side` -1, the upper end for
+    1."""
     limit = log(BANDWIDTHS[0]) if side < 0 else log(BANDWIDTHS[1])
     inside, step = at, min(max(sigma, 1e-5), 0.5)
     for _ in range(60):

@@ -1,12 +1,4 @@
-"""Compute the exact motion of a servo at the instants of a log: delay, low-pass and integration of a held velocity.
-
-A low-pass H with poles p_i responds to a step of the velocity command with the position
-
-    S(t) = t - lag + sum r_i e^(p_i t),   H(s)/s^2 = 1/s^2 - lag/s + sum r_i/(s - p_i).
-
-A held velocity is a sum of steps, one for each of its jumps. A position command that is interpolated linearly over a
-sample is equivalent to a held velocity that reaches this position one sample later.
-"""
+"""Compute the exact motion of a servo at the instants of a log: delay, low-pass and integration of a held velocity."""
 
 from __future__ import annotations
 
@@ -21,15 +13,7 @@ Complex = NDArray[np.complex128]
 
 
 def modes(bandwidth_hz: float, order: int) -> tuple[float, complex, complex]:
-    """Return the lag, a pole, and a weight.
-
-    In S(t), the sum over all poles is the real part of weight e^(pole t).
-
-    Parameters
-    ----------
-    bandwidth_hz : bandwidth of the low-pass, Hz
-    order : 1, or 2 with a damping ratio of 1/sqrt(2)
-    """
+    """Return the lag, a pole, and a weight."""
     w = 2 * pi * bandwidth_hz
     if order == 1:
         return 1 / w, complex(-w), complex(1 / w)
@@ -38,13 +22,7 @@ def modes(bandwidth_hz: float, order: int) -> tuple[float, complex, complex]:
 
 
 def interpolating_velocity(time: Floats, command: Floats) -> Floats:
-    """Return the held velocity with which a position command is reached one sample later.
-
-    Parameters
-    ----------
-    time : times of the rows, s
-    command : commanded position, m
-    """
+    """Return the held velocity with which a position command is reached one sample later."""
     steps = np.diff(time)
     travel = np.diff(command, prepend=command[0])
     velocity = travel / np.append(steps, steps[-1])
@@ -53,15 +31,8 @@ def interpolating_velocity(time: Floats, command: Floats) -> Floats:
 
 
 def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float, order: int) -> Floats:
-    """Return the positions of a servo at the instants of a log. The positions near the start of the log are not exact.
-
-    Parameters
-    ----------
-    time : times of the rows in ascending order, s
-    velocity : commanded velocity from each row to the next, m/s; before the first row it equals the first value
-    delay : delay from a row to the action of its command, s
-    bandwidth_hz, order : bandwidth, Hz, and order of the low-pass
-    """
+    """Return the positions of a servo at the instants of a log. The positions near the start of the log are not
+    exact."""
     lag, pole, residue = modes(bandwidth_hz, order)
     steps = np.diff(time)
     path = np.concatenate([[0.0], np.cumsum(velocity[:-1] * steps)])
@@ -86,14 +57,7 @@ def _decaying(jumps: Floats, factors: Complex) -> Complex:
 
 
 def sampled_response(omega: Floats, T: float, delay: float, bandwidth_hz: float, order: int) -> Complex:
-    """Return the exact response from a held velocity to the velocity between two samples of the position.
-
-    Parameters
-    ----------
-    omega : frequencies, rad/s
-    T : sample time, s
-    delay, bandwidth_hz, order : delay, bandwidth and order of the servo
-    """
+    """Return the exact response from a held velocity to the velocity between two samples of the position."""
     lag, pole, residue = modes(bandwidth_hz, order)
     whole = np.ceil(delay / T)
     since, w = whole * T - delay, np.exp(-1j * omega * T)

@@ -1,10 +1,4 @@
-"""Model the noise of a servo's log, which comes from an encoder and from a communication link with jitter.
-
-The steps of the position have a banded covariance. A sample's encoder noise with deviation r affects two successive
-steps. A command arrives early or late by a random time with deviation q. A velocity command then shifts the position
-permanently by q times the jump of the velocity. A position command shifts the position by q times the speed, for that
-sample only. The lag of the servo spreads these shifts over several samples.
-"""
+"""Model the noise of a servo's log, which comes from an encoder and from a communication link with jitter."""
 
 from __future__ import annotations
 
@@ -15,36 +9,20 @@ import numpy as np
 
 from vctune.document.recording import Floats
 
-LEAST_LINK = 1e-3
-"""Least jitter with which the search starts, in sample times."""
-LEAST_WINDOWS = 10
-"""Least number of windows of rows from which jitter can be detected."""
+LEAST_LINK = 1e-3  # Least jitter with which the search starts, in sample times
+LEAST_WINDOWS = 10  # Least number of windows of rows from which jitter can be detected
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviations of the encoder's noise and of the link's delay.
+    """Standard deviations of the encoder's noise and of the link's delay."""
 
-    Attributes
-    ----------
-    encoder : standard deviation of a position sample, m
-    link : standard deviation of the delay from command to command, s
-    """
-
-    encoder: float
-    link: float
+    encoder: float  # standard deviation of a position sample, m
+    link: float  # standard deviation of the delay from command to command, s
 
 
 def exposure(velocity: Floats, *, is_position: bool, late: int, lag: float) -> Floats:
-    """Return the variance that a link's jitter causes in each row, divided by the variance of the delay, shape (n,).
-
-    Parameters
-    ----------
-    velocity : commanded velocity in each row, m/s
-    is_position : whether the command is a position
-    late : delay of the servo in rows
-    lag : lag of the servo's low-pass in rows
-    """
+    """Return the variance that a link's jitter causes in each row, divided by the variance of the delay, shape (n,)."""
     from scipy.signal import lfilter
 
     by = velocity if is_position else np.diff(velocity, prepend=velocity[0])
@@ -54,15 +32,8 @@ def exposure(velocity: Floats, *, is_position: bool, late: int, lag: float) -> F
 
 
 def whitened(steps: Floats, noise: Noise, exposed: Floats, *, is_position: bool) -> tuple[Floats, float]:
-    """Return steps divided by the square root of their covariance, and the logarithm of the covariance's determinant.
-
-    Parameters
-    ----------
-    steps : differences of a position, shape (n,) or (n, p)
-    noise : standard deviations of a position sample and of the link's delay
-    exposed : `exposure` of the rows, shape (n + 1,)
-    is_position : whether the command is a position
-    """
+    """Return steps divided by the square root of their covariance, and the logarithm of the covariance's
+    determinant."""
     from scipy.linalg import cholesky_banded, solve_banded
 
     r2, link_variance = noise.encoder**2, noise.link**2 * exposed
@@ -77,16 +48,7 @@ def whitened(steps: Floats, noise: Noise, exposed: Floats, *, is_position: bool)
 def likeliest(
     steps: Floats, near: Noise, least: float, T: float, exposed: Floats, *, is_position: bool
 ) -> tuple[Noise, float]:
-    """Return the noise that makes the steps likeliest, and -2 log likelihood for this noise.
-
-    Parameters
-    ----------
-    steps : residuals of a fit, m
-    near : noise near which the search starts
-    least : least standard deviation of a position sample, m
-    T : sample time, s
-    exposed, is_position : see `whitened`
-    """
+    """Return the noise that makes the steps likeliest, and -2 log likelihood for this noise."""
     from scipy.optimize import minimize
 
     def noise_at(logarithms: Floats) -> Noise:
@@ -105,19 +67,7 @@ def likeliest(
 
 
 def jitter(residual: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
-    """Return the standard deviation of a link's delay, s.
-
-    Return 0 if the estimate is less than three of its own standard deviations from 0, or if the log is short.
-
-    The lag of the servo spreads the effect of a late command, so the function sums the steps over several lags.
-
-    Parameters
-    ----------
-    residual : steps that a fit leaves unexplained, m
-    encoder : standard deviation of a position sample, m
-    lag : lag of the servo in rows of the log
-    exposed, is_position : see `whitened`
-    """
+    """Return the standard deviation of a link's delay, s."""
     window = max(ceil(2 * lag) + 2, 4)
     count = residual.size // window
     if count < LEAST_WINDOWS:

@@ -1,7 +1,4 @@
-"""Study a recording of a servo.
-
-The study fits both orders, compares them, and tests whether the servo yields to a force.
-"""
+"""Study a recording of a servo."""
 
 from __future__ import annotations
 
@@ -24,58 +21,34 @@ from vctune.identification.servo.servo_motion import interpolating_velocity, pos
 from vctune.identification.servo.servo_noise import Noise, whitened
 from vctune.model.numbers.units import Units
 
-DECISIVE_GAIN = 10.0
-"""Gain in -2 log likelihood, for independent residuals, that decides between the orders."""
-MAX_RESIDUAL_SHARE = 0.5
-"""Relative residual of the motion above which vctune refuses a log."""
-GAIN_RANGE = (0.8, 1.25)
-"""Permitted range of the ratio of a servo's motion to its command. A ratio outside this range indicates a wrong unit or
-a wrong axis."""
-SIGNIFICANT = 4.0
-"""Significance, in standard deviations, above which a gain differs from 1 or a servo yields."""
-LEAST_YIELDING_SHARE = 0.005
-"""Least share of the motion that follows the force if vctune reports that the servo yields."""
+DECISIVE_GAIN = 10.0  # Gain in -2 log likelihood, for independent residuals, that decides between the orders
+MAX_RESIDUAL_SHARE = 0.5  # Relative residual of the motion above which vctune refuses a log
+GAIN_RANGE = (0.8, 1.25)  # Permitted range of the ratio of a servo's motion to its command
+SIGNIFICANT = 4.0  # Significance, in standard deviations, above which a gain differs from 1 or a servo yields
+LEAST_YIELDING_SHARE = 0.005  # Least share of the motion that follows the force if vctune reports that the servo yields
 LATENCY, JITTER = Note("limit-latency", "a delay and a lag are alike in this motion"), Note("limit-jitter", "jitter")
 
 
 @dataclass(frozen=True, slots=True)
 class Yielding:
-    """The part of a servo's motion that follows the force on the servo.
+    """The part of a servo's motion that follows the force on the servo."""
 
-    Attributes
-    ----------
-    compliance, mobility : m/N and m/(N s), each with its standard deviation
-    share : root mean square share of the motion that follows the force, by compliance or by mobility, whichever is
-        significant and larger; by compliance if neither is significant
-    significant : whether the compliance and the mobility are significant
-    """
-
-    compliance: tuple[float, float]
+    compliance: tuple[float, float]  # m/N and m/(N s), each with its standard deviation
     mobility: tuple[float, float]
     share: float
-    significant: tuple[bool, bool]
+    significant: tuple[bool, bool]  # whether the compliance and the mobility are significant
 
 
 @dataclass(frozen=True, slots=True)
 class ServoStudy:
-    """A recording of a servo.
+    """A recording of a servo."""
 
-    Attributes
-    ----------
-    servo_log : the log as fitted
-    fit : fit of the order that explains the log best
-    other : fit of the other order
-    order_is_known : whether the likelihood decides between the orders
-    yielding : part of the motion that follows the force; None if no force was recorded, or if it is constant
-    bands : measured response in bands
-    """
-
-    servo_log: ServoLog
-    fit: ServoFit
-    other: ServoFit
-    order_is_known: bool
-    yielding: Yielding | None
-    bands: Bands
+    servo_log: ServoLog  # the log as fitted
+    fit: ServoFit  # fit of the order that explains the log best
+    other: ServoFit  # fit of the other order
+    order_is_known: bool  # whether the likelihood decides between the orders
+    yielding: Yielding | None  # part of the motion that follows the force
+    bands: Bands  # measured response in bands
 
     @property
     def fits(self) -> tuple[ServoFit, ...]:
@@ -92,13 +65,7 @@ class ServoStudy:
         return self.chi2_of(self.fit, Noise(self.fit.noise.encoder, 0.0))
 
     def chi2_of(self, fit: ServoFit, noise: Noise) -> float:
-        """Return the power of a fit's residual divided by the power of a given noise, per row.
-
-        Parameters
-        ----------
-        fit : fit of either order
-        noise : noise for comparison
-        """
+        """Return the power of a fit's residual divided by the power of a given noise, per row."""
         white, _ = whitened(fit.residual, noise, fit.exposed, is_position=self.servo_log.is_position)
         return float(np.mean(white**2))
 
@@ -113,14 +80,7 @@ class ServoStudy:
 
 
 def likelier_order(studies: Sequence[ServoStudy]) -> int:
-    """Return the order that is likelier over all recordings.
-
-    The weight of a recording is smaller if its residuals are correlated.
-
-    Parameters
-    ----------
-    studies : studies of the same servo
-    """
+    """Return the order that is likelier over all recordings."""
     gain = 0.0
     for study in studies:
         advantage = (study.other.minus_twice_log_likelihood - study.fit.minus_twice_log_likelihood) / max(
@@ -131,11 +91,7 @@ def likelier_order(studies: Sequence[ServoStudy]) -> int:
 
 
 def _estimate(key: str, interval: Interval, source: str, jitter: float) -> Estimate:
-    """Return an interval as an estimate.
-
-    The `excess` of the estimate consists of two parts: the distance by which the interval extends beyond
-    `joint_factor(JOINT_INTERVALS)` standard deviations, below and above, and the jitter.
-    """
+    """Return an interval as an estimate."""
     half_width = joint_factor(JOINT_INTERVALS) * interval.sigma
     beyond = (
         max(interval.value - half_width - interval.low, 0.0),
@@ -148,24 +104,7 @@ def _estimate(key: str, interval: Interval, source: str, jitter: float) -> Estim
 
 
 def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
-    """Fit both orders of a servo to a recording and decide between them.
-
-    Parameters
-    ----------
-    recording : checked recording of position and command; only a recording with a force as well shows whether the servo
-        yields
-    sample_time : sample time of the servo's commands, s
-
-    Returns
-    -------
-    ServoStudy
-        Fits of both orders in SI units, and whether the log decides between the orders.
-
-    Raises
-    ------
-    InputError
-        If no servo explains the motion, or if the gain from command to motion is outside `GAIN_RANGE`.
-    """
+    """Fit both orders of a servo to a recording and decide between them."""
     servo_log = _servo_log(recording, sample_time)
     first, second = fit_servos(servo_log)
     fit, other = (
@@ -272,14 +211,7 @@ def _fit_and_derivatives(servo_log: ServoLog, fit: ServoFit) -> list[Floats]:
 
 
 def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
-    """Return remarks on a recording of a servo.
-
-    Parameters
-    ----------
-    name : name of the recording
-    study : study of the recording
-    units : units of the recording
-    """
+    """Return remarks on a recording of a servo."""
     fit, T, notes = study.fit, study.servo_log.sample_time, []
     if not study.order_is_known:
         text = f"{name}: orders 1 and 2 explain it equally well: the box contains both, and unmodelled covers the rest"

@@ -15,47 +15,27 @@ from vctune.identification.servo.servo_motion import Complex, modes, sampled_res
 from vctune.identification.servo.servo_study import ServoStudy
 from vctune.model.device import Device
 
-RIDGE = 40
-"""Number of servos that the code tries in addition to random servos. They have the latency of the fit, because a slow
-motion cannot distinguish servos with equal latency."""
+RIDGE = 40  # Number of servos that the code tries in addition to random servos
+# Number of frequencies up to the Nyquist frequency at which the code compares a servo of the other order with the box
 BEYOND = 40
-"""Number of frequencies up to the Nyquist frequency at which the code compares a servo of the other order with the
-box."""
 
 
 def response_of(device: Device, omega: Floats) -> Complex:
-    """Return the response of a servo, from its command to the velocity between samples.
-
-    Parameters
-    ----------
-    device : device with a servo
-    omega : frequencies, rad/s
-    """
+    """Return the response of a servo, from its command to the velocity between samples."""
     servo = device.servo
     assert servo is not None
     return sampled_response(omega, device.sample_time, servo.delay, servo.bandwidth_hz, servo.order)
 
 
 def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> Floats:
-    """Return the relative distance of each band from the nearest servo of the box.
-
-    Parameters
-    ----------
-    device, bounds : device at the centre, and the intervals of the box
-    study : study of a log
-    """
+    """Return the relative distance of each band from the nearest servo of the box."""
     bands = study.bands
     return _nearest(tried_servos(device, bounds, study), 2 * pi * bands.hertz, bands.ratio * bands.fitted)
 
 
 def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> tuple[Floats, Floats]:
-    """Return frequencies up to the Nyquist frequency, Hz, and the distance of a servo of the other order from the box.
-
-    Parameters
-    ----------
-    device, bounds : device at the centre, and the intervals of the box
-    study : study of a log
-    """
+    """Return frequencies up to the Nyquist frequency, Hz, and the distance of a servo of the other order from the
+    box."""
     assert device.servo is not None
     T, other = device.sample_time, study.of_order(3 - device.servo.order)
     hertz = np.geomspace(1e-3, 0.499, BEYOND) / T
@@ -64,13 +44,7 @@ def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy
 
 
 def tried_servos(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> list[Device]:
-    """Return servos of the box. Some of these servos have the latency of a log's fit.
-
-    Parameters
-    ----------
-    device, bounds : device at the centre, and the intervals of the box
-    study : study of a log
-    """
+    """Return servos of the box. Some of these servos have the latency of a log's fit."""
     assert device.servo is not None
     ends = {
         bounded.key: (bounded.value * (1 - bounded.share), bounded.value * (1 + bounded.share)) for bounded in bounds

@@ -1,9 +1,4 @@
-"""Compute the constants of the loop at a frequency.
-
-Every response is a quotient of two numbers that are affine in the gains. For a servo, both are constants.
-
-See model/README.md, section 12.
-"""
+"""Compute the constants of the loop at a frequency. See model/README.md, section 12."""
 
 from __future__ import annotations
 
@@ -16,14 +11,9 @@ from vctune.model.numbers.pair import Pair
 
 @dataclass(frozen=True, slots=True)
 class Affine:
-    """A complex number that is affine in the gains at a frequency: constant + K_v velocity + K_p position.
+    """A complex number that is affine in the gains at a frequency: constant + K_v velocity + K_p position."""
 
-    Attributes
-    ----------
-    constant, velocity, position : the three coefficients; None for 0. An impedance has coefficients in N s/m, 1 and s
-    """
-
-    constant: Pair | None
+    constant: Pair | None  # the three coefficients; None for 0. An impedance has coefficients in N s/m, 1 and s
     velocity: Pair | None
     position: Pair | None
 
@@ -41,33 +31,19 @@ class Affine:
 
 @dataclass(frozen=True, slots=True)
 class LoopConstants:
-    """The constants of the loop at a frequency, without the scale omega of `LoopResponse`.
+    """The constants of the loop at a frequency, without the scale omega of `LoopResponse`."""
 
-    Attributes
-    ----------
-    controller, C : C_0 and F_s C_0
-    D, miss, numerator, motor : D, D - C_0, N and W
-    factor : e = 1 + y Z_2, the factor of C_f in D; 1 for a rigid device and for a servo. With both gains 0, the
-        velocity per unit of the motor's force is e/D at the motor and 1/D at the handle
-    """
-
-    controller: Affine
+    controller: Affine  # C_0 and F_s C_0
     C: Affine
-    D: Affine
+    D: Affine  # D, D - C_0, N and W
     miss: Affine
     numerator: Affine
     motor: Affine
-    factor: Pair
+    factor: Pair  # e = 1 + y Z_2, the factor of C_f in D
 
 
 def loop_constants(at: DeviceResponse) -> LoopConstants:
-    """Return the constants of a device's loop at omega > 0. The constants do not depend on the gains.
-
-    The function ignores `DeviceResponse.factor`, the perturbation of the mechanism, and the least operator.
-
-    In C_0, the coefficient of K_p is the coefficient of K_v divided by j omega. The coefficients in W and D have the
-    same relation if the firmware uses the measured velocity without a low-pass, F = 1.
-    """
+    """Return the constants of a device's loop at omega > 0. The constants do not depend on the gains."""
     if at.follows:
         return _following(at)
     omega, spring, sensor = at.omega, at.spring, at.sensor
@@ -108,10 +84,7 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
 
 
 def _following(at: DeviceResponse) -> LoopConstants:
-    """Return the constants of a servo. These constants do not contain the gains.
-
-    The hand does not move a servo, so that N = 0. With D = W = 1, C_0 is the response to the command.
-    """
+    """Return the constants of a servo. These constants do not contain the gains."""
     drive = Pair(at.drive.re, -(at.omega * at.drive.lag))
     sensed = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
     one, zero = Pair(1, 0 * at.omega), Pair(0, 0 * at.omega)

@@ -1,10 +1,5 @@
 """Compute the device's response at a frequency, which does not depend on the gains (model/README.md, sections 1 and
-12).
-
-An ideal device has a mass, a damping, and a hold with its delay. The other parts are optional: actuator, velocity
-estimate, force sensor, and a spring between motor and handle. An absent part costs no computation. A servo has only the
-response of its motion to the command, and a force sensor.
-"""
+12)."""
 
 from __future__ import annotations
 
@@ -26,107 +21,55 @@ from vctune.model.parts import Servo, Structure
 
 
 class DriveResponse(NamedTuple):
-    """Hold, delay and actuator at a frequency, A H = re - j omega lag. Both parts are even and smooth at omega = 0.
+    """Hold, delay and actuator at a frequency, A H = re - j omega lag. Both parts are even and smooth at omega = 0."""
 
-    For a servo, A is the servo's low-pass, times the interpolation of a position command.
-
-    Attributes
-    ----------
-    re : Re A H, dimensionless
-    lag : -Im A H / omega, s; for omega -> 0 it tends to T/2 + delay plus the lag of A
-    """
-
-    re: Number
-    lag: Number
+    re: Number  # Re A H, dimensionless
+    lag: Number  # -Im A H / omega, s; for omega -> 0 it tends to T/2 + delay plus the lag of A
 
 
 @dataclass(frozen=True, slots=True)
 class Spring:
-    """The handle on its spring: the handle's impedance Z_2 and the spring's admittance y = omega^2 y_c + j omega y_k.
+    """The handle on its spring: the handle's impedance Z_2 and the spring's admittance y = omega^2 y_c + j omega
+    y_k."""
 
-    Attributes
-    ----------
-    mass, damping : mass and damping of the handle including its load, kg and N s/m; damping is None without a load
-    y_c, y_k : c/(k^2 + (omega c)^2) and k/(k^2 + (omega c)^2), s m/N and m/N
-    total, own_mass : mass of the device and mass of its handle, both without a load, kg
-    bent, bent_im : real and imaginary part of g = omega^2 mu/(k + j omega c), which contains no mass; y = j g/(omega
-        mu)
-    """
-
-    mass: Number
+    mass: Number  # mass and damping of the handle including its load, kg and N s/m; damping is None without a load
     damping: Number | None
-    y_c: Number
+    y_c: Number  # c/(k^2 + (omega c)^2) and k/(k^2 + (omega c)^2), s m/N and m/N
     y_k: Number
-    total: Number
+    total: Number  # mass of the device and mass of its handle, both without a load, kg
     own_mass: Number
-    bent: Number
+    bent: Number  # real and imaginary part of g = omega^2 mu/(k + j omega c), which contains no mass
     bent_im: Number
 
 
 class DeviceResponse(NamedTuple):
-    """The response of a device at a frequency.
+    """The response of a device at a frequency."""
 
-    Attributes
-    ----------
-    omega : frequency, rad/s
-    mass, damping : mass and damping of the motor's part, kg and N s/m; a rigid device has no other part; without effect
-        for a servo
-    drive : A H, the response of hold, delay and actuator; for a servo, of the motion to the command
-    estimate : F, from the motor's velocity to the firmware's estimate; None for 1
-    sensor : F_s, from the hand's force to the sensed force; None for 1
-    spring : spring between motor and handle; None for a rigid device
-    operator : b_h, the damping of the least operator, N s/m; None without an operator
-    factor : x = 1 + delta, factor of the mechanism's response; None for 1
-    follows : whether the motion follows the command alone, as a servo's does
-    """
-
-    omega: Number
-    mass: Number
+    omega: Number  # frequency, rad/s
+    mass: Number  # mass and damping of the motor's part, kg and N s/m
     damping: Number
-    drive: DriveResponse
-    estimate: FilterResponse | None = None
-    sensor: FilterResponse | None = None
-    spring: Spring | None = None
-    operator: Number | None = None
-    factor: Pair | None = None
-    follows: bool = False
+    drive: DriveResponse  # A H, the response of hold, delay and actuator; for a servo, of the motion to the command
+    estimate: FilterResponse | None = None  # F, from the motor's velocity to the firmware's estimate; None for 1
+    sensor: FilterResponse | None = None  # F_s, from the hand's force to the sensed force; None for 1
+    spring: Spring | None = None  # spring between motor and handle; None for a rigid device
+    operator: Number | None = None  # b_h, the damping of the least operator, N s/m; None without an operator
+    factor: Pair | None = None  # x = 1 + delta, factor of the mechanism's response; None for 1
+    follows: bool = False  # whether the motion follows the command alone, as a servo's does
 
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """The two masses of a structure, and the spring between them.
+    """The two masses of a structure, and the spring between them."""
 
-    Attributes
-    ----------
-    motor, handle : the two masses, kg
-    damping : damping of the handle, N s/m; None without damping. The device's damping acts on the motor's part
-    stiffness, viscosity : stiffness and damping of the spring, N/m and N s/m
-    """
-
-    motor: Number
+    motor: Number  # the two masses, kg
     handle: Number
-    damping: Number | None
-    stiffness: Number
+    damping: Number | None  # damping of the handle, N s/m
+    stiffness: Number  # stiffness and damping of the spring, N/m and N s/m
     viscosity: Number
 
 
 def mechanism(device: Device, structure: Structure, ops: Arithmetic) -> Mechanism:
-    """Return the masses and the spring of a structure from its free resonance (model/README.md, section 12).
-
-    With the reduced mass mu of motor and handle, k = mu (2 pi f)^2 and c = 2 zeta mu 2 pi f. A load adds its mass to
-    the handle's mass and damps the handle. It does not change the spring.
-
-    Parameters
-    ----------
-    device : device with the total mass m, kg
-    structure : handle's mass, kg, free resonance f, Hz, and damping ratio zeta
-    ops : arithmetic of the numbers of both
-
-    Returns
-    -------
-    Mechanism
-        It has the shape of the device's parameters.
-    """
+    """Return the masses and the spring of a structure from its free resonance (model/README.md, section 12)."""
     motor, handle, swing = device.motor_mass, structure.handle_mass, 2 * ops.pi * structure.frequency_hz
     reduced = motor * handle / device.mass
     load = structure.load
@@ -140,19 +83,7 @@ def mechanism(device: Device, structure: Structure, ops: Arithmetic) -> Mechanis
 
 
 def hold_response(device: Device, omega: Number, ops: Arithmetic) -> DriveResponse:
-    """Evaluate H = hold(j omega) e^{-j omega delay}, including the factor 1/T that paper eq. 9 lacks.
-
-    Parameters
-    ----------
-    device : device; the function uses only sample_time, hold and delay, or the delay of the servo
-    omega : frequency, rad/s, may be 0; a number or an array of any shape
-    ops : arithmetic of omega and of the device's parameters
-
-    Returns
-    -------
-    DriveResponse
-        Both parts have the shape of omega.
-    """
+    """Evaluate H = hold(j omega) e^{-j omega delay}, including the factor 1/T that paper eq. 9 lacks."""
     half = device.sample_time / 2
     if device.hold == "zoh":
         modulus = ops.sinc(omega * half)
@@ -170,21 +101,7 @@ def hold_response(device: Device, omega: Number, ops: Arithmetic) -> DriveRespon
 
 
 def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceResponse:
-    """Evaluate every part of the loop that does not depend on the gains, at s = j omega.
-
-    See model/README.md, sections 1 and 12.
-
-    Parameters
-    ----------
-    device : device in SI units; parts that it lacks are None in the result
-    omega : angular frequency, rad/s, may be 0; a number or an array of any shape
-    ops : arithmetic of omega and of the device's parameters
-
-    Returns
-    -------
-    DeviceResponse
-        Its numbers have the shape of omega. Numbers that do not depend on omega may be plain.
-    """
+    """Evaluate every part of the loop that does not depend on the gains, at s = j omega."""
     drive = hold_response(device, omega, ops)
     if device.servo is not None:
         return _servo_response(device, device.servo, drive, omega, ops)

@@ -1,12 +1,4 @@
-"""Evaluate the non-ideal parts of a device at a frequency, and write low-passes as rates of states.
-
-The parts are the velocity estimate, the actuator and the force sensor (model/README.md, section 12), and the low-pass
-and the interpolation of a servo (section 17). The sampled models and the simulation use the rates. The filter
-`ForceSensor.filter_coefficient` of a servo's firmware is not here; the sampled models of a servo contain it.
-
-Each part has unit gain at omega = 0. For its response H, the code computes 1 - Re H and Im H directly instead of
-subtracting H from 1, so that no digits cancel.
-"""
+"""Evaluate the non-ideal parts of a device at a frequency, and write low-passes as rates of states."""
 
 from __future__ import annotations
 
@@ -18,30 +10,14 @@ from vctune.model.parts import ForceSensor, VelocityEstimate
 
 @dataclass(frozen=True, slots=True)
 class FilterResponse:
-    """The response H = re - j omega lag of a filter with unit gain at omega = 0, at one or more frequencies.
+    """The response H = re - j omega lag of a filter with unit gain at omega = 0, at one or more frequencies."""
 
-    All three numbers are even functions of omega, and finite and smooth at omega = 0. For omega -> 0, `lag` tends to
-    the delay of a slow signal.
-
-    Attributes
-    ----------
-    re : real part of H, 1 at omega = 0
-    loss : (1 - re)/omega^2, s^2, computed without a subtraction from 1
-    lag : -Im(H)/omega, s
-    """
-
-    re: Number
-    loss: Number
-    lag: Number
+    re: Number  # real part of H, 1 at omega = 0
+    loss: Number  # (1 - re)/omega^2, s^2, computed without a subtraction from 1
+    lag: Number  # -Im(H)/omega, s
 
     def times(self, other: FilterResponse, omega2: Number) -> FilterResponse:
-        """Return the response of this filter and another one in series.
-
-        Parameters
-        ----------
-        other : response of the other filter, at the same frequencies
-        omega2 : omega^2 at these frequencies, (rad/s)^2
-        """
+        """Return the response of this filter and another one in series."""
         one, two = self, other
         crossed = one.loss * two.loss * omega2
         return FilterResponse(
@@ -52,22 +28,7 @@ class FilterResponse:
 
 
 def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return the response of a continuous low-pass at s = j omega.
-
-    The low-pass is 1/(1 + s/w) of order 1, or w^2/(s^2 + sqrt(2) w s + w^2) of order 2 (Butterworth).
-
-    Parameters
-    ----------
-    bandwidth_hz : the -3 dB frequency w/(2 pi), Hz, > 0
-    order : order of the low-pass, 1 or 2
-    omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of bandwidth and omega
-
-    Returns
-    -------
-    FilterResponse
-        The result has the shape of omega.
-    """
+    """Return the response of a continuous low-pass at s = j omega."""
     time = 1 / (2 * ops.pi * bandwidth_hz)  # 1/w
     x, time2 = omega * time, time * time
     x2 = x * x
@@ -79,62 +40,21 @@ def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -
 
 
 def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return the response e^(-s delay) of a delay at s = j omega.
-
-    Parameters
-    ----------
-    delay : duration of the delay, s, >= 0
-    omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of delay and omega
-
-    Returns
-    -------
-    FilterResponse
-        The result has the shape of omega.
-    """
+    """Return the response e^(-s delay) of a delay at s = j omega."""
     angle = omega * delay
     half_sinc = ops.sinc(angle / 2)
     return FilterResponse(ops.cos(angle), delay * delay / 2 * (half_sinc * half_sinc), delay * ops.sinc(angle))
 
 
 def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return (1 + e^(-s T))/2 at s = j omega, the filter between a held velocity and an interpolated position.
-
-    A servo that interpolates a position command over a sample acts like a servo with this filter after a held velocity
-    command (model/README.md, section 17).
-
-    Parameters
-    ----------
-    sample_time : T, s
-    omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of T and omega
-
-    Returns
-    -------
-    FilterResponse
-        The result has the shape of omega.
-    """
+    """Return (1 + e^(-s T))/2 at s = j omega, the filter between a held velocity and an interpolated position."""
     half = sample_time / 2
     cos, sinc = ops.cos(omega * half), ops.sinc(omega * half)
     return FilterResponse(cos * cos, half * half * (sinc * sinc), half * (cos * sinc))
 
 
 def low_pass_coefficients(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return the coefficients of the firmware's low-pass of the velocity, y += a (x - y) at each sample.
-
-    Here a = 1 - e^(-2 pi f T), and y becomes p y + a x with p = 1 - a.
-
-    Parameters
-    ----------
-    filter_hz : corner frequency f, Hz
-    sample_time : T, s
-    ops : arithmetic of both
-
-    Returns
-    -------
-    a, p : weight of the new sample and weight of the previous output, dimensionless; p has its own formula, so that no
-        digits cancel
-    """
+    """Return the coefficients of the firmware's low-pass of the velocity, y += a (x - y) at each sample."""
     x = 2 * ops.pi * filter_hz * sample_time  # 1 - e^-x = x phi_1(x)
     return x * ops.phi_1(x), ops.exp(-x)
 
@@ -142,26 +62,7 @@ def low_pass_coefficients(filter_hz: Number, sample_time: Number, ops: Arithmeti
 def velocity_estimate(
     estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
 ) -> FilterResponse | None:
-    """Return F, the response of the firmware's velocity estimate to the velocity of the motor, at z = e^(j omega T).
-
-    See model/README.md, section 12.
-
-    A backward difference of the position gives the mean velocity of the last sample interval, with the response (1 -
-    e^(-sT))/(sT). The firmware's low-passes then filter this velocity, or a measured velocity.
-
-    Parameters
-    ----------
-    estimate : source of the velocity, "difference" or "measured", with the corner frequency and the number of the
-        low-passes
-    sample_time : T, s
-    omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    FilterResponse or None
-        It has the shape of omega; None for a measured velocity without a low-pass.
-    """
+    """Return F, the response of the firmware's velocity estimate to the velocity of the motor, at z = e^(j omega T)."""
     theta, T, response = omega * sample_time, sample_time, None
     half_sinc = ops.sinc(theta / 2)
     if estimate.source == "difference":
@@ -177,23 +78,7 @@ def velocity_estimate(
 def firmware_low_pass(
     estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
 ) -> FilterResponse | None:
-    """Return the response of one of the firmware's low-passes of the velocity, a/(1 - p/z), at z = e^(j omega T).
-
-    The coefficients a and p are those of `low_pass_coefficients`.
-
-    Parameters
-    ----------
-    estimate : velocity estimate; the function uses only its corner frequency. The estimate has `filter_order` such
-        low-passes in series
-    sample_time : T, s
-    omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    FilterResponse or None
-        It has the shape of omega; None if the firmware has no low-pass.
-    """
+    """Return the response of one of the firmware's low-passes of the velocity, a/(1 - p/z), at z = e^(j omega T)."""
     if estimate.filter_hz is None:
         return None
     theta, T = omega * sample_time, sample_time
@@ -209,19 +94,7 @@ def firmware_low_pass(
 
 
 def sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> FilterResponse | None:
-    """Return F_s, the response of the sensed force to the hand's force, at s = j omega.
-
-    Parameters
-    ----------
-    sensor : force sensor; the function uses its low-pass and its delay, and ignores `filter_coefficient`
-    omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of the sensor's numbers and omega
-
-    Returns
-    -------
-    FilterResponse or None
-        It has the shape of omega; None if the sensor has neither a low-pass nor a delay.
-    """
+    """Return F_s, the response of the sensed force to the hand's force, at s = j omega."""
     response = None
     if sensor.bandwidth_hz is not None:
         response = low_pass(sensor.bandwidth_hz, sensor.order, omega, ops)
@@ -234,29 +107,7 @@ def sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> Filt
 def low_pass_rates(
     rows: dict[str, dict[str, Number]], states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
 ) -> Number:
-    """Write the low-pass of `low_pass` into the rates of a system, in states that suit models which invert f(X).
-
-    With the output y and the bandwidth w, the state of order 1 is y. The states of order 2 are y and y + y'/a with
-    2 a^2 = w^2, not y and y'. Some sampled models invert a function f(X) of X = A E^-1 (model/README.md, section 14).
-    For a fast low-pass f(X) is about half of |X|, and `matrices.inverse` divides by its diagonal. With the states y and
-    y' the diagonal would be close to 0.
-
-    Parameters
-    ----------
-    rows : rate of each state, per sample, as coefficients by the names of states and inputs. There must be a row for
-        each state of the low-pass; the function adds the coefficients of these states to it. The caller adds the
-        coefficient of the input
-    states : names of the output y and of the second state, which exists for order 2 only
-    cycles_per_sample : the -3 dB frequency times T, that is, in units of the sampling frequency
-    order : order of the low-pass, 1 or 2
-    ops : arithmetic of the rates
-
-    Returns
-    -------
-    Number
-        Coefficient of the input in the rate of the low-pass's last state, per sample. With it, the caller gives the
-        low-pass unit gain at omega = 0.
-    """
+    """Write the low-pass of `low_pass` into the rates of a system, in states that suit models which invert f(X)."""
     corner, (out, rate) = 2 * ops.pi * cycles_per_sample, states  # w T
     if order == 1:
         rows[out][out] = -corner
@@ -272,19 +123,7 @@ def low_pass_rates(
 def plain_low_pass_rates(
     rows: dict[str, dict[str, Number]], states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
 ) -> Number:
-    """Write the low-pass of `low_pass` into the rates of a system, in the states y and, for order 2, y'/w.
-
-    These states suit models that do not invert f(X) (`low_pass_rates`).
-
-    Parameters
-    ----------
-    rows, states, cycles_per_sample, order, ops : see `low_pass_rates`
-
-    Returns
-    -------
-    Number
-        Coefficient of the input in the rate of the low-pass's last state, per sample.
-    """
+    """Write the low-pass of `low_pass` into the rates of a system, in the states y and, for order 2, y'/w."""
     if order == 1:
         return low_pass_rates(rows, states, cycles_per_sample, order, ops)
     corner, (out, rate) = 2 * ops.pi * cycles_per_sample, states

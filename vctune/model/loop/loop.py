@@ -1,13 +1,4 @@
-"""Evaluate the velocity loop at a frequency (model/README.md, sections 1, 2 and 12; paper eqs. 7, 9, 10, 11).
-
-With C_0 = A H (K_v + K_p/s), C_f = A H (K_v F + K_p/s), the motor's part W = m_1 s + b + C_f, the handle's impedance
-Z_2 and the admittance y of the spring between them,
-
-    N = 1 + y W,   D = W + Z_2 N,   G_hh = N/D,   G_he = C_0/D,   q = F_s C_0/D.
-
-A rigid device has y = Z_2 = 0 and N = 1. If it is ideal as well, F_s C_0 = C_f = C_0 = C and D = Z_d + C. An impedance
-display has K_p = 0 and F_s = 1. A servo has C_0 = A H with its low-pass in A, N = 0 and D = 1.
-"""
+"""Evaluate the velocity loop at a frequency (model/README.md, sections 1, 2 and 12; paper eqs. 7, 9, 10, 11)."""
 
 from __future__ import annotations
 
@@ -20,19 +11,7 @@ from vctune.model.numbers.pair import Pair
 
 
 def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResponse:
-    """Evaluate the velocity loop of a device at a frequency (model/README.md, sections 1, 2 and 12).
-
-    Parameters
-    ----------
-    at : the device at omega > 0, or at omega >= 0 in an arithmetic that encloses the limit
-    gains : K_v and K_p, N s/m and N/m; if K_p is certainly 0, the law has no integrator; without effect for a servo
-    ops : arithmetic of device and gains
-
-    Returns
-    -------
-    LoopResponse
-        Its numbers have the shape of omega. Numbers that do not depend on omega may be plain.
-    """
+    """Evaluate the velocity loop of a device at a frequency (model/README.md, sections 1, 2 and 12)."""
     if at.follows:
         return _following(at)
     if at.factor is not None:

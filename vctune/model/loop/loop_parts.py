@@ -15,18 +15,10 @@ from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """The factor by which the code multiplies the loop's impedances (see `LoopResponse`).
+    """The factor by which the code multiplies the loop's impedances (see `LoopResponse`)."""
 
-    None stands for a factor of 1, which the code does not multiply by.
-
-    Attributes
-    ----------
-    factor : omega with an integrator, 1 without
-    omega_over_factor : omega divided by the factor
-    """
-
-    factor: Number | None
-    omega_over_factor: Number | None
+    factor: Number | None  # omega with an integrator, 1 without
+    omega_over_factor: Number | None  # omega divided by the factor
 
     def up(self, x: Number) -> Number:
         """Return x times the scale."""
@@ -39,10 +31,7 @@ class _Scale:
 
 @dataclass(frozen=True, slots=True)
 class _Turned:
-    """Im(C conj D) times the scale, as flat + omega slope; flat is None if the number vanishes like omega.
-
-    The same form holds Im(C_0 conj W) and Im(C_0 conj D), before the handle and the force sensor are added.
-    """
+    """Im(C conj D) times the scale, as flat + omega slope; flat is None if the number vanishes like omega."""
 
     flat: Number | None
     slope: Number
@@ -58,42 +47,18 @@ class _Turned:
 
 @dataclass(frozen=True, slots=True)
 class _Handle:
-    """The effect of a spring between motor and handle on the loop.
+    """The effect of a spring between motor and handle on the loop."""
 
-    Attributes
-    ----------
-    D, miss : D and D - C_0, scaled
-    turned : Im(C_0 conj D), scaled
-    numerator : N
-    im_numerator : Im N / omega
-    resistance : Re(N conj D)
-    """
-
-    D: Pair
+    D: Pair  # D and D - C_0, scaled
     miss: Pair
-    turned: _Turned
-    numerator: Pair
-    im_numerator: Number
-    resistance: Number
+    turned: _Turned  # Im(C_0 conj D), scaled
+    numerator: Pair  # N
+    im_numerator: Number  # Im N / omega
+    resistance: Number  # Re(N conj D)
 
 
 def loop_with_parts(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResponse:
-    """Evaluate the velocity loop of a device that is not ideal (model/README.md, section 12).
-
-    The device may have a velocity estimate, an actuator, a force sensor, and a spring between motor and handle. The
-    code never forms the imaginary part of a product by subtracting its large terms.
-
-    Parameters
-    ----------
-    at : the device at omega > 0, or at omega >= 0 in an arithmetic that encloses the limit; its `factor` must be None
-    gains : K_v and K_p, N s/m and N/m; if K_p is certainly 0, the law has no integrator
-    ops : arithmetic of device and gains
-
-    Returns
-    -------
-    LoopResponse
-        It has the shape of omega. The scale is omega with an integrator and 1 without one.
-    """
+    """Evaluate the velocity loop of a device that is not ideal (model/README.md, section 12)."""
     omega, integral = at.omega, not ops.is_zero(gains.position)
     scale = _Scale(omega, None) if integral else _Scale(None, omega)
     C_0 = controller_impedance(at, gains, at.drive.re, at.drive.lag, integral=integral)
@@ -138,22 +103,7 @@ def loop_with_parts(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopRe
 
 
 def perturbed_loop(at: DeviceResponse, x: Pair, gains: Gains) -> LoopResponse:
-    """Return the loop of a device whose mechanism's response is multiplied by x, at omega > 0.
-
-    See model/README.md, section 13. Let D_0 and N_0 be D and N with both gains 0. The perturbed loop has D_0/x + e C_f
-    instead of D, and N_0 + x y C_f instead of N.
-
-    Parameters
-    ----------
-    at : the device at omega > 0; the function ignores its `factor`
-    x : 1 + delta, the perturbation at that frequency, dimensionless
-    gains : K_v and K_p, N s/m and N/m; K_p may be 0
-
-    Returns
-    -------
-    LoopResponse
-        It has the scale 1 and the shape of omega.
-    """
+    """Return the loop of a device whose mechanism's response is multiplied by x, at omega > 0."""
     known, inverse = loop_constants(at), Pair(x.re, -x.im).scaled(1 / x.abs2())
     idle, numerator = known.D.constant, known.numerator.constant
     assert idle is not None and numerator is not None
@@ -199,11 +149,7 @@ def _estimated(
 
 
 def _turned(at: DeviceResponse, gains: Gains, C_0: Impedance, scale: _Scale, ops: Arithmetic) -> _Turned:
-    """Return Im(C_0 conj W), scaled.
-
-    The result is the sum of the products of C_0 with b, with m omega, and with the loss of F in C_f. The code omits the
-    product of C_0 with itself, which has no imaginary part.
-    """
+    """Return Im(C_0 conj W), scaled."""
     integral = scale.factor is not None
     slope = -(at.mass * C_0.re)
     if at.estimate is not None:
@@ -219,16 +165,7 @@ def _turned(at: DeviceResponse, gains: Gains, C_0: Impedance, scale: _Scale, ops
 def _on_spring(
     spring: Spring, omega: Number, scale: _Scale, C_0: Impedance, W: Impedance, miss: Pair, turned: _Turned
 ) -> _Handle:
-    """Add the handle on its spring to the motor's part W.
-
-    In Im(C_0 conj(Z_2 (1 + y W))), the terms with y are Im(C_0 conj W) Re(y Z_2) - Re(C_0 conj W) Im(y Z_2).
-
-    Parameters
-    ----------
-    spring, omega, scale : the spring, the frequency and the scale
-    C_0, W : the controller's impedance, and the impedance of the motor's part with the loop
-    miss, turned : Z_1 + C_f - C_0 and Im(C_0 conj W), scaled
-    """
+    """Add the handle on its spring to the motor's part W."""
     flexed = Pair(omega * spring.y_c, spring.y_k)  # y/omega
     numerator = Pair(scale.across(flexed.re), scale.across(flexed.im)) * W.scaled
     numerator = Pair(1 + numerator.re, numerator.im)

@@ -1,9 +1,4 @@
-"""Define the operations beyond + - * / that the formulas need, for each kind of number.
-
-A formula of `vctune.model` that needs more than + - * / takes an `Arithmetic`. The same formula then runs on NumPy
-arrays (scan, margins, figures), on CasADi symbols (the NLP), and on Arb balls and arrays of intervals, with or without
-derivatives (the proof).
-"""
+"""Define the operations beyond + - * / that the formulas need, for each kind of number."""
 
 from __future__ import annotations
 
@@ -14,10 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Number = Any
-"""A float, a fraction, a NumPy array, a CasADi symbol, an Arb ball or series, an `Enclosure` or a `Jet`."""
-Floats = NDArray[np.float64]
-"""An array of floats of any shape."""
+Number = Any  # A float, a fraction, a NumPy array, a CasADi symbol, an Arb ball or series, an `Enclosure` or a `Jet`
+Floats = NDArray[np.float64]  # An array of floats of any shape
 
 
 class Arithmetic(Protocol):
@@ -38,30 +31,10 @@ class Arithmetic(Protocol):
 
     def sqrt(self, x: Number) -> Number: ...
     def modulus(self, re: Number, im: Number) -> Number:
-        """Return |re + j im|. The derivatives of both parts bound the derivative of the result, even at 0.
-
-        Parameters
-        ----------
-        re, im : real numbers of the arithmetic, in the same unit
-
-        Returns
-        -------
-        Number
-            It has the unit of both parts.
-        """
+        """Return |re + j im|. The derivatives of both parts bound the derivative of the result, even at 0."""
 
     def reciprocal(self, re: Number, im: Number) -> tuple[Number, Number]:
-        """Return 1/(re + j im). The result and the number have about the same relative width.
-
-        Parameters
-        ----------
-        re, im : parts of a complex number that is not 0
-
-        Returns
-        -------
-        tuple of two numbers
-            The real and the imaginary part.
-        """
+        """Return 1/(re + j im). The result and the number have about the same relative width."""
 
     def exp(self, x: Number) -> Number: ...
     def sin(self, x: Number) -> Number: ...
@@ -73,64 +46,22 @@ class Arithmetic(Protocol):
         """Return (1 - sin(x)/x)/x^2, continued by 1/6 at x = 0."""
 
     def phi_1(self, x: Number) -> Number:
-        """Return (1 - e^-x)/x, the mean of e^-t over [0, x], continued by 1 at x = 0.
-
-        This is the function phi_1(z) = (e^z - 1)/z of exponential integrators at z = -x.
-        """
+        """Return (1 - e^-x)/x, the mean of e^-t over [0, x], continued by 1 at x = 0."""
 
     def phi_2(self, x: Number) -> Number:
-        """Return (x - 1 + e^-x)/x^2, continued by 1/2 at x = 0.
-
-        This is the function phi_2(z) = (e^z - 1 - z)/z^2 of exponential integrators at z = -x.
-        """
+        """Return (x - 1 + e^-x)/x^2, continued by 1/2 at x = 0."""
 
     def where_positive(self, x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
-        """Return the value of yes() where x is certainly > 0, and the value of no() elsewhere.
-
-        Where an enclosure of x contains both signs, the result is no(). Therefore no() must also be valid for positive
-        x. The arguments are functions because an arithmetic of single numbers evaluates only one of them.
-
-        Parameters
-        ----------
-        x : real number whose sign decides
-        yes, no : functions without arguments that return a number of x's shape; yes() need not be valid where the
-            result is no()
-
-        Returns
-        -------
-        Number
-            It has the shape of x.
-        """
+        """Return the value of yes() where x is certainly > 0, and the value of no() elsewhere."""
 
     def interpolated(self, x: Number, table: tuple[tuple[float, float], ...]) -> Number:
-        """Return the value of a table at x, by linear interpolation on logarithmic axes.
-
-        Parameters
-        ----------
-        x : number > 0, in the unit of the table's first column; neither a CasADi symbol nor a power series
-        table : points (x, value), both > 0, increasing in x; the value is constant outside the first and the last point
-
-        Returns
-        -------
-        Number
-            It has the unit of the table's second column and the shape of x.
-        """
+        """Return the value of a table at x, by linear interpolation on logarithmic axes."""
 
     def within(self, radius: Number) -> Number:
         """Return an enclosure of the numbers between -radius and radius. An arithmetic without enclosures returns 0."""
 
     def middle(self, x: Number) -> Number:
-        """Return a number without width that lies within x.
-
-        Parameters
-        ----------
-        x : real number of the arithmetic
-
-        Returns
-        -------
-        Number
-            It has the shape of x; a plain number is its own middle.
-        """
+        """Return a number without width that lies within x."""
 
     def magnitude(self, x: Number) -> float:
         """Return an upper bound of |x| over all elements of x. For plain numbers it may have a rounding error."""
@@ -143,41 +74,17 @@ class ArrayArithmetic(Arithmetic, Protocol):
         """Return numbers stacked along a new first axis; some of them may be plain."""
 
     def matmul(self, a: Number, b: Number) -> Number:
-        """Return the matrix products A B, one for each index of the further axes.
-
-        Parameters
-        ----------
-        a : A, shape (n, m, ...)
-        b : B, shape (m, k, ...); the further axes broadcast
-
-        Returns
-        -------
-        Number
-            It has shape (n, k, ...).
-        """
+        """Return the matrix products A B, one for each index of the further axes."""
 
 
-SERIES_BELOW = 0.05
-"""Magnitude of the argument at which phi_2 changes from its series to its formula. The formula's subtraction loses a
-factor 2/x of the precision. At half this argument, the subtraction would lose another factor 2, and
-`vctune.proof.enclosures.jets.PHI_ERROR` would no longer hold. At twice this argument the remainder of the series of
-eight terms, now 1e-17, would be 3e-15, which exceeds the rounding error."""
+SERIES_BELOW = 0.05  # Magnitude of the argument at which phi_2 changes from its series to its formula
 
 
-CURVATURE_BELOW = 0.5
-"""Magnitude of the argument at which sinc_curvature changes from its series to its formula. The formula's two
-subtractions lose a factor 20/x^2 of the precision. At half this argument they would lose another factor 4. At twice
-this argument the remainder of the series of seven terms, now 2e-19, would be 3e-15, which exceeds the rounding
-error."""
+CURVATURE_BELOW = 0.5  # Magnitude of the argument at which sinc_curvature changes from its series to its formula
 
 
 def sinc_curvature_series(x2: Number) -> Number:
-    """Return 1/3! - x^2/5! + x^4/7! - ... + x^12/15!. The remainder lies between -x^14/17! and 0.
-
-    Parameters
-    ----------
-    x2 : x^2
-    """
+    """Return 1/3! - x^2/5! + x^4/7! - ... + x^12/15!. The remainder lies between -x^14/17! and 0."""
     total: Number = 1
     for n in (14, 12, 10, 8, 6, 4):
         total = 1 - x2 * total / (n * (n + 1))
@@ -185,17 +92,7 @@ def sinc_curvature_series(x2: Number) -> Number:
 
 
 def by_conjugate(re: Number, im: Number) -> tuple[Number, Number]:
-    """Return 1/(re + j im) by the complex conjugate. For numbers without width, no other form is tighter.
-
-    Parameters
-    ----------
-    re, im : parts of a complex number that is not 0
-
-    Returns
-    -------
-    tuple of two numbers
-        The real and the imaginary part.
-    """
+    """Return 1/(re + j im) by the complex conjugate. For numbers without width, no other form is tighter."""
     square = re * re + im * im
     return re / square, -im / square
 

@@ -6,27 +6,10 @@ from math import inf, pi
 
 
 def hertz(omega: float) -> float:
-    """Return an angular frequency in hertz.
-
-    If a file stated the frequency as a short decimal, the result is this decimal.
-
-    Parameters
-    ----------
-    omega : frequency, rad/s, may be 0 or inf
-
-    Returns
-    -------
-    float
-        Hz, rounded to 12 digits.
-    """
+    """Return an angular frequency in hertz."""
     return float(f"{omega / (2 * pi):.12g}")
 
 
 def finite_hertz(omega: float | None) -> float | None:
-    """Return a frequency in hertz, or None if it is infinite or None.
-
-    Parameters
-    ----------
-    omega : frequency, rad/s, or None
-    """
+    """Return a frequency in hertz, or None if it is infinite or None."""
     return None if omega is None or omega == inf else hertz(omega)

@@ -1,8 +1,4 @@
-"""Compute with small matrices in any arithmetic, including the matrix functions that a sampled system needs.
-
-A matrix is a tuple of rows. The integer 0 stands for an entry that is 0 by structure: products skip it, and it stays
-exactly 0.
-"""
+"""Compute with small matrices in any arithmetic, including the matrix functions that a sampled system needs."""
 
 from __future__ import annotations
 
@@ -25,34 +21,14 @@ Vector = tuple[Number, ...]
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A matrix as one array with two leading axes, so that one array operation acts on all its entries.
+    """A matrix as one array with two leading axes, so that one array operation acts on all its entries."""
 
-    Attributes
-    ----------
-    entries : array of shape (n, m, ...)
-    nonzero : the entries that are not 0 by structure
-    ops : arithmetic of the entries
-    """
-
-    entries: Number
-    nonzero: NDArray[np.bool_]
-    ops: ArrayArithmetic
+    entries: Number  # array of shape (n, m, ...)
+    nonzero: NDArray[np.bool_]  # the entries that are not 0 by structure
+    ops: ArrayArithmetic  # arithmetic of the entries
 
     def mapped(self, entries: Number, other: Block) -> Block:
-        """Return a block with other entries.
-
-        An entry is 0 by structure if it is 0 by structure in this block and in the other.
-
-        Parameters
-        ----------
-        entries : entries of the result, shape (n, m, ...)
-        other : the second operand, a block of the same shape
-
-        Returns
-        -------
-        Block
-            It uses the arithmetic of this block.
-        """
+        """Return a block with other entries."""
         return Block(entries, self.nonzero | other.nonzero, self.ops)
 
     def times(self, other: Block) -> Block:
@@ -64,18 +40,7 @@ AnyMatrix = TypeVar("AnyMatrix", Matrix, Block)
 
 
 def blocked(matrix: Matrix, ops: Arithmetic) -> Any:
-    """Return a matrix in the form that its arithmetic multiplies fastest.
-
-    Parameters
-    ----------
-    matrix : n x m numbers of the arithmetic
-    ops : the arithmetic
-
-    Returns
-    -------
-    Block or Matrix
-        A `Block` if the numbers are arrays; the matrix itself if they are single numbers.
-    """
+    """Return a matrix in the form that its arithmetic multiplies fastest."""
     arrays = ops.arrays
     if arrays is None:
         return matrix
@@ -94,27 +59,12 @@ def rows_of(matrix: Matrix | Block) -> Matrix:
     )
 
 
+# Permitted remainder of the Taylor polynomial of e^A, relative to the rounding error, for a norm of A of at most 1/2
 LEFT_OUT = 2.0**-10
-"""Permitted remainder of the Taylor polynomial of e^A, relative to the rounding error, for a norm of A of at most
-1/2. The code encloses the remainder. With half or twice this share, the order of the polynomial is usually the same: 14
-to 16 for doubles and 25 to 30 for 128 bits, if the norm is above 1/4."""
 
 
 def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
-    """Return e^A - 1 by scaling, Taylor's polynomial and squaring.
-
-    An arithmetic of enclosures adds a bound of the polynomial's remainder, so that the result contains e^A - 1.
-
-    Parameters
-    ----------
-    matrix : A, n x n, dimensionless
-    ops : arithmetic of its entries
-
-    Returns
-    -------
-    Matrix
-        n x n. An entry is 0 by structure if it is 0 by structure in every power of A.
-    """
+    """Return e^A - 1 by scaling, Taylor's polynomial and squaring."""
     norm = norm_of(matrix, ops)
     halvings = max(0, ceil(log2(norm)) + 1) if 0 < norm < inf else 0
     small = blocked(scaled(matrix, 2.0**-halvings), ops)
@@ -137,13 +87,7 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
 
 
 def exponentials_less_one(one: Matrix, other: Matrix, ops: Arithmetic) -> tuple[Matrix, Matrix]:
-    """Return e^A - 1 and e^B - 1. If the entries are doubles, the function computes both matrices together.
-
-    Parameters
-    ----------
-    one, other : A and B, n x n, dimensionless
-    ops : arithmetic of their entries
-    """
+    """Return e^A - 1 and e^B - 1. If the entries are doubles, the function computes both matrices together."""
     if ops is not FLOATS:
         return exponential_less_one(one, ops), exponential_less_one(other, ops)
     pairs = [zip(*rows, strict=True) for rows in zip(one, other, strict=True)]
@@ -156,26 +100,11 @@ def exponentials_less_one(one: Matrix, other: Matrix, ops: Arithmetic) -> tuple[
     return first, second
 
 
-COTH_WITHIN = 2.0
-"""Norm of A up to which the series computes (A/2) coth(A/2); its radius of convergence is 2 pi. With half this norm,
-the code would compute one more inverse; with twice this norm, two and a half times as many terms."""
+COTH_WITHIN = 2.0  # Norm of A up to which the series computes (A/2) coth(A/2); its radius of convergence is 2 pi
 
 
 def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
-    """Return f(A) = (A/2) coth(A/2) = 1 + A^2/12 - A^4/720 + ..., using f(2A) = f(A) + (A/2)^2/f(A) for large A.
-
-    An arithmetic of enclosures adds a bound of the series' remainder, so that the result contains f(A).
-
-    Parameters
-    ----------
-    matrix : A, n x n, dimensionless; 2 pi j k is not an eigenvalue of A for any integer k other than 0
-    ops : arithmetic of its entries
-
-    Returns
-    -------
-    Matrix
-        n x n.
-    """
+    """Return f(A) = (A/2) coth(A/2) = 1 + A^2/12 - A^4/720 + ..., using f(2A) = f(A) + (A/2)^2/f(A) for large A."""
     norm = norm_of(matrix, ops)
     halvings = max(0, ceil(log2(norm / COTH_WITHIN))) if 0 < norm < inf else 0
     half = blocked(scaled(matrix, 2.0**-halvings) if halvings else matrix, ops)
@@ -203,19 +132,11 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
     return total
 
 
-STEP = 4
-"""Number of powers of the matrix in each part into which `_series` divides the sum. The 15 terms of the exponential
-take 6 products with 4 powers, and also with 3 or 5."""
+STEP = 4  # Number of powers of the matrix in each part into which `_series` divides the sum
 
 
 def _series(shares: Sequence[float], x: Block) -> Block:
-    """Return c_1 X + c_2 X^2 + ... in doubles, by the scheme of Paterson and Stockmeyer.
-
-    Parameters
-    ----------
-    shares : coefficients c_1, c_2, ... of the powers of X
-    x : X, n x n
-    """
+    """Return c_1 X + c_2 X^2 + ... in doubles, by the scheme of Paterson and Stockmeyer."""
     powers = [x.entries]
     for _ in range(STEP - 1):
         powers.append(x.ops.matmul(powers[-1], x.entries))
@@ -236,13 +157,7 @@ def _reached(nonzero: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _doubled(less_one: Block, square: Block, times: int) -> Block:
-    """Return f(2^k A) from f(A) - 1 and A^2 in doubles, by f(2A) = f(A) + (A/2)^2/f(A).
-
-    Parameters
-    ----------
-    less_one, square : f(A) - 1 and A^2
-    times : k, the number of doublings of A
-    """
+    """Return f(2^k A) from f(A) - 1 and A^2 in doubles, by f(2A) = f(A) + (A/2)^2/f(A)."""
     n = len(less_one.nonzero)
     nonzero = _reached(less_one.nonzero | np.eye(n, dtype=bool))  # an inverse has the nonzero entries of all powers
     total = np.moveaxis(less_one.entries, (0, 1), (-2, -1)) + np.eye(n)
@@ -295,16 +210,7 @@ def inverse(matrix: Matrix) -> Matrix:
 
 
 def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
-    """Return the n x n minors of n rows of n + 1 columns, by the index of the omitted column.
-
-    A minor is the determinant of the other columns in their order, without the sign of a cofactor.
-
-    The expansion goes row by row, without division. The result has no entry for a minor that is 0 by structure.
-
-    Parameters
-    ----------
-    rows : rows of `Pair` or `EvenOdd`; None stands for 0
-    """
+    """Return the n x n minors of n rows of n + 1 columns, by the index of the omitted column."""
     width = len(rows) + 1
     found: dict[int, Number] = {0: None}
     for row in rows:
@@ -325,17 +231,7 @@ def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
 
 
 def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
-    """Return det(x - psi) and the adjugate of x - psi, by the algorithm of Faddeev and LeVerrier.
-
-    Parameters
-    ----------
-    psi : matrix, n x n
-
-    Returns
-    -------
-    coefficients : coefficients of x^0 to x^(n-1) in the determinant; the coefficient of x^n is 1
-    adjugate : matrix coefficients of x^0 to x^(n-1) in the adjugate
-    """
+    """Return det(x - psi) and the adjugate of x - psi, by the algorithm of Faddeev and LeVerrier."""
     n = len(psi)
     matrix, matrices, coefficients = identity(n), [identity(n)], []
     for k in range(1, n + 1):
@@ -354,28 +250,14 @@ def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
 
 
 def _each(matrix: AnyMatrix, rest: Number) -> AnyMatrix:
-    """Return A after adding a number to each entry that is not 0 by structure.
-
-    In a `Block`, the other entries change as well, but `rows_of` does not read them.
-    """
+    """Return A after adding a number to each entry that is not 0 by structure."""
     if isinstance(matrix, Block):
         return matrix.mapped(matrix.entries + rest, matrix)
     return tuple(tuple(entry if nothing(entry) else entry + rest for entry in row) for row in matrix)
 
 
 def norm_of(matrix: Matrix, ops: Arithmetic) -> float:
-    """Return an upper bound of the greatest row sum of |a_ij|, which is a norm of A.
-
-    Parameters
-    ----------
-    matrix : A, in numbers of the arithmetic
-    ops : arithmetic of the entries; for arrays it bounds their magnitude over all elements
-
-    Returns
-    -------
-    float
-        The bound, exact up to the rounding error of the sum.
-    """
+    """Return an upper bound of the greatest row sum of |a_ij|, which is a norm of A."""
     return max(sum(ops.magnitude(entry) for entry in row if not nothing(entry)) for row in matrix)
 
 
@@ -385,47 +267,17 @@ def nothing(x: Number) -> bool:
 
 
 def add(a: Number, b: Number) -> Number:
-    """Return a + b. The function skips the integer 0, so that it adds no rounding error.
-
-    Parameters
-    ----------
-    a, b : entries of matrices; the integer 0 stands for an entry that is 0 by structure
-
-    Returns
-    -------
-    Number
-        The integer 0 only if both numbers are.
-    """
+    """Return a + b. The function skips the integer 0, so that it adds no rounding error."""
     return b if nothing(a) else a if nothing(b) else a + b
 
 
 def times(a: Number, b: Number) -> Number:
-    """Return a b. The product is the integer 0 if either factor is.
-
-    Parameters
-    ----------
-    a, b : entries of matrices; the integer 0 stands for an entry that is 0 by structure
-
-    Returns
-    -------
-    Number
-        The product.
-    """
+    """Return a b. The product is the integer 0 if either factor is."""
     return 0 if nothing(a) or nothing(b) else a * b
 
 
 def dot(a: Iterable[Number], b: Iterable[Number]) -> Number:
-    """Return the sum of the products a_k b_k.
-
-    Parameters
-    ----------
-    a, b : sequences of entries, of the same length
-
-    Returns
-    -------
-    Number
-        The integer 0 if every product is 0 by structure.
-    """
+    """Return the sum of the products a_k b_k."""
     total: Number = 0
     for x, y in zip(a, b, strict=True):
         total = add(total, times(x, y))
@@ -433,34 +285,12 @@ def dot(a: Iterable[Number], b: Iterable[Number]) -> Number:
 
 
 def applied(matrix: Matrix, vector: Vector) -> Vector:
-    """Return the vector A x.
-
-    Parameters
-    ----------
-    matrix : A, n x m
-    vector : x, of length m
-
-    Returns
-    -------
-    Vector
-        The result has length n.
-    """
+    """Return the vector A x."""
     return tuple(dot(row, vector) for row in matrix)
 
 
 def product(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
-    """Return the matrix product A B.
-
-    Parameters
-    ----------
-    a : A, n x m
-    b : B, m x k; a `Block` if a is one
-
-    Returns
-    -------
-    Matrix or Block
-        n x k, in the form of a.
-    """
+    """Return the matrix product A B."""
     if isinstance(a, Block):
         return a.times(b)
     columns = tuple(zip(*b, strict=True))
@@ -468,69 +298,26 @@ def product(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
 
 
 def added(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
-    """Return A + B.
-
-    Parameters
-    ----------
-    a, b : A and B, n x m; both in the same form
-
-    Returns
-    -------
-    Matrix or Block
-        n x m. An entry is 0 by structure if it is 0 by structure in both.
-    """
+    """Return A + B."""
     if isinstance(a, Block):
         return a.mapped(a.entries + b.entries, b)
     return tuple(tuple(add(x, y) for x, y in zip(one, two, strict=True)) for one, two in zip(a, b, strict=True))
 
 
 def scaled(matrix: AnyMatrix, factor: Number) -> AnyMatrix:
-    """Return A times a number.
-
-    Parameters
-    ----------
-    matrix : A
-    factor : factor, in the arithmetic of the entries or a plain number
-
-    Returns
-    -------
-    Matrix or Block
-        It has the form of the matrix and the same zeros.
-    """
+    """Return A times a number."""
     if isinstance(matrix, Block):
         return matrix.mapped(matrix.entries * factor, matrix)
     return tuple(tuple(times(entry, factor) for entry in row) for row in matrix)
 
 
 def divided(matrix: AnyMatrix, count: Number) -> AnyMatrix:
-    """Return A divided by a number.
-
-    Parameters
-    ----------
-    matrix : A
-    count : divisor, not 0, in the arithmetic of the entries or a plain number
-
-    Returns
-    -------
-    Matrix or Block
-        It has the form of the matrix and the same zeros.
-    """
+    """Return A divided by a number."""
     if isinstance(matrix, Block):
         return matrix.mapped(matrix.entries / count, matrix)
     return tuple(tuple(entry if nothing(entry) else entry / count for entry in row) for row in matrix)
 
 
 def column(matrix: Matrix, index: int) -> Vector:
-    """Return one column of a matrix.
-
-    Parameters
-    ----------
-    matrix : matrix with n rows and m columns
-    index : index of the column; a negative one counts from the last
-
-    Returns
-    -------
-    Vector
-        The result has length n.
-    """
+    """Return one column of a matrix."""
     return tuple(row[index] for row in matrix)

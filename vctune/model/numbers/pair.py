@@ -1,9 +1,5 @@
 """Represent complex numbers in any arithmetic: `Pair`, because CasADi has none, and `EvenOdd`, a number of the unit
-circle whose parts stay regular at the angle 0 (model/README.md, section 14).
-
-Neither class has a division. Most formulas clear their complex denominators, and need only the real or the imaginary
-part of a product with a conjugate. The others use `abs2` or `Arithmetic.reciprocal`.
-"""
+circle whose parts stay regular at the angle 0 (model/README.md, section 14)."""
 
 from __future__ import annotations
 
@@ -40,11 +36,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class EvenOdd:
-    """The complex number even + j s odd with s^2 = square. Both parts stay regular for s -> 0.
-
-    A rational function of z with real coefficients has this form at z = e^(j theta), with s = sin(theta/2) and parts
-    that are even in theta. Both operands of a sum or a product must have the same s.
-    """
+    """The complex number even + j s odd with s^2 = square. Both parts stay regular for s -> 0."""
 
     even: Number
     odd: Number
@@ -71,30 +63,10 @@ class EvenOdd:
 
 
 def re_conj_product(a: Pair, b: Pair) -> Number:
-    """Return Re(a conj(b)) = Re a Re b + Im a Im b.
-
-    Parameters
-    ----------
-    a, b : complex numbers of one arithmetic
-
-    Returns
-    -------
-    Number
-        Its unit is the product of their units.
-    """
+    """Return Re(a conj(b)) = Re a Re b + Im a Im b."""
     return a.re * b.re + a.im * b.im
 
 
 def im_conj_product(a: Pair, b: Pair) -> Number:
-    """Return Im(a conj(b)) = Im a Re b - Re a Im b.
-
-    Parameters
-    ----------
-    a, b : complex numbers of one arithmetic
-
-    Returns
-    -------
-    Number
-        Its unit is the product of their units. It has the sign of the angle from b to a.
-    """
+    """Return Im(a conj(b)) = Im a Re b - Re a Im b."""
     return a.im * b.re - a.re * b.im

@@ -1,8 +1,4 @@
-"""Define the names and units of a device's parameters, for a linear and for a rotary handle.
-
-The same formulas hold for linear and for rotary devices. For a rotary device, a mass is a moment of inertia, a force is
-a torque, and a position is an angle.
-"""
+"""Define the names and units of a device's parameters, for a linear and for a rotary handle."""
 
 from __future__ import annotations
 
@@ -12,37 +8,26 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Literal
 
-UnitSystem = Literal["linear", "rotary"]
-"""Motion of the handle: along a line, or about an axis."""
+UnitSystem = Literal["linear", "rotary"]  # Motion of the handle: along a line, or about an axis
 
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """The units of all quantities, and the names of mass and force.
+    """The units of all quantities, and the names of mass and force."""
 
-    Attributes
-    ----------
-    mass_name, force_name : names of mass and force
-    mass, damping, stiffness, integral_gain : units of mass, of K_v and b_c, of K_p and k_c, and of a PID's integral
-        gain
-    mobility, compliance : units of the reciprocals of damping and stiffness
-    force, position, position_integral, speed : units of signals
-    time, frequency : units of time and frequency
-    """
-
-    mass_name: str
+    mass_name: str  # names of mass and force
     force_name: str
-    mass: str
+    mass: str  # units of mass, of K_v and b_c, of K_p and k_c, and of a PID's integral gain
     damping: str
     stiffness: str
     integral_gain: str
-    mobility: str
+    mobility: str  # units of the reciprocals of damping and stiffness
     compliance: str
-    force: str
+    force: str  # units of signals
     position: str
     position_integral: str
     speed: str
-    time: str = "s"
+    time: str = "s"  # units of time and frequency
     frequency: str = "Hz"
 
     def of(self, quantity: str) -> str:
@@ -51,12 +36,7 @@ class Units:
         return unit
 
     def translated(self, text: str) -> str:
-        """Return a text about a linear device in the words and units of this device.
-
-        Parameters
-        ----------
-        text : text of vctune, not of a user
-        """
+        """Return a text about a linear device in the words and units of this device."""
         if self == LINEAR:
             return text
         return UNIT.sub(lambda found: SAME[found[0]], WORD.sub(self._called, text))
@@ -97,14 +77,13 @@ ROTARY = Units(
     position_integral="rad s",
     speed="rad/s",
 )
+# Quantities whose units depend on the motion of the handle
 QUANTITIES = tuple(
     each.name for each in fields(Units) if each.name not in ("mass_name", "force_name", "time", "frequency")
 )
-"""Quantities whose units depend on the motion of the handle."""
 UNITS: Mapping[UnitSystem, Units] = MappingProxyType({"linear": LINEAR, "rotary": ROTARY})
+# Words to translate, with their articles
 WORD = re.compile(r"(?<![.\w])([Aa] )?(mass|force)(es|s)?\b(?! /)", re.IGNORECASE)
-"""Words to translate, with their articles. Keys of a file and names in equations stay as they are."""
 SAME = {LINEAR.of(quantity): ROTARY.of(quantity) for quantity in QUANTITIES}
+# Matches a unit in a description: at the beginning or after a comma, up to a period, a comma, a semicolon or the end
 UNIT = re.compile(rf"(?:(?<=, )|^)({'|'.join(map(re.escape, sorted(SAME, key=len, reverse=True)))})(?=[.;,]|$)")
-"""Matches a unit in a description: at the beginning or after a comma, up to a period, a comma, a semicolon or the
-end."""

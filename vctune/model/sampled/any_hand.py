@@ -1,19 +1,4 @@
-"""Compute what any passive hand requires of an impedance display in the sampled loop (model/README.md, section 15).
-
-The module `impedance_display` defines y, s and F. At each frequency and at each alias omega_n = omega + 2 pi n/T, the
-motor of a rigid device responds with a point of the disc with centre and radius 1/(2b), where b includes the damping of
-the least operator. The hand may choose each point independently, so that
-
-    G_y = sum over n of 4 s^2/(omega_n T)^2 A(j omega_n) e^{-j (theta + omega_n delay)} (1 + u_n)/(2b),   |u_n| <= 1,
-
-also lies in a disc, with centre c and radius r. For a rigid device without an actuator, both sums have a closed form.
-With a structure, the disc of the motor depends on the frequency (`motor_disc`), and the code ignores the least
-operator, which can only raise R. A delay that is not a whole number of samples rotates the aliases relative to each
-other. Such a delay therefore raises R by more than the formula for whole samples predicts. The image of the disc under
-G/(1 + K_v F G) gives
-
-    R/s^2 = [r - Re c - (|c|^2 - r^2) K_v Re F]/s^2 / (1 + 2 K_v Re(F c) + K_v^2 |F|^2 (|c|^2 - r^2)).
-"""
+"""Compute what any passive hand requires of an impedance display in the sampled loop (model/README.md, section 15)."""
 
 from __future__ import annotations
 
@@ -27,10 +12,7 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import Required, firmware_filter
 
-ALIASES = 24
-"""Number of pairs of aliases that the code sums one by one if the device has an actuator or a spring. The code bounds
-the sum over all other aliases. With half this number, R at the Nyquist frequency is accurate to 1e-3; with twice this
-number, to 1e-4."""
+ALIASES = 24  # Number of pairs of aliases that the code sums one by one if the device has an actuator or a spring
 
 
 class InAnyHand(NamedTuple):
@@ -43,22 +25,13 @@ class InAnyHand(NamedTuple):
 
 
 class AnyHand(NamedTuple):
-    """The response of y to a force, in any passive hand: at each frequency a disc with centre c and radius r.
+    """The response of y to a force, in any passive hand: at each frequency a disc with centre c and radius r."""
 
-    Attributes
-    ----------
-    short : (r - Re c)/s^2
-    beyond : (|c|^2 - r^2)/s^2
-    centre : c
-    low_pass : F at theta; None for 1
-    sine2 : s^2
-    """
-
-    short: Number
-    beyond: Number
-    centre: Pair
-    low_pass: Pair | None
-    sine2: Number
+    short: Number  # (r - Re c)/s^2
+    beyond: Number  # (|c|^2 - r^2)/s^2
+    centre: Pair  # c
+    low_pass: Pair | None  # F at theta; None for 1
+    sine2: Number  # s^2
 
     @property
     def of_velocity(self) -> InAnyHand:
@@ -76,21 +49,7 @@ class AnyHand(NamedTuple):
 
 
 def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, fractional: bool) -> AnyHand:
-    """Return the disc of an impedance display's responses G_y in every passive hand (model/README.md, section 15).
-
-    Parameters
-    ----------
-    device : an impedance display with damping b > 0, its own or, for a rigid device, that of its least operator
-    whole : N, the number of whole samples in its delay
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of device and theta
-    fractional : whether the delay is longer than N samples
-
-    Returns
-    -------
-    AnyHand
-        The result has the shape of theta.
-    """
+    """Return the disc of an impedance display's responses G_y in every passive hand (model/README.md, section 15)."""
     disc, sine = _disc(device, whole, theta, ops, fractional=fractional), ops.sin(theta / 2)
     return AnyHand(*disc, firmware_filter(device, theta, ops), sine * sine)
 
@@ -123,25 +82,14 @@ def _disc(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, frac
 
 
 class _Alias(NamedTuple):
-    """The disc of the motor's responses to a force at one frequency, including the delays.
-
-    Attributes
-    ----------
-    centre : A e^{-j psi} C, with the centre C of the disc of the motor's admittance (`motor_disc`), and the angle psi
-        of all delays
-    radius : |A| rho, with the radius rho of the disc of the motor's admittance
-    """
+    """The disc of the motor's responses to a force at one frequency, including the delays."""
 
     centre: Pair
-    radius: Number
+    radius: Number  # |A| rho, with the radius rho of the disc of the motor's admittance
 
 
 def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
-    """Return the disc of a device with an actuator or a structure.
-
-    The centre and the radius of the disc are weighted sums over all aliases. The first alias has the weight
-    h = (2 s/theta)^2, and alias n has the weight (2 s/(theta + 2 pi n))^2.
-    """
+    """Return the disc of a device with an actuator or a structure."""
     near, short = _first_alias(device, theta, ops)
     others, radius = Pair(0 * theta, 0 * theta), 0 * theta
     for n in (sign * k for k in range(1, ALIASES + 1) for sign in (-1, 1)):
@@ -172,20 +120,7 @@ def _alias(device: Device, theta: Number, at: Number, ops: Arithmetic) -> _Alias
 
 
 def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair:
-    """Return A e^{-j (theta + omega_n delay)}, the motor's force per held force at the alias omega_n.
-
-    Parameters
-    ----------
-    device : device; the function uses its sample time, delay and actuator
-    theta : omega T, rad, in [0, pi]; the hold causes half of this phase lag, and the difference of positions the rest
-    at : omega_n T = theta + 2 pi n, rad, with an integer n
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Pair
-        Dimensionless. It has the shape of theta.
-    """
+    """Return A e^{-j (theta + omega_n delay)}, the motor's force per held force at the alias omega_n."""
     turn = theta + at * (device.delay / device.sample_time)
     delayed = Pair(ops.cos(turn), -ops.sin(turn))
     omega = at / device.sample_time
@@ -194,23 +129,7 @@ def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair
 
 
 def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, Number, Number | None]:
-    """Return the disc with radius rho and centre C that contains the motor's admittance in every passive hand.
-
-    C = rho (1 + 2 g (b - j omega m_1)), with g = Re 1/Z_s of the spring between motor and handle. A rigid device has C
-    = rho = 1/(2 b), where b includes the damping of its least operator.
-
-    Parameters
-    ----------
-    device : impedance display with b > 0, in SI units
-    omega : angular frequency, rad/s
-    ops : arithmetic of device and omega
-
-    Returns
-    -------
-    rho : radius of the disc, m/(N s)
-    reactance : omega m_1 with the motor's part m_1, N s/m; for a rigid device omega m
-    g : Re 1/Z_s of the spring, m/(N s); None for a rigid device
-    """
+    """Return the disc with radius rho and centre C that contains the motor's admittance in every passive hand."""
     b, reactance = device.damping, omega * device.motor_mass
     if device.structure is None:
         return 1 / (2 * device.least_damping), reactance, None
@@ -263,11 +182,7 @@ def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First
 
 def _beyond_the_last(device: Device, ops: Arithmetic) -> tuple[Number, Number]:
     """Return bounds of the weighted sums of |centre| and radius over all aliases after the last summed one, divided by
-    s^2.
-
-    The weights of these aliases sum to at most 2/(pi^2 N). A, rho and the bound of |C| decrease from the first of these
-    aliases on.
-    """
+    s^2."""
     omega = (2 * ALIASES + 1) * ops.pi / device.sample_time
     weight = 2 / (ops.pi * ops.pi * ALIASES)
     A = drive_response(device, omega, ops)

@@ -13,20 +13,7 @@ from vctune.model.sampled.velocity_loop import Polynomial, SampledPlant
 
 
 def characteristic_polynomial(plant: SampledPlant, gains: Gains) -> list[Number]:
-    """Return the coefficients of the sampled loop's characteristic polynomial, highest power of z first.
-
-    The coefficients equal the coefficients of F as a polynomial in w = 1/z, lowest power of w first.
-
-    Parameters
-    ----------
-    plant : plant in plain numbers or in balls, not in arrays; its number of whole samples is an int
-    gains : K_v and K_p in the plant's numbers; if K_p is certainly 0, the loop does not contain the position
-
-    Returns
-    -------
-    list of Number
-        The list has one more coefficient than the loop has poles.
-    """
+    """Return the coefficients of the sampled loop's characteristic polynomial, highest power of z first."""
     K_v, K_p = gains.velocity, gains.position
     difference, unit = [1, -1], [1]
     low_pass = unit

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 
+# Type of a function that returns the complex number even + j s odd for given even and odd
 OfParts = Callable[[Number, Number], Any]
-"""Type of a function that returns the complex number even + j s odd for given even and odd."""
 
 
 class Circle(NamedTuple):
@@ -21,18 +21,7 @@ class Circle(NamedTuple):
     ops: Arithmetic
 
     def late(self, whole: Number, number: OfParts) -> Any:
-        """Return e^{-j (N + 1/2) theta}, the delay of N + 1/2 samples.
-
-        Parameters
-        ----------
-        whole : N; for the integer 0 the function computes no further sine or cosine
-        number : function that makes the complex number even + j s odd from even and odd
-
-        Returns
-        -------
-        Any
-            The number that `number` makes.
-        """
+        """Return e^{-j (N + 1/2) theta}, the delay of N + 1/2 samples."""
         if isinstance(whole, int) and whole == 0:
             return number(self.cos, -1)
         even, odd = self.turned(whole + 0.5)
@@ -46,17 +35,6 @@ class Circle(NamedTuple):
 
 
 def circle(theta: Number, ops: Arithmetic) -> Circle:
-    """Return the point z = e^{j theta} of the unit circle.
-
-    Parameters
-    ----------
-    theta : omega T, rad, in [0, pi]; a number or an array
-    ops : arithmetic of theta
-
-    Returns
-    -------
-    Circle
-        Its s and c are sine and cosine of theta/2.
-    """
+    """Return the point z = e^{j theta} of the unit circle."""
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
     return Circle(theta, sin, cos, sin * sin, ops)

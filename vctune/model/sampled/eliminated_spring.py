@@ -1,21 +1,5 @@
-"""Write the margin of a rigid device in a hand as a quadratic in the part of the loop that the hand's spring changes.
-
-The module holds for admittance displays that `moves_as_two_states` accepts.
-
-The two states of device and hand have the determinant x + j s p (model/README.md, section 14):
-
-    x = K T^2/m (c^2 - 4 s^2 beta^2) - 4 s^2 alpha Q_22,   p = 2 c (alpha h - 2 beta K T^2/m),   h = (b + B) T/m.
-
-The stiffness K of the hand appears in x. Elsewhere, K appears only through p, alpha and beta, which hardly depend on K.
-Multiplied by S = c - 2 j s beta, the unknowns of the equations are affine in x + j s p. The margin of `hand_margin`
-times |S|^4 is therefore
-
-    A (x^2 + s^2 p^2) + L x + E p + C.
-
-If A > 0 and 4 A (A s^2 p^2 + E p + C) > L^2, the margin is positive for every x, and therefore for every resonance that
-a spring can have with the device. If also 2 A s^2 p + E > 0, the margin is positive for every greater p, and therefore
-for every greater damping.
-"""
+"""Write the margin of a rigid device in a hand as a quadratic in the part of the loop that the hand's spring
+changes."""
 
 from __future__ import annotations
 
@@ -32,43 +16,25 @@ from vctune.model.sampled.plant_in_hand import PlantInHand
 
 
 class InSpring(NamedTuple):
-    """The margin in a hand as A (x^2 + s^2 p^2) + L x + E p + C.
+    """The margin in a hand as A (x^2 + s^2 p^2) + L x + E p + C."""
 
-    Attributes
-    ----------
-    square, linear, rise, constant : A, L, E and C
-    damped : p for the least damping, `least_damping` of `margin_in_spring`
-    half_sine : s^2
-    """
-
-    square: Number
+    square: Number  # A, L, E and C
     linear: Number
     rise: Number
     constant: Number
-    damped: Number
-    half_sine: Number
+    damped: Number  # p for the least damping, `least_damping` of `margin_in_spring`
+    half_sine: Number  # s^2
 
     @property
     def for_every_spring(self) -> tuple[Number, Number, Number]:
-        """Three numbers. If all are positive, the margin is positive for every x and every p from `damped` on.
-
-        The first number is 4 A (A s^2 p^2 + E p + C) - L^2, where p is `damped`.
-        """
+        """Three numbers. If all are positive, the margin is positive for every x and every p from `damped` on."""
         bent = self.half_sine * (self.square * self.damped)
         least = (bent + self.rise) * self.damped + self.constant
         return 4 * (self.square * least) - self.linear * self.linear, self.square, 2 * bent + self.rise
 
 
 def moves_as_two_states(device: Device) -> bool:
-    """Return whether `margin_in_spring` holds for a device.
-
-    The device must be a rigid admittance display that measures its velocity. It must measure, actuate and sense without
-    low-passes, at once or after a delay.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    """
+    """Return whether `margin_in_spring` holds for a device."""
     parts = (device.velocity, device.actuator, device.structure, device.servo, device.sensing.bandwidth_hz)
     return device.kind.senses_force and device.kind.own_loop and all(part is None for part in parts)
 
@@ -84,24 +50,7 @@ def margin_in_spring(
     theta: Number,
     ops: Arithmetic,
 ) -> InSpring:
-    """Return the margin |F|^2 (Re Z_c - factor R) |S|^4 of a device that `moves_as_two_states`.
-
-    Parameters
-    ----------
-    plant : device and hand over one sample
-    device, hand : device and hand of the plant
-    least_damping : B in `InSpring.damped`, at most the damping of the hand, N s/m
-    gains : K_v and K_p, N s/m and N/m
-    offered : Re Z_c of the coupling in the firmware, N s/m
-    factor : least permitted Re Z_c / R
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    InSpring
-        Its numbers have the shape of theta.
-    """
+    """Return the margin |F|^2 (Re Z_c - factor R) |S|^4 of a device that `moves_as_two_states`."""
     at, T, delays = circle(theta, ops), plant.sample_time, plant.delays
 
     def number(even: Number, odd: Number) -> EvenOdd:

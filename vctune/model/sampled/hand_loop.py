@@ -1,20 +1,5 @@
 """Evaluate the sampled loop with a hand at the handle, and the impedance that the environment sees (model/README.md,
-section 14).
-
-The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) give the return
-difference and the impedance that the environment sees:
-
-    Delta = 1 + K_v G_v + K_p G_x,   Z_seen = -G_f (K_v + (T/2) K_p (1 + z^-1)/d)/Delta,
-
-where the firmware samples f just before the next command acts. Multiplying by common denominators turns the return
-difference and the numerator of Z_seen into F and P/(2 j s). F and P are numbers even + j s odd, which stay regular at
-theta = 0 and are affine in the gains. Their constants depend on device and hand alone:
-
-    R = -Re Z_seen = -o/(2 |F|^2),   P conj F = e + j s o.
-
-An impedance display and a servo have other return differences and numerators (`ForceInHand`, `CommandInHand`), and the
-same form of R.
-"""
+section 14)."""
 
 from __future__ import annotations
 
@@ -36,20 +21,12 @@ from vctune.model.sampled.worlds.loop_in_worlds import Seen, offered_at
 
 
 class LoopInHand(NamedTuple):
-    """The loop of an admittance display in a hand, at theta = omega T.
+    """The loop of an admittance display in a hand, at theta = omega T."""
 
-    F = open + K_v velocity + K_p position, and P = K_v seen_velocity + K_p seen_position.
-
-    Attributes
-    ----------
-    open, velocity, position : coefficients of F; each is dimensionless together with its gain
-    seen_velocity, seen_position : coefficients of P, dimensionless and in s; P is in N s/m
-    """
-
-    open: EvenOdd
+    open: EvenOdd  # coefficients of F; each is dimensionless together with its gain
     velocity: EvenOdd
     position: EvenOdd
-    seen_velocity: EvenOdd
+    seen_velocity: EvenOdd  # coefficients of P, dimensionless and in s; P is in N s/m
     seen_position: EvenOdd
 
     def closed(self, gains: Gains) -> EvenOdd:
@@ -62,16 +39,10 @@ class LoopInHand(NamedTuple):
 
 
 class CommandInHand(NamedTuple):
-    """The impedance that a servo in a hand presents to the environment, Z_seen = seen/(2 j s), whatever the gains.
+    """The impedance that a servo in a hand presents to the environment, Z_seen = seen/(2 j s), whatever the gains."""
 
-    Attributes
-    ----------
-    seen : numerator, N s/m, regular at theta = 0
-    blur : greatest increase of -odd/2 over the disc of responses, `Servo.radii`, N s/m; 0 without a disc
-    """
-
-    seen: EvenOdd
-    blur: Number = 0
+    seen: EvenOdd  # numerator, N s/m, regular at theta = 0
+    blur: Number = 0  # greatest increase of -odd/2 over the disc of responses, `Servo.radii`, N s/m; 0 without a disc
 
     def closed(self, _gains: Gains) -> EvenOdd:
         """Return F; a servo has no loop, so F = 1."""
@@ -82,24 +53,12 @@ class CommandInHand(NamedTuple):
         return self.seen
 
 
+# The loop of an admittance display in a hand, the loop of an impedance display, or a servo's response to commands
 AnyLoopInHand = LoopInHand | ForceInHand | CommandInHand
-"""The loop of an admittance display in a hand, the loop of an impedance display, or a servo's response to commands."""
 
 
 def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopInHand:
-    """Evaluate the sampled loop with a hand at the handle, at z = e^{j theta} (model/README.md, section 14).
-
-    Parameters
-    ----------
-    plant : device and hand over a sample
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of plant and theta
-
-    Returns
-    -------
-    AnyLoopInHand
-        Its type depends on the display. Each part has the shape of theta.
-    """
+    """Evaluate the sampled loop with a hand at the handle, at z = e^{j theta} (model/README.md, section 14)."""
     if isinstance(plant, ServoInHand):
         seen, half = seen_of_servo(plant.plant, plant.hand, theta, ops), ops.sin(theta / 2)
         blur = blur_of(plant.plant, seen, theta, ops)
@@ -129,16 +88,10 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
 
 
 class NextToRest(NamedTuple):
-    """The terms of rho. If the hand has no stiffness and K_p = 0, rho vanishes at theta = 0.
+    """The terms of rho. If the hand has no stiffness and K_p = 0, rho vanishes at theta = 0."""
 
-    Attributes
-    ----------
-    rho : 2 s + (K + K_p) T^2/m
-    turned, spring, integrator : shares of the terms 2 s, K T^2/m and K_p T^2/m in rho; they add up to 1
-    """
-
-    rho: Number
-    turned: Number
+    rho: Number  # 2 s + (K + K_p) T^2/m
+    turned: Number  # shares of the terms 2 s, K T^2/m and K_p T^2/m in rho; they add up to 1
     spring: Number
     integrator: Number
 
@@ -146,21 +99,7 @@ class NextToRest(NamedTuple):
 def required_in_limp_hand(
     plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic
 ) -> Required:
-    """Return `required_in_hand` divided by rho^2, near the limit in which theta, the hand's stiffness and K_p are 0.
-
-    Parameters
-    ----------
-    plant : the device in one or several hands
-    velocity : K_v, N s/m
-    theta : omega T, rad, in [0, pi]
-    rest : terms of rho; the prover covers all their values, so they need not match theta, the hand and K_p
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Required
-        The result has the shape of theta.
-    """
+    """Return `required_in_hand` divided by rho^2, near the limit in which theta, the hand's stiffness and K_p are 0."""
     F, felt = _next_to_rest(plant, velocity, theta, rest, ops)
     # with K_p = integrator rho m/T^2 and 2 s = turned rho, both terms of the law have the denominator j turned
     push = rest.integrator * (plant.mass / plant.sample_time) * ops.cos(theta / 2)
@@ -169,18 +108,7 @@ def required_in_limp_hand(
 
 
 def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic) -> Seen:
-    """Return `seen_in_hand` divided by rho^2, with the swing also divided by s, for K_p = 0.
-
-    Parameters
-    ----------
-    plant, velocity, theta, ops : see `required_in_limp_hand`
-    rest : terms of rho, with the integrator's share 0
-
-    Returns
-    -------
-    Seen
-        The result has the shape of theta.
-    """
+    """Return `seen_in_hand` divided by rho^2, with the swing also divided by s, for K_p = 0."""
     F, felt = _next_to_rest(plant, velocity, theta, rest, ops)
     lost = velocity * (felt.even * F.even + F.square * (felt.odd * F.odd))
     swing = velocity * rest.turned * (felt.even * F.odd - felt.odd * F.even)
@@ -190,12 +118,7 @@ def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest:
 def _next_to_rest(
     plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic
 ) -> tuple[EvenOdd, EvenOdd]:
-    """Return F and minus the sensed force, both divided by rho, as numbers even + j turned odd.
-
-    Near theta = 0, K = 0 and K_p = 0, both vanish with rho. The function replaces the unknown x_1, the position, by rho
-    x_1. The substitution divides the position's column of the equations by rho, whose terms contain the column's
-    factors 2 s and K.
-    """
+    """Return F and minus the sensed force, both divided by rho, as numbers even + j turned odd."""
     at, turned, half = circle(theta, ops), rest.turned, rest.rho / 2
     square = turned * turned
 
@@ -225,19 +148,8 @@ def _answers(
     moved: Any,
     grip: Number,
 ) -> tuple[Any, Any, Any, Any]:
-    """Return the determinant, and the products of the determinant with velocity, position and minus the sensed force.
-
-    All four also contain the denominators of the firmware's low-passes. The velocity is the firmware's estimate.
-
-    Parameters
-    ----------
-    plant : device in a hand
-    at : the point of the unit circle
-    number : function that makes complex numbers even + j s odd
-    states : function that returns the states times the determinant; its argument is the right-hand side, None for b
-    moved : d times the unit of position
-    grip : minus the sensed force per unit of position
-    """
+    """Return the determinant, and the products of the determinant with velocity, position and minus the sensed
+    force."""
 
     def of_states(shares: Vector, first: Any) -> Any:
         others = (
@@ -288,21 +200,7 @@ def _force_in_hand(
 
 
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
-    """Return -o/2 and |F|^2, whose quotient is R (model/README.md, sections 14, 15 and 17).
-
-    Here P conj F = e + j s o, and Z_seen = P/(2 j s F). For a servo F is 1, and the function adds
-    `CommandInHand.blur` to -o/2.
-
-    Parameters
-    ----------
-    loop : loop of a device in a hand, at one or several angles
-    gains : K_v and K_p, N s/m and N/m; for a servo the function ignores them
-
-    Returns
-    -------
-    Required
-        R = lost/size, N s/m; for an impedance display R/s^2 = lost/size, m/(N s).
-    """
+    """Return -o/2 and |F|^2, whose quotient is R (model/README.md, sections 14, 15 and 17)."""
     if isinstance(loop, CommandInHand):
         return Required(loop.blur - 0.5 * loop.seen.odd, 1)
     F, P = loop.closed(gains), loop.numerator(gains)
@@ -310,15 +208,7 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
 
 
 def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
-    """Return Z_seen, the impedance that the loop in a hand presents to the environment.
-
-    For an impedance display, the result is G/s^2, the response of the loop without its coupling.
-
-    Parameters
-    ----------
-    loop : loop in a hand, at one or several angles
-    gains : gains in numbers of the loop's arithmetic
-    """
+    """Return Z_seen, the impedance that the loop in a hand presents to the environment."""
     required = required_in_hand(loop, gains)
     if isinstance(loop, CommandInHand):
         return Seen(required.lost, 0.5 * loop.seen.even, 1)
@@ -327,21 +217,12 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
 
 
 class SeenByTool(NamedTuple):
-    """The impedance that the virtual tool of an impedance display in a hand meets, coupling included.
+    """The impedance that the virtual tool of an impedance display in a hand meets, coupling included."""
 
-    It is 1/(y/Z_c + G) = (given - lost)/size - j swing/(s size), with a share y of the coupling's admittance.
-
-    Attributes
-    ----------
-    given, lost : resistance that the coupling gives, and resistance that the loop requires, both times `size`
-    swing : minus the imaginary part, times s size; > 0 for a spring
-    size : denominator; > 0 unless the loop has a pole with the tool held
-    """
-
-    given: Number
+    given: Number  # resistance that the coupling gives, and resistance that the loop requires, both times `size`
     lost: Number
-    swing: Number
-    size: Number
+    swing: Number  # minus the imaginary part, times s size; > 0 for a spring
+    size: Number  # denominator; > 0 unless the loop has a pole with the tool held
 
     @property
     def whole(self) -> Seen:
@@ -355,18 +236,7 @@ class SeenByTool(NamedTuple):
 
 
 def seen_by_tool(loop: ForceInHand, gains: Gains, at: Offered, share: Number) -> SeenByTool:
-    """Return the impedance that the virtual tool of an impedance display meets (model/README.md, section 18).
-
-    With j s Z_c = C and G = s P/(2 j F), this impedance is j F C/(s (C P/2 - y F)). F C and C P/2 - y F are regular at
-    theta = 0. With y = 1, y F - C P/2 is the return difference of the loop with the tool held.
-
-    Parameters
-    ----------
-    loop : loop in a hand, at one or several angles
-    gains : gains in numbers of the loop's arithmetic
-    at : response of the coupling
-    share : y, the share of the coupling's admittance, from 1/g to 1
-    """
+    """Return the impedance that the virtual tool of an impedance display meets (model/README.md, section 18)."""
     alone, F, P = seen_in_hand(loop, gains), loop.closed(gains), loop.numerator(gains)
     held = EvenOdd(at.spring, at.above, F.square) * P.scaled(0.5) + F.scaled(-share)
     return SeenByTool(
@@ -386,38 +256,14 @@ def met_in_hand(
     theta: Number,
     ops: Arithmetic,
 ) -> tuple[OfferedBySeries, Seen]:
-    """Return the two parts of the impedance that an environment meets: the coupling's and the loop's.
-
-    Parameters
-    ----------
-    loop : loop in a hand
-    device : device whose firmware runs the coupling
-    gains, coupling : design in numbers of the arithmetic
-    share : share of the coupling, for an impedance display; the function ignores the share for other displays
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-    """
+    """Return the two parts of the impedance that an environment meets: the coupling's and the loop's."""
     if isinstance(coupling, SpringDamper) and isinstance(loop, ForceInHand):
         return seen_by_tool(loop, gains, offered_at_spring(coupling, device, theta, ops), share).apart
     return offered_at(series_coupling(coupling), device.sample_time, theta, ops), seen_in_hand(loop, gains)
 
 
 def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmetic) -> Number:
-    """Return Re Z_c of the coupling in the firmware; for an impedance display Re(1/Z_c)/sin^2(theta/2).
-
-    Parameters
-    ----------
-    coupling : coupling; its type determines the kind of display
-    device : device that runs the coupling; the function uses its sample time and, for an impedance display, its
-        velocity filter
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        N s/m, or m/(N s). It has the shape of theta.
-    """
+    """Return Re Z_c of the coupling in the firmware; for an impedance display Re(1/Z_c)/sin^2(theta/2)."""
     if isinstance(coupling, SpringDamper):
         return offered_at_spring(coupling, device, theta, ops).quotient
     return sampled_resistance(coupling, device.sample_time, theta, ops)
@@ -426,25 +272,7 @@ def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmeti
 def room(
     coupling: AnyCoupling, device: Device, required: Required, factor: Number, theta: Number, ops: Arithmetic
 ) -> Number:
-    """Return (offered - factor R) times a positive number, so that the result has the sign of the margin.
-
-    The positive number is the product of both denominators. The function does not divide, so that the result is regular
-    where `offered` or R is 0/0.
-
-    Parameters
-    ----------
-    coupling : coupling; its type determines the kind of display
-    device : device that runs the coupling
-    required : R at theta, as a quotient
-    factor : least permitted value of offered/R, > 0
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        The result has the shape of theta.
-    """
+    """Return (offered - factor R) times a positive number, so that the result has the sign of the margin."""
     if isinstance(coupling, SpringDamper):
         there = offered_at_spring(coupling, device, theta, ops)
         return there.above * required.size - factor * (required.lost * there.below)
@@ -452,18 +280,5 @@ def room(
 
 
 def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> Offered:
-    """Return 1/Z_c/sin^2(theta/2) of an impedance display's coupling in the firmware.
-
-    Parameters
-    ----------
-    coupling : b_c, N s/m, and k_c, N/m
-    device : device that runs the coupling; the function uses its sample time and its velocity filter
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Offered
-        m/(N s). It has the shape of theta.
-    """
+    """Return 1/Z_c/sin^2(theta/2) of an impedance display's coupling in the firmware."""
     return offered_by_spring(coupling, device.sample_time, firmware_filter(device, theta, ops), theta, ops)

@@ -1,18 +1,5 @@
-"""Evaluate the sampled velocity loop without a hand, in a form whose enclosures stay narrow for uncertain parameters.
-
-See model/README.md, section 14. The polynomials of a sampled device are sums whose terms cancel, so that uncertain
-parameters give wide enclosures. This module writes the exact sampling of x' = A x + b u with a hold as
-
-    (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2).
-
-The enclosures of the numbers in this equation are hardly wider than their ranges. All numbers are dimensionless, with
-the sample time as the unit of time and the mass of device and load as the unit of mass. The states are the position of
-the motor, the velocity of the centre of mass, the bend of the spring with its rate, and the states of the actuator. The
-bend is the motor's position minus the handle's position, and has the opposite sign of
-`vctune.simulation.scene.Equilibrium.bend`. In these states the resonance does not depend on the mass. No rate depends
-on the position, so the position appears in its own row alone, with the factor 2 j s. The code therefore solves for
-2 j s times the position, which has the factor 1.
-"""
+"""Evaluate the sampled velocity loop without a hand, in a form whose enclosures stay narrow for uncertain
+parameters."""
 
 from __future__ import annotations
 
@@ -32,78 +19,40 @@ from vctune.model.sampled.velocity_loop import ReturnDifference, SampledPlant
 
 @dataclass(frozen=True, slots=True)
 class PlantLetGo:
-    """A device without a hand over one sample, in the equation of this module with T = 1.
+    """A device without a hand over one sample, in the equation of this module with T = 1."""
 
-    Attributes
-    ----------
-    rates, step : A and Q
-    push, older : b and b_1; b_1 is None if it is 0
-    handle_share : handle's share r of the mass; None for a rigid device. The motor's velocity is the velocity of the
-        centre of mass plus r times the rate of the bend
-    whole_samples : N, the number of whole samples in the delay
-    sample_time, mass : T and m, which define the units
-    difference : whether the firmware differences positions to get the velocity
-    low_pass, order : a and r of the firmware's low-passes of the velocity; None and 0 without low-passes
-    """
-
-    rates: Matrix
+    rates: Matrix  # A and Q
     step: Matrix
-    push: Vector
+    push: Vector  # b and b_1; b_1 is None if it is 0
     older: Vector | None
-    handle_share: Number | None
-    whole_samples: Number
-    sample_time: Number
+    handle_share: Number | None  # handle's share r of the mass
+    whole_samples: Number  # N, the number of whole samples in the delay
+    sample_time: Number  # T and m, which define the units
     mass: Number
-    difference: bool = False
-    low_pass: Number | None = None
+    difference: bool = False  # whether the firmware differences positions to get the velocity
+    low_pass: Number | None = None  # a and r of the firmware's low-passes of the velocity
     order: int = 0
 
 
+# A sampled device without a hand, in the polynomial form or in the form of this module
 Plant = SampledPlant | PlantLetGo
-"""A sampled device without a hand, in the polynomial form or in the form of this module."""
 
 
+# Greatest resonance frequency, in units of the sampling frequency, for which the code uses this form
 HIGHEST_RESONANCE = 0.75
-"""Greatest resonance frequency, in units of the sampling frequency, for which the code uses this form. At the
-sampling frequency, coth has a pole and Q does not exist; this limit is a quarter lower."""
+# Indices of the first states: the motor's position, the velocity of the centre of mass, the bend, and its rate
 POSITION, VELOCITY, BEND, BENDING = range(4)
-"""Indices of the first states: the motor's position, the velocity of the centre of mass, the bend, and its rate."""
 
 
 def prefers_this_form(device: Device) -> bool:
-    """Return whether the proof uses this form for an uncertain device, and not the polynomials of `velocity_loop`.
-
-    For a rigid device without an actuator, the polynomials have a closed form, whose enclosures are tight. For a device
-    with an actuator or a structure, this form gives tighter enclosures, unless the resonance of the structure is above
-    `HIGHEST_RESONANCE`.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    """
+    """Return whether the proof uses this form for an uncertain device, and not the polynomials of `velocity_loop`."""
     if device.structure is not None:
         return bool(device.structure.frequency_hz * device.sample_time < HIGHEST_RESONANCE)
     return bool(drive_states(device))
 
 
 def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
-    """Sample a device without a hand exactly, in the form of this module (model/README.md, section 14).
-
-    The result includes the structure's load, but not the force sensor, because no loop without a hand contains the
-    sensor.
-
-    Parameters
-    ----------
-    device : device in SI units, not a servo; the function uses its mechanism, actuator, delay and velocity estimate
-    whole_samples : N, the number of whole samples in its delay
-    ops : arithmetic of the device's parameters
-    fractional : whether the delay is longer than N samples
-
-    Returns
-    -------
-    PlantLetGo
-        Dimensionless, with T = 1. The unit of mass is the device's mass including its load.
-    """
+    """Sample a device without a hand exactly, in the form of this module (model/README.md, section 14)."""
     T, estimate = device.sample_time, device.velocity
     rates, push, handle_share, mass = _mechanism(device, ops)
     rounded, older = half_coth(rates, ops), None
@@ -131,17 +80,7 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
 
 
 def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number | None, Number]:
-    """Return A, b, the handle's share of the mass, and the unit of mass in b.
-
-    Let V be the velocity of the centre of mass, B the bend of the spring (motor minus handle), r the handle's share of
-    the mass m, and v = V + r B' the motor's velocity. A load on the handle belongs to m and r; its damping d acts on
-    the handle's velocity v - B' = V - (1 - r) B'. The force u and the damping b act on the motor:
-
-        m V' = u - b v - d (v - B'),
-        B'' = (u - b v)/((1 - r) m) + d (v - B')/(r m) - w^2 B - 2 zeta w B'.
-
-    With a load, w^2 and 2 zeta w are the values of the free masses times the ratio of the reciprocal reduced masses.
-    """
+    """Return A, b, the handle's share of the mass, and the unit of mass in b."""
     T, structure = device.sample_time, device.structure
     one = 0 * T + 1  # a number of the arithmetic, so that the code encloses the quotient below
     names = ["position", "velocity"]  # in the order of POSITION, VELOCITY, BEND, BENDING
@@ -185,22 +124,7 @@ def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number 
 
 
 def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
-    """Evaluate the parts of the return difference F at z = e^{j theta}.
-
-    The F of a `PlantLetGo` contains a factor without zeros, which cancels in F_0/F.
-
-    Parameters
-    ----------
-    plant : a device without a hand, in either form
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of plant and theta
-    position : whether the law has K_p > 0; if not, the position's part is 0 and F is the F of the velocity loop
-
-    Returns
-    -------
-    ReturnDifference
-        Each part has the shape of theta.
-    """
+    """Evaluate the parts of the return difference F at z = e^{j theta}."""
     if isinstance(plant, SampledPlant):
         return sampled.return_difference(plant, theta, ops, position=position)
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)

@@ -1,15 +1,4 @@
-"""Model device and hand as one mechanism, held and sampled exactly (model/README.md, section 14).
-
-The mechanism is E x' = A x + b u, dimensionless with T = 1. Only E contains the masses. Only A contains the damping and
-the stiffness of the hand. With hold and sampling, and with theta = omega T, s = sin(theta/2) and c = cos(theta/2), the
-mechanism is
-
-    (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = f(A/E) E,   f(X) = (X/2) coth(X/2),
-
-where d = 1 - z^-1, b_1 is the effect of a sample's older force, and f(X) = 1 + X^2/12 - .... At low frequencies Q is
-nearly E. The equation is then nearly the equation of the continuous mechanism with 2 j tan(theta/2) instead of the
-Laplace variable, and its response hardly depends on the mass.
-"""
+"""Model device and hand as one mechanism, held and sampled exactly (model/README.md, section 14)."""
 
 from __future__ import annotations
 
@@ -46,21 +35,12 @@ Complex = TypeVar("Complex", EvenOdd, Pair)
 
 @dataclass(frozen=True, slots=True)
 class Delays:
-    """Two delays, each as a number of whole samples and a flag for a remaining fraction of a sample.
+    """Two delays, each as a number of whole samples and a flag for a remaining fraction of a sample."""
 
-    Attributes
-    ----------
-    loop : N, the number of whole samples in the device's delay; an array for several devices
-    loop_fractional : whether a fraction remains; an older force then acts at the start of each sample
-    felt : the number of whole samples in the sum of the device's and the force sensor's delay; an array for several
-        devices
-    felt_fractional : whether a fraction remains in this sum
-    """
-
-    loop: Number
-    loop_fractional: bool
-    felt: Number
-    felt_fractional: bool
+    loop: Number  # N, the number of whole samples in the device's delay; an array for several devices
+    loop_fractional: bool  # whether a fraction remains; an older force then acts at the start of each sample
+    felt: Number  # the number of whole samples in the sum of the device's and the force sensor's delay
+    felt_fractional: bool  # whether a fraction remains in this sum
 
 
 def delays_of(device: Device) -> Delays:
@@ -71,86 +51,49 @@ def delays_of(device: Device) -> Delays:
 
 
 class Mechanism(NamedTuple):
-    """E x' = A x + b u, the equation of a device in a hand, dimensionless.
+    """E x' = A x + b u, the equation of a device in a hand, dimensionless."""
 
-    Attributes
-    ----------
-    names : names of the states
-    inertia : diagonal entries of E by state; the entry of a state without a key is 1
-    sensed : additional entries of E, which belong to the handle's acceleration, by the row of the sensor's filter
-    rates : rows of A
-    push : b
-    felt : coefficient of each state in M a + B v + K x, which is minus the sensed force, by state
-    felt_inertia : share of M a in the handle's row of E x', that is, M over all mass that moves with the handle; None
-        with a filter
-    handle : name of the state that is the handle's velocity
-    """
-
-    names: list[str]
-    inertia: dict[str, Number]
+    names: list[str]  # names of the states
+    inertia: dict[str, Number]  # diagonal entries of E by state; the entry of a state without a key is 1
     sensed: dict[str, Number]
-    rates: Matrix
-    push: Vector
-    felt: dict[str, Number]
+    rates: Matrix  # rows of A
+    push: Vector  # b
+    felt: dict[str, Number]  # coefficient of each state in M a + B v + K x, which is minus the sensed force, by state
     felt_inertia: Number | None
-    handle: str
+    handle: str  # name of the state that is the handle's velocity
 
 
 @dataclass(frozen=True, slots=True)
 class PlantInHand:
-    """A device in a hand over one sample, in the equation of this module.
+    """A device in a hand over one sample, in the equation of this module."""
 
-    Attributes
-    ----------
-    rates, step : A and Q
-    push, older, felt_older : b, b_1 of the loop, and b_1 of the sensed force, whose delay may be longer; None for a b_1
-        of 0
-    felt : coefficient of each state in minus the sensed force, without the inertia of the hand
-    felt_inertia : the inertia of the hand in minus the sensed force: the row of the coefficients of d x, and the
-        coefficient of d u from b_1, an empty tuple for a b_1 of 0; None with a filter
-    delays : whole samples of the delays
-    sample_time, mass : T and m, the units of time and mass: s, and kg of the device without the hand
-    difference : whether the firmware differences positions to get the velocity
-    low_pass, order : a and r of the firmware's low-passes of the velocity; None and 0 without low-passes
-    meets_position : whether the environment acts on the position, as on an impedance display
-    """
-
-    rates: Matrix
+    rates: Matrix  # A and Q
     step: Matrix
-    push: Vector
+    push: Vector  # b, b_1 of the loop, and b_1 of the sensed force, whose delay may be longer; None for a b_1 of 0
     older: Vector | None
     felt_older: Vector | None
-    felt: Vector
+    felt: Vector  # coefficient of each state in minus the sensed force, without the inertia of the hand
     felt_inertia: tuple[Vector, Vector] | None
-    delays: Delays
-    sample_time: Number
+    delays: Delays  # whole samples of the delays
+    sample_time: Number  # T and m, the units of time and mass: s, and kg of the device without the hand
     mass: Number
-    difference: bool = False
-    low_pass: Number | None = None
+    difference: bool = False  # whether the firmware differences positions to get the velocity
+    low_pass: Number | None = None  # a and r of the firmware's low-passes of the velocity
     order: int = 0
-    meets_position: bool = False
+    meets_position: bool = False  # whether the environment acts on the position, as on an impedance display
 
     @property
     def poles(self) -> int:
-        """Return the number of poles of F, without those of delays and, on an impedance display, of low-passes.
-
-        If no pole of the loop is unstable, this number determines how often the curve of F encircles 0.
-        """
+        """Return the number of poles of F, without those of delays and, on an impedance display, of low-passes."""
         return len(self.push) + (0 if self.meets_position else self.order)
 
 
 @dataclass(frozen=True, slots=True)
 class ServoInHand:
-    """A servo over one sample, and the hand that holds it. The hand does not move the servo.
+    """A servo over one sample, and the hand that holds it. The hand does not move the servo."""
 
-    Attributes
-    ----------
-    plant : the servo and its force sensor
-    hand : the hand; its numbers may be arrays
-    """
-
-    plant: ServoPlant
-    hand: Hand
+    plant: ServoPlant  # the servo and its force sensor
+    hand: Hand  # the hand; its numbers may be arrays
 
     @property
     def poles(self) -> int:
@@ -158,25 +101,11 @@ class ServoInHand:
         return 0
 
 
-AnyPlantInHand = PlantInHand | ServoInHand
-"""A device in a hand over one sample."""
+AnyPlantInHand = PlantInHand | ServoInHand  # A device in a hand over one sample
 
 
 def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -> AnyPlantInHand:
-    """Sample a device in a hand exactly (model/README.md, section 14).
-
-    Parameters
-    ----------
-    device : device in SI units, without a load on its handle; the hand takes the place of its least operator
-    hand : M, B and K at the handle
-    delays : whole samples of the device's delay, and of the sum of the device's and the force sensor's delay
-    ops : arithmetic of device and hand
-
-    Returns
-    -------
-    AnyPlantInHand
-        Its type depends on the display. Its numbers have the shape of the device's and the hand's numbers.
-    """
+    """Sample a device in a hand exactly (model/README.md, section 14)."""
     if device.servo is not None:
         own = SensedDelay(delays.loop, delays.loop_fractional)
         return ServoInHand(servo_plant(device, SensedDelay(delays.felt, delays.felt_fractional, own), ops), hand)
@@ -222,24 +151,14 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
 
 class Sample(NamedTuple):
-    """A mechanism over one sample.
+    """A mechanism over one sample."""
 
-    Attributes
-    ----------
-    step : Q
-    older : b_1 as a function of the share of the sample for which the older force acts
-    """
-
-    step: Matrix
-    older: Callable[[Number], Vector]
+    step: Matrix  # Q
+    older: Callable[[Number], Vector]  # b_1 as a function of the share of the sample for which the older force acts
 
 
 def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
-    """Return the sample of a rigid device without further states, in closed form.
-
-    The result is None for any other device, for single numbers, and if an eigenvalue of device and hand may be too
-    large for the series (`rigid_sample.WITHIN`).
-    """
+    """Return the sample of a rigid device without further states, in closed form."""
     if len(parts.names) > 2 or ops.arrays is None:
         return None
     arrays, (_, (spring, damper)), inertia = ops.arrays, parts.rates, parts.inertia["velocity"]
@@ -272,14 +191,7 @@ def _any(parts: Mechanism, at: dict[str, int], ops: Arithmetic) -> Sample:
 
 
 def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
-    """Return the equations of a device in a hand. The hand's force on the handle is -(M a + B v + K x).
-
-    Parameters
-    ----------
-    device : device in SI units, not a servo, and without a load on its handle
-    hand : M, B and K at the handle
-    ops : arithmetic of device and hand
-    """
+    """Return the equations of a device in a hand. The hand's force on the handle is -(M a + B v + K x)."""
     T, m, sensor = device.sample_time, device.mass, device.sensing
     one = 0 * T + 1  # a number of the arithmetic, so that the code encloses the quotient below
     carried, held, grip = hand.mass / m, hand.damping * T / m, hand.stiffness * (T * T) / m
@@ -351,20 +263,7 @@ def _times_inertia(matrix: Matrix, parts: Mechanism, at: dict[str, int]) -> Matr
 def equations(
     rates: Matrix, step: Matrix, push: Vector, older: Vector | None, cos: Number, square: Number
 ) -> list[list[EvenOdd | None]]:
-    """Return the linear equations (2 j s Q - c A) x = b - d b_1 for the n states x on the unit circle.
-
-    Parameters
-    ----------
-    rates, step : A and Q, n x n, dimensionless with T = 1
-    push : b, of length n
-    older : b_1, of length n, the effect of the older force; None for 0
-    cos, square : c = cos(theta/2) and s^2, s = sin(theta/2)
-
-    Returns
-    -------
-    list of rows
-        n rows of n + 1 entries. The last entry is the right-hand side; None stands for an entry that is 0 by structure.
-    """
+    """Return the linear equations (2 j s Q - c A) x = b - d b_1 for the n states x on the unit circle."""
     d = EvenOdd(2 * square, 2 * cos, square)
 
     def entry(a: Number, q: Number) -> EvenOdd | None:
@@ -383,11 +282,7 @@ def equations(
 
 def numerators(rows: list[list[Complex | None]]) -> dict[int, Complex]:
     """Return the solution of n linear equations by Cramer's rule: the determinant, and the determinant times each
-    unknown.
-
-    The key n holds the determinant. The key j holds the determinant times unknown j. A key is absent if its number is 0
-    by structure.
-    """
+    unknown."""
     n = len(rows)
     # the right-hand side, the last column, moves past n - 1 - j others to column j
     return {j: minor.scaled(-1) if (n - 1 - j) % 2 and j < n else minor for j, minor in minors(rows).items()}

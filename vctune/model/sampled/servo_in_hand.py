@@ -1,20 +1,5 @@
 """Compute the impedance that a servo in a hand presents to the environment, and the resistance that this impedance
-requires of the coupling.
-
-See model/README.md, section 17. The motion follows the command alone, and the sensed force of a hand is linear in this
-motion:
-
-    Z_seen = M G_a + B G_v + K G_x = (even + j s odd)/(2 j s),   R = -Re Z_seen = -odd/2.
-
-With the letters of `vctune.model.sampled.servo_plant` and d = 1 - w = 2 j s e^(-j theta/2),
-
-    Z_seen = w^(N+1) (K T (1 - delta + delta w)/d + B - K T l - (B, M/T, K T) (q_0, q_1, q_-1)).
-
-For a position command, Z_seen also has the factor cos(theta/2) e^(-j theta/2). A filter a/(1 - b w), b = 1 - a, of the
-sensed samples is a/(a + b d). For the term with 1/d, the code writes this filter as 1 - b d/(a + b d), so that one d
-cancels. The firmware's own spring adds its stiffness times G_x to Z_seen, where G_x belongs to a servo without a force
-sensor.
-"""
+requires of the coupling."""
 
 from __future__ import annotations
 
@@ -33,45 +18,23 @@ from vctune.model.sampled.circle import Circle, circle
 from vctune.model.sampled.servo_plant import Pull, ServoPlant, sensed_delay, servo_plant
 
 Floats = NDArray[np.float64]
+# Points (Hz, r) of the radius of a disc that contains Z_seen. r is linear between the points on logarithmic axes,
+# constant above the last point, and proportional to the frequency below the first, because a servo follows a constant
+# command exactly
 Radii = tuple[tuple[float, float], ...]
-"""Points (Hz, r) of the radius of a disc that contains Z_seen. r is linear between the points on logarithmic axes,
-constant above the last point, and proportional to the frequency below the first, because a servo follows a constant
-command exactly."""
-BEYOND = 1e9
-"""Multiple of the disc's last frequency up to which r is constant. The product must lie above the Nyquist frequency,
-and does so with half or twice this multiple as well."""
+BEYOND = 1e9  # Multiple of the disc's last frequency up to which r is constant
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Z_seen = (even + j s odd)/(2 j s) at an angle.
+    """Z_seen = (even + j s odd)/(2 j s) at an angle."""
 
-    Attributes
-    ----------
-    even, odd : the two parts, N s/m, regular at theta = 0
-    """
-
-    even: Number
+    even: Number  # the two parts, N s/m, regular at theta = 0
     odd: Number
 
 
 def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic) -> Seen:
-    """Return Z_seen, the impedance that a servo in a hand presents to the environment (model/README.md, section 17).
-
-    Z_seen includes the firmware's own spring, if there is one.
-
-    Parameters
-    ----------
-    plant : the servo over one sample
-    hand : M, B and K; arrays of shape (h, 1) for several hands
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Seen
-        Both parts of Z_seen. They have the shape of theta and the hand together.
-    """
+    """Return Z_seen, the impedance that a servo in a hand presents to the environment (model/README.md, section 17)."""
     at = circle(theta, ops)
     seen = _seen_at(plant, hand, at)
     if plant.pull is None:
@@ -153,20 +116,7 @@ def _reciprocal(x: Pair, ops: Arithmetic) -> Pair:
 
 
 def blur_of(plant: ServoPlant, seen: Seen, theta: Number, ops: Arithmetic) -> Number:
-    """Return r |Z_seen|, the greatest increase of -odd/2 while Z_seen varies within its disc.
-
-    Parameters
-    ----------
-    plant : the servo over one sample, with the `radii` of the disc
-    seen : Z_seen in a hand, without the disc
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        N s/m. It has the shape of theta; 0 without a disc.
-    """
+    """Return r |Z_seen|, the greatest increase of -odd/2 while Z_seen varies within its disc."""
     if not plant.radii:
         return 0
     around = ops.modulus(seen.even, ops.sin(theta / 2) * seen.odd)
@@ -183,16 +133,10 @@ def _blur(radii: Radii, sample_time: Number, theta: Number, ops: Arithmetic) -> 
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """The resistance that a box of hands requires of a servo's coupling, including the disc of its responses.
+    """The resistance that a box of hands requires of a servo's coupling, including the disc of its responses."""
 
-    Attributes
-    ----------
-    plant : the servo, with plain numbers
-    vertices : hands at the vertices, with numbers of shape (v, 1); at every angle one of them requires the most
-    """
-
-    plant: ServoPlant
-    vertices: Hand
+    plant: ServoPlant  # the servo, with plain numbers
+    vertices: Hand  # hands at the vertices, with numbers of shape (v, 1); at every angle one of them requires the most
 
     def in_each(self, theta: Floats) -> Floats:
         """Return R at each vertex for angles of shape (n,), N s/m. The result has shape (v, n)."""
@@ -205,16 +149,5 @@ class Demand:
 
 
 def demand_of(device: Device, hands: Hands) -> Demand:
-    """Return the resistance R that a box of hands requires of a servo's coupling, as a function of the angle.
-
-    Parameters
-    ----------
-    device : a servo with plain numbers
-    hands : the box; its vertices suffice because R is convex in the hand
-
-    Returns
-    -------
-    Demand
-        The function that evaluates R at angles.
-    """
+    """Return the resistance R that a box of hands requires of a servo's coupling, as a function of the angle."""
     return Demand(servo_plant(device, sensed_delay(device), FLOATS), stacked(hands.corners, (-1, 1)))

@@ -1,19 +1,4 @@
-"""Sample a servo and its force sensor exactly (model/README.md, section 17).
-
-Velocity, acceleration and position pass through both servo and sensor. The code may therefore put the sensor's low-pass
-after the servo's low-pass, and write the sum of both delays as (N + delta) T. The two low-passes form a chain with the
-states x' = A x + b u and T = 1. The first state of the chain is the sensed velocity. All states are 1 at rest with u =
-1. With w = z^-1 and d = 1 - w, the pulse transfer functions from the held velocity are
-
-    G_v = w^(N+1) (1 - q_0),   G_a = -w^(N+1) q_1/T,   G_x = T w^(N+1) ((1 - delta + delta w)/d - l - q_-1),
-
-where q_i is the first entry of A^i d g p with d g p = h - w p, l is the first entry of -A^-1 (1, 1, ...), and
-
-    p = (w + d g)^-1 h,   g = 1/(1 - e^A) = 1/2 - f A^-1,   f = (A/2) coth(A/2),   h = e^(A (1 - delta)) (1, 1, ...).
-
-Only h and one term of G_x contain delta, and g is nearly linear in the lags -A^-1. Enclosures over boxes of uncertain
-delays and bandwidths therefore stay narrow.
-"""
+"""Sample a servo and its force sensor exactly (model/README.md, section 17)."""
 
 from __future__ import annotations
 
@@ -41,44 +26,28 @@ from vctune.model.numbers.matrices import (
 from vctune.model.parts import Servo
 from vctune.model.sampled.velocity_loop import split_delay
 
+# Greatest product of |A| and half the width of an interval of times for which the code expands the exponential around
+# the middle of the interval
 FAR = 4.0
-"""Greatest product of |A| and half the width of an interval of times for which the code expands the exponential around
-the middle of the interval. With half this number, the code could enclose servos up to half the bandwidth; with twice
-this number, up to twice the bandwidth."""
 
 
 @dataclass(frozen=True, slots=True)
 class ServoPlant:
     """The response of a servo to a held velocity command or an interpolated position command, in the letters of this
-    module.
+    module."""
 
-    Attributes
-    ----------
-    below : g, with the sensor's states first
-    held : h
-    lags, driven : first rows of -A^-1 and of A g
-    older : delta, the share of a sample for which the older command acts
-    order : order of the servo, the number of its states
-    turns : delay of Z_seen in samples: N + 1/2; N + 1 for a position command
-    interpolated : whether the command is a position, which adds the factor cos(theta/2) to all responses
-    share : a of the firmware's filter y += a (x - y) of the sensed samples; None without a filter
-    sample_time : T, s
-    pull : the firmware's own spring; None without one
-    radii : points (Hz, r) of a disc of responses, `Servo.radii`; empty without a disc
-    """
-
-    below: Matrix
-    held: Vector
-    lags: Vector
+    below: Matrix  # g, with the sensor's states first
+    held: Vector  # h
+    lags: Vector  # first rows of -A^-1 and of A g
     driven: Vector
-    older: Number
-    order: int
-    turns: float
-    interpolated: bool
-    share: Number | None
-    sample_time: Number
-    pull: Pull | None = None
-    radii: tuple[tuple[float, float], ...] = ()
+    older: Number  # delta, the share of a sample for which the older command acts
+    order: int  # order of the servo, the number of its states
+    turns: float  # delay of Z_seen in samples: N + 1/2; N + 1 for a position command
+    interpolated: bool  # whether the command is a position, which adds the factor cos(theta/2) to all responses
+    share: Number | None  # a of the firmware's filter y += a (x - y) of the sensed samples; None without a filter
+    sample_time: Number  # T, s
+    pull: Pull | None = None  # the firmware's own spring; None without one
+    radii: tuple[tuple[float, float], ...] = ()  # points (Hz, r) of a disc of responses, `Servo.radii`
 
     def converted(self, number: Callable[[Number], Number]) -> ServoPlant:
         """Return the plant with its numbers in another arithmetic."""
@@ -102,31 +71,19 @@ class ServoPlant:
 
 @dataclass(frozen=True, slots=True)
 class Pull:
-    """A spring in the firmware between the measured position and a reference.
+    """A spring in the firmware between the measured position and a reference."""
 
-    Attributes
-    ----------
-    plant : the servo without its force sensor and without this spring
-    stiffness : stiffness of the spring, N/m
-    """
-
-    plant: ServoPlant
-    stiffness: Number
+    plant: ServoPlant  # the servo without its force sensor and without this spring
+    stiffness: Number  # stiffness of the spring, N/m
 
 
 @dataclass(frozen=True, slots=True)
 class SensedDelay:
-    """The whole samples in the sum of the servo's and the sensor's delay, and whether a fraction remains.
+    """The whole samples in the sum of the servo's and the sensor's delay, and whether a fraction remains."""
 
-    Attributes
-    ----------
-    whole, fractional : N, and whether delta > 0
-    moved : the same numbers for the servo alone; None if they are equal
-    """
-
-    whole: int
+    whole: int  # N, and whether delta > 0
     fractional: bool
-    moved: SensedDelay | None = None
+    moved: SensedDelay | None = None  # the same numbers for the servo alone; None if they are equal
 
 
 def sensed_delay(device: Device) -> SensedDelay:
@@ -137,22 +94,7 @@ def sensed_delay(device: Device) -> SensedDelay:
 
 
 def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPlant:
-    """Sample a servo and its force sensor exactly (model/README.md, section 17).
-
-    The sensor samples the force just before the next command acts. If the delay is a whole number of samples, that
-    force still comes from the previous command.
-
-    Parameters
-    ----------
-    device : a servo, in SI units
-    delay : whole samples in the delay of servo and sensor together, and in the delay of the servo alone
-    ops : arithmetic of the device's parameters
-
-    Returns
-    -------
-    ServoPlant
-        Its numbers have the shape of the device's numbers.
-    """
+    """Sample a servo and its force sensor exactly (model/README.md, section 17)."""
     T, servo = device.sample_time, device.servo
     assert servo is not None
     rates, lags = servo_rates(device, ops)
@@ -181,10 +123,7 @@ def _decayed_over_sample(rates: Matrix, ops: Arithmetic) -> Vector:
 
 
 def _decayed(rates: Matrix, time: Number, ops: Arithmetic) -> Vector:
-    """Return e^(A t) (1, 1, ...) by a series around the middle of t, in which matrices of intervals stay tight.
-
-    The vector holds the states a time t after they leave rest at 1, with u = 0.
-    """
+    """Return e^(A t) (1, 1, ...) by a series around the middle of t, in which matrices of intervals stay tight."""
     middle = ops.middle(time)
     off = time - middle
     reach = norm_of(rates, ops) * ops.magnitude(off)
@@ -211,17 +150,7 @@ def _pull(device: Device, servo: Servo, delay: SensedDelay, ops: Arithmetic) -> 
 
 
 def servo_rates(device: Device, ops: Arithmetic) -> tuple[Matrix, Matrix]:
-    """Return A and -A^-1 of the states of sensor and servo, with T = 1.
-
-    Parameters
-    ----------
-    device : a servo with its force sensor
-    ops : arithmetic of the device's parameters
-
-    Returns
-    -------
-    rates, lags : A and -A^-1, n x n, with the states of the sensor first
-    """
+    """Return A and -A^-1 of the states of sensor and servo, with T = 1."""
     T, servo, sensor = device.sample_time, device.servo, device.sensing
     assert servo is not None
     moved: tuple[str, ...] = ("moved", "moving")[: servo.order]

@@ -14,29 +14,14 @@ from vctune.model.sampled.plant_in_hand import Delays, delays_of
 
 
 class SeveralDevices(NamedTuple):
-    """Several devices, joined into one.
+    """Several devices, joined into one."""
 
-    Attributes
-    ----------
-    device : device whose numbers are plain where all devices agree, and arrays elsewhere
-    delays : whole samples of the device's delays, plain where all devices agree, and arrays elsewhere
-    """
-
-    device: Device
-    delays: Delays
+    device: Device  # device whose numbers are plain where all devices agree, and arrays elsewhere
+    delays: Delays  # whole samples of the device's delays, plain where all devices agree, and arrays elsewhere
 
 
 def alike(devices: Sequence[Device]) -> list[list[int]]:
-    """Return groups of devices that `as_one` can join, by their indices.
-
-    The devices of a group differ only in their numbers. For each of them, either all delays of one kind are whole
-    numbers of samples, or none is. Each servo forms its own group: its sample does not contain the hand, so callers
-    sample a servo once for all hands.
-
-    Parameters
-    ----------
-    devices : devices with plain numbers
-    """
+    """Return groups of devices that `as_one` can join, by their indices."""
     groups: dict[object, list[int]] = {}
     for place, device in enumerate(devices):
         delays = delays_of(device)
@@ -48,13 +33,7 @@ def alike(devices: Sequence[Device]) -> list[list[int]]:
 
 
 def as_one(devices: Sequence[Device], shape: tuple[int, ...]) -> SeveralDevices:
-    """Return similar devices (`alike`) as one device.
-
-    Parameters
-    ----------
-    devices : devices with plain numbers, a group from `alike`
-    shape : shape of the arrays
-    """
+    """Return similar devices (`alike`) as one device."""
     first, delays = devices[0], [delays_of(device) for device in devices]
     if len(set(devices)) == 1:
         return SeveralDevices(first, delays[0])

@@ -1,9 +1,4 @@
-"""Compute the exact step over one sample of a device with an actuator or a structure.
-
-The functions `stepped` and `left_by_older` also serve the other sampled models. Time is in units of T and impedance in
-units of m/T. All numbers are then dimensionless, and the size of a number shows its effect on the sampled loop
-(README, section 12).
-"""
+"""Compute the exact step over one sample of a device with an actuator or a structure."""
 
 from __future__ import annotations
 
@@ -33,36 +28,15 @@ from vctune.model.numbers.matrices import (
 
 @dataclass(frozen=True, slots=True)
 class StepResponse:
-    """The responses of velocity and position to a held force, as polynomials of x = z - 1, lowest power first.
+    """The responses of velocity and position to a held force, as polynomials of x = z - 1, lowest power first."""
 
-    Over a sample, the states change by psi times the states plus the effect of the forces.
-
-    Attributes
-    ----------
-    open : coefficients of det(x - psi) without the last, which is 1
-    velocity, position : numerators for the newer and the older force of the sample. They are in units of T/m and T^2/m
-        from this module, and in SI units from `velocity_loop`
-    """
-
-    open: Vector
-    velocity: tuple[Vector, Vector]
+    open: Vector  # coefficients of det(x - psi) without the last, which is 1
+    velocity: tuple[Vector, Vector]  # numerators for the newer and the older force of the sample
     position: tuple[Vector, Vector]
 
 
 def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> StepResponse:
-    """Sample a device with a held force, and with an actuator or a structure, exactly (model/README.md, section 12).
-
-    Parameters
-    ----------
-    device : device in SI units
-    older : part of the sample for which the older force acts, s; None if the delay is a whole number of samples
-    ops : arithmetic of device and older
-
-    Returns
-    -------
-    StepResponse
-        Velocities are in units of T/m, positions in units of T^2/m.
-    """
+    """Sample a device with a held force, and with an actuator or a structure, exactly (model/README.md, section 12)."""
     share = None if older is None else older / device.sample_time
     chain = sampled_chain(_rates(device, ops), share, ops)
     newer, late = (tuple(states[0] for states in force) for force in chain.states)
@@ -71,34 +45,15 @@ def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> Ste
 
 @dataclass(frozen=True, slots=True)
 class SampledChain:
-    """Responses of the states and of the first state's integral to a held input, as polynomials of x = z - 1.
+    """Responses of the states and of the first state's integral to a held input, as polynomials of x = z - 1."""
 
-    Attributes
-    ----------
-    open : coefficients of det(x - psi) without the last, which is 1
-    states : numerators of all states, one vector for each power of x, for the newer and the older input of a sample
-    position : numerators of the integral, over the denominator times x, for the newer and the older input
-    """
-
-    open: Vector
+    open: Vector  # coefficients of det(x - psi) without the last, which is 1
     states: tuple[list[Vector], list[Vector]]
     position: tuple[Vector, Vector]
 
 
 def sampled_chain(rates: Matrix, older: Number | None, ops: Arithmetic) -> SampledChain:
-    """Sample a chain of n states and the integral of the first state exactly, as polynomials of x = z - 1.
-
-    Parameters
-    ----------
-    rates : matrix of d/dt with T = 1 for the integral (first), the n states and the input (last), (n + 2) x (n + 2)
-    older : share of the sample for which the older input acts, in (0, 1); None if it does not act
-    ops : arithmetic of rates and older
-
-    Returns
-    -------
-    SampledChain
-        Numerators for the newer and the older input over the common denominator det(x - psi).
-    """
+    """Sample a chain of n states and the integral of the first state exactly, as polynomials of x = z - 1."""
     step, newer, older_force = stepped(rates, older, ops)
     psi = tuple(row[1:-1] for row in step[1:-1])  # without the integral and the input
     coefficients, adjugate = characteristic(psi)
@@ -114,19 +69,7 @@ def sampled_chain(rates: Matrix, older: Number | None, ops: Arithmetic) -> Sampl
 
 
 def stepped(rates: Matrix, older: Number | None, ops: Arithmetic) -> tuple[Matrix, Vector, Vector]:
-    """Return the change of a linear system over one sample, and its parts due to the newer and to the older force.
-
-    Parameters
-    ----------
-    rates : A, the matrix of d/dt with T = 1 for the states and the force (last), n x n
-    older : share of the sample for which the older force acts, in (0, 1); None if it does not act
-    ops : arithmetic of rates and older
-
-    Returns
-    -------
-    step : e^A - 1, n x n
-    newer, older_force : change of the states per unit of the newer and of the older force, vectors of length n
-    """
+    """Return the change of a linear system over one sample, and its parts due to the newer and to the older force."""
     if older is None:
         step = exponential_less_one(rates, ops)
         return step, column(step, -1), tuple(0 for _ in rates)
@@ -136,19 +79,7 @@ def stepped(rates: Matrix, older: Number | None, ops: Arithmetic) -> tuple[Matri
 
 
 def left_by_older(rates: Matrix, older: Number, ops: Arithmetic) -> Vector:
-    """Return the change of the states over one sample per unit of the older force.
-
-    Parameters
-    ----------
-    rates : A, the matrix of d/dt with T = 1 for the states and the force (last), n x n
-    older : share of the sample for which the older force acts, in (0, 1)
-    ops : arithmetic of rates and older
-
-    Returns
-    -------
-    Vector
-        Vector of length n; the last entry belongs to the force.
-    """
+    """Return the change of the states over one sample per unit of the older force."""
     return _moved_on(*_halves(rates, older, ops))
 
 
@@ -164,10 +95,7 @@ def _moved_on(early: Matrix, late: Matrix) -> Vector:
 
 
 def _rates(device: Device, ops: Arithmetic) -> Matrix:
-    """Return the matrix of d/dt, T = 1, for position, motor velocity, bend, handle velocity, drive and command.
-
-    A rigid device has no bend and no handle velocity.
-    """
+    """Return the matrix of d/dt, T = 1, for position, motor velocity, bend, handle velocity, drive and command."""
     T, m = device.sample_time, device.mass
     one = 0 * T + 1  # a number of the arithmetic, so that the code encloses the quotient below
     bent = ("bend", "handle") if device.structure is not None else ()

@@ -1,21 +1,4 @@
-"""Evaluate the exact sampled velocity loop, with any real delay (model/README.md, sections 7 and 12).
-
-The loop is that of an admittance display without a hand, or of an impedance display with K_v alone. Between samples
-the device receives u[k-N-1] for the first delta T and u[k-N] for the rest, where delay = (N + delta) T. With w = z^-1
-and d = 1 - w, the pulse transfer functions from the held command to velocity and position are
-
-    G_v = w^N (V_0 + w V_1)/O,   G_x = w^N (P_0 + w P_1)/(d O)
-
-with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k). As polynomials of z - 1, they have the same
-coefficients, and no terms cancel near z = 1. The response of the firmware's velocity estimate is L G_v or L d G_x/T,
-with the low-pass L = a^r/(d + a w)^r. The loop's return difference, multiplied by its denominators, is therefore
-
-    F = d O (d + a w)^r + K_v V d + K_p P (d + a w)^r,
-
-or F = O (d + a w)^r + K_v V if K_p = 0, because the loop then does not contain the position. Let F_0 be F without the
-gains. Then the loop's sensitivity is S = F_0/F = 1/(1 + K_v G_v + K_p G_x). F is affine in the gains, with complex
-constants that depend on the device alone.
-"""
+"""Evaluate the exact sampled velocity loop, with any real delay (model/README.md, sections 7 and 12)."""
 
 from __future__ import annotations
 
@@ -33,33 +16,20 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.state_space import StepResponse, sampled_states
 
-Polynomial = tuple[Number, ...]
-"""Coefficients c_k of d^k w^(n-k), lowest power of d first."""
+Polynomial = tuple[Number, ...]  # Coefficients c_k of d^k w^(n-k), lowest power of d first
 
 
 @dataclass(frozen=True, slots=True)
 class SampledPlant:
-    """The exact sampled model of a device with input delay, for a held input.
+    """The exact sampled model of a device with input delay, for a held input."""
 
-    Attributes
-    ----------
-    open : O, of degree n, without its last coefficient, which is 1
-    velocity : V for the newer and the older force of a sample, m/(N s), without the low-passes; each of degree n, or
-        n + 1 if the firmware differences positions, without its last coefficient, 0
-    position : P for the newer and the older force, m/N; each of degree n + 1, without its last coefficient, 0
-    low_pass : a of the firmware's low-passes; None without low-passes
-    order : r, the number of low-passes
-    whole_samples : N, the number of whole samples in the delay
-    fractional : whether delta > 0, so that an older force acts
-    """
-
-    open: Polynomial
+    open: Polynomial  # O, of degree n, without its last coefficient, which is 1
     velocity: tuple[Polynomial, Polynomial]
-    position: tuple[Polynomial, Polynomial]
-    whole_samples: Number
-    fractional: bool
-    low_pass: Number | None = None
-    order: int = 0
+    position: tuple[Polynomial, Polynomial]  # P for the newer and the older force, m/N
+    whole_samples: Number  # N, the number of whole samples in the delay
+    fractional: bool  # whether delta > 0, so that an older force acts
+    low_pass: Number | None = None  # a of the firmware's low-passes; None without low-passes
+    order: int = 0  # r, the number of low-passes
 
     def converted(self, number: Callable[[Number], Number]) -> SampledPlant:
         """Return the plant with its numbers in another arithmetic."""
@@ -80,27 +50,12 @@ class SampledPlant:
         )
 
 
+# Difference from a whole number of samples, as a share of a sample, that the code treats as a rounding error
 SNAP = 1e-12
-"""Difference from a whole number of samples, as a share of a sample, that the code treats as a rounding error. A
-quotient of decimals has a relative error of 1e-16, and nobody intends a delay this close to a whole sample. With half
-or twice this share, no stated delay would be read differently."""
 
 
 def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
-    """Split a delay into whole samples and the remaining fraction of a sample.
-
-    If a delay differs from a whole number of samples only by rounding (`SNAP`), the function returns this number.
-
-    Parameters
-    ----------
-    delay : s, >= 0, a number or an array of shape (n,)
-    sample_time : T, s, > 0
-
-    Returns
-    -------
-    whole : N, int or an array of int
-    fraction : delta, 0 <= delta < 1, of the same shape
-    """
+    """Split a delay into whole samples and the remaining fraction of a sample."""
     if np.ndim(delay) > 0:
         split = [split_delay(float(one), sample_time) for one in delay]
         return np.array([whole for whole, _ in split]), np.array([fraction for _, fraction in split])
@@ -112,21 +67,7 @@ def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
 
 
 def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> SampledPlant:
-    """Sample a device without a hand exactly (model/README.md, sections 7 and 12).
-
-    Parameters
-    ----------
-    device : device in SI units, not a servo; the function ignores its force sensor, its least operator (but not a load
-        on its handle), and its unmodelled response
-    whole_samples : N, the number of whole samples in its delay
-    ops : arithmetic of the device's parameters
-    fractional : whether the delay is longer than N samples, delta > 0
-
-    Returns
-    -------
-    SampledPlant
-        Its numbers have the shape of the device's numbers.
-    """
+    """Sample a device without a hand exactly (model/README.md, sections 7 and 12)."""
     T = device.sample_time
     older = device.delay - whole_samples * T if fractional else None
     if not drive_states(device) and device.structure is None:
@@ -200,20 +141,7 @@ class ReturnDifference:
 
 
 def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
-    """Evaluate the parts of the return difference F at z = e^{j theta} (model/README.md, section 7).
-
-    Parameters
-    ----------
-    plant : a device without a hand, over one sample
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of plant and theta
-    position : whether the law has K_p > 0; if not, the position's part is 0 and F is the F of the velocity loop
-
-    Returns
-    -------
-    ReturnDifference
-        Each part has the shape of theta.
-    """
+    """Evaluate the parts of the return difference F at z = e^{j theta} (model/README.md, section 7)."""
     sin = ops.sin(theta)
     half_sine = ops.sin(theta / 2)  # the form 2 sin^2(theta/2) of 1 - cos theta does not cancel
     d, w = Pair(2 * half_sine * half_sine, sin), Pair(ops.cos(theta), -sin)
@@ -265,35 +193,11 @@ def _monic(coefficients: Polynomial, d: Pair, w: Pair) -> Pair:
 
 
 def sensitivity_abs2(parts: ReturnDifference, gains: Gains) -> Number:
-    """Return |S|^2 = |F_0/F|^2 of the sampled loop, where F_0 is the return difference with both gains 0.
-
-    Parameters
-    ----------
-    parts : parts of F, at one or several points of the unit circle
-    gains : K_v and K_p, N s/m and N/m
-
-    Returns
-    -------
-    Number
-        Dimensionless. It has the shape of the parts.
-    """
+    """Return |S|^2 = |F_0/F|^2 of the sampled loop, where F_0 is the return difference with both gains 0."""
     return parts.open.abs2() / parts.closed(gains).abs2()
 
 
 def difference_slope(theta: Number, ops: Arithmetic) -> Pair:
-    """Return (1 - e^{-j theta})/theta, regular at theta = 0.
-
-    The integrator multiplies F by 1 - e^{-j theta}.
-
-    Parameters
-    ----------
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of theta
-
-    Returns
-    -------
-    Pair
-        It has the shape of theta, and is j at theta = 0.
-    """
+    """Return (1 - e^{-j theta})/theta, regular at theta = 0."""
     half = theta / 2
     return Pair(ops.sin(half) * ops.sinc(half), ops.sinc(theta))

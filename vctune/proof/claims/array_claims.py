@@ -1,7 +1,5 @@
-"""The claims of a certificate as functions of a frequency and a design, on enclosures and jets.
-
-See proof/README.md, section 7.
-"""
+"""The claims of a certificate as functions of a frequency and a design, on enclosures and jets. See proof/README.md,
+section 7."""
 
 from __future__ import annotations
 
@@ -76,89 +74,50 @@ from vctune.proof.engine.box_tests import Curve, Margin, Margins
 from vctune.proof.engine.boxes import FREQUENCY, SAMPLES_BEFORE, WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.engine.sharing import shared
 
+# The names of the rows for the shares of rho (model/README.md, section 14)
 SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
-"""The names of the rows for the shares of rho (model/README.md, section 14). Near theta = 0, K_p = 0 and a hand without
-stiffness, the return difference F is proportional to rho."""
+# The names of the two rows that both begin at 0 in a box of hands next to rest: the angle and the stiffness
 AT_REST = (FREQUENCY, STIFFNESS)
-"""The names of the two rows that both begin at 0 in a box of hands next to rest: the angle and the stiffness."""
 
 
+# The names of the rows of boxes of environments: least mass, damping and stiffness, then the greatest
 WORLD_ENDS = tuple(tuple(f"{key}.{end}" for key in WORLD) for end in ("min", "max"))
-"""The names of the rows of boxes of environments: least mass, damping and stiffness, then the greatest."""
 NO_HAND = Hand(0, 0, 0)
+# The name of the value that states the least damping of a box of hands (`any_spring_margins`)
 LEAST_DAMPING = "least operator.damping"
-"""The name of the value that states the least damping of a box of hands (`any_spring_margins`)."""
+# The names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
-"""The names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Claims:
-    """The claims about one device as functions of a frequency and a design, on enclosures.
+    """The claims about one device as functions of a frequency and a design, on enclosures."""
 
-    A function of an angle takes theta = omega T.
-
-    Attributes
-    ----------
-    conditions, sensitivity : margins that must be positive; `sensitivity` is a function of theta
-    conditions_near_zero : margin near omega = 0; where it is positive, `conditions` hold
-    unmodelled : margin in theta that must be positive if the device's response is not known exactly
-    conditions_near_infinity : `conditions` at omega = 1/v, as a function of v; for hold "lag" without delay
-    clamped : two margins that must both be positive if the response lies within a disc and `conditions` hold at the
-        edge of the disc
-    resistance : the loop's resistance, N s/m, which must be positive for every coupling
-    in_hand : margins in theta; at every theta and in every hand, one of them must be positive
-    above_bound : margin in theta, `OFFSET` and `SLOPE`; where it is positive, so is `in_hand` for the bound's gains
-    any_hand : two margins in theta that must both be positive for any passive hand on an impedance display
-    required_in_hands : the least feasible Re Z_c in a hand, N s/m, as a function of theta; unbounded where F may be 0
-    poles_in_hand : curve, as a function of a hand and theta, that must not turn around 0
-    required : the least feasible Re Z_c, N s/m, where the resistance is positive in the whole box; unbounded elsewhere
-    sensitivity_any_position : margin, valid also near theta = 0; where it is positive, `sensitivity` is positive for
-        every K_p
-    model_poles, sampled_poles : curves, as functions of omega and of theta, that must not turn around 0
-    model_any_position, sampled_any_position : margins; where they are positive, the curve is not 0 for any K_p > 0
-    sampled_any_phase, sensitivity_any_phase : margins in theta for any number of whole samples of delay; where they are
-        positive, `sampled_poles` is not 0, and `sensitivity` is positive
-    """
-
-    conditions: Margin
-    conditions_near_zero: Margin
-    conditions_near_infinity: Margin
+    conditions: Margin  # margins that must be positive; `sensitivity` is a function of theta
+    conditions_near_zero: Margin  # margin near omega = 0; where it is positive, `conditions` hold
+    conditions_near_infinity: Margin  # `conditions` at omega = 1/v, as a function of v; for hold "lag" without delay
     clamped: tuple[Margin, Margin]
     sensitivity: Margin
-    unmodelled: Margin
-    resistance: Margin
-    in_hand: Margins
-    above_bound: Margin
+    unmodelled: Margin  # margin in theta that must be positive if the device's response is not known exactly
+    resistance: Margin  # the loop's resistance, N s/m, which must be positive for every coupling
+    in_hand: Margins  # margins in theta; at every theta and in every hand, one of them must be positive
+    above_bound: Margin  # margin in theta, `OFFSET` and `SLOPE`
     any_hand: tuple[Margin, Margin]
-    required_in_hands: Margin
-    poles_in_hand: Curve
-    required: Margin
-    sensitivity_any_position: Margin
-    model_poles: Curve
+    required_in_hands: Margin  # the least feasible Re Z_c in a hand, N s/m, as a function of theta
+    poles_in_hand: Curve  # curve, as a function of a hand and theta, that must not turn around 0
+    required: Margin  # the least feasible Re Z_c, N s/m, where the resistance is positive in the whole box
+    sensitivity_any_position: Margin  # margin, valid also near theta = 0
+    model_poles: Curve  # curves, as functions of omega and of theta, that must not turn around 0
     sampled_poles: Curve
-    model_any_position: Margin
+    model_any_position: Margin  # margins; where they are positive, the curve is not 0 for any K_p > 0
     sampled_any_position: Margin
-    sampled_any_phase: Margin
+    sampled_any_phase: Margin  # margins in theta for any number of whole samples of delay
     sensitivity_any_phase: Margin
 
 
 def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
-    """Return each claim about a device as a function of a frequency and of values by name (proof/README.md, section 7).
-
-    The functions enclose the decimals of the device. This function evaluates nothing.
-
-    Parameters
-    ----------
-    demands : constraints with the device, the factor and the limits of the claims
-    uncertain : keys of the device's uncertain parameters; each function takes these parameters from its values, as
-        `device.KEY`
-
-    Returns
-    -------
-    Claims
-        Functions on enclosures and jets.
-    """
+    """Return each claim about a device as a function of a frequency and of values by name (proof/README.md, section
+    7)."""
     device, plant = _devices(demands.device, uncertain)
     factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
 
@@ -226,23 +185,7 @@ def hands_margins(
     lead: float = 0.0,
     sides: tuple[str, ...] | None = None,
 ) -> Margins:
-    """Return margins in every hand, one of which must be positive at each point.
-
-    Parameters
-    ----------
-    demands : the constraints
-    uncertain : keys of the device's uncertain parameters, which the margins take from their values
-    delays : whole samples of the delays, the same for all devices
-    ops : arithmetic of theta and the values
-    lead : stepping rule of the walls: 0 for the trapezoidal rule, 1 for backward Euler
-    sides : names of the sides to examine, for environments that run late or by Euler's rules; None for all sides
-
-    Returns
-    -------
-    Margins
-        Functions of theta, rad, and of values by name: the design, `HAND` and the uncertain parameters. The unit of the
-        margins is N s/m.
-    """
+    """Return margins in every hand, one of which must be positive at each point."""
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
 
@@ -282,21 +225,7 @@ def hands_margins(
 
 
 def any_spring_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic) -> Margins:
-    """Return margins that are all positive only if the claim holds in hands of every stiffness.
-
-    Parameters
-    ----------
-    demands : the constraints, with a device that `moves_as_two_states` and with every passive environment
-    uncertain : keys of the device's uncertain parameters, which the margins take from their values
-    delays : whole samples of the delays, the same for all devices
-    ops : arithmetic of theta and the values
-
-    Returns
-    -------
-    Margins
-        Functions of theta, rad, and of values by name: the values of `hands_margins`, and `LEAST_DAMPING`. The
-        condition holds for hands with at least this damping.
-    """
+    """Return margins that are all positive only if the claim holds in hands of every stiffness."""
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
 
@@ -312,13 +241,7 @@ def any_spring_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
 
 
 def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
-    """Return environments whose ends come from a mapping of values.
-
-    Parameters
-    ----------
-    values : values by name; some names may be from `WORLD_ENDS`
-    otherwise : environments that supply the ends that are not in the mapping
-    """
+    """Return environments whose ends come from a mapping of values."""
     ends = (astuple(otherwise.low), astuple(otherwise.high))
     least, most = (
         World(*(values.get(name, end) for name, end in zip(names, numbers, strict=True)))
@@ -330,20 +253,7 @@ def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
 def whenever_margins(
     demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
 ) -> Margin:
-    """Return a margin that implies the claim for a servo with any number of whole samples of delay.
-
-    Parameters
-    ----------
-    demands : the constraints
-    uncertain : keys of the device's uncertain parameters, which the margin takes from its values
-    delays : delays whose whole samples the margin ignores
-    ops : arithmetic of theta and the values
-
-    Returns
-    -------
-    Margin
-        Function as in `hands_margins`, valid only for theta > 0.
-    """
+    """Return a margin that implies the claim for a servo with any number of whole samples of delay."""
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
 
@@ -356,18 +266,7 @@ def whenever_margins(
 
 
 def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
-    """Return the margin |F|^2 (offset + slope theta - R), positive where R in a hand lies below a straight line.
-
-    Parameters
-    ----------
-    device : device with plain numbers, which stand for the decimals that they print as
-    ops : arithmetic of theta and the values
-
-    Returns
-    -------
-    Margin
-        Function of theta, rad, and of values by name: the gains, `OFFSET`, `SLOPE` and `HAND`. Its unit is N s/m.
-    """
+    """Return the margin |F|^2 (offset + slope theta - R), positive where R in a hand lies below a straight line."""
     in_hand = _plant_in_hand(device, (), delays_of(device), ops)
 
     def margin(theta: Number, v: Values) -> Number:
@@ -378,12 +277,7 @@ def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
 
 
 def bounded_in_any_hand(device: Device) -> Margin:
-    """Return the margin that is positive where a straight line bounds R in any passive hand on an impedance display.
-
-    Parameters
-    ----------
-    device : device with plain numbers
-    """
+    """Return the margin that is positive where a straight line bounds R in any passive hand on an impedance display."""
     exact, delays = device.converted(decimal), delays_of(device)
 
     def margin(theta: Number, v: Values) -> Number:
@@ -395,10 +289,7 @@ def bounded_in_any_hand(device: Device) -> Margin:
 
 
 def _above_bound(demands: Demands) -> Margin:
-    """Return the margin by which a coupling exceeds a bound of R in all hands.
-
-    The margin is a function of theta, `OFFSET` and `SLOPE`.
-    """
+    """Return the margin by which a coupling exceeds a bound of R in all hands."""
     device, factor = demands.device.converted(decimal), decimal(demands.factor)
 
     def margin(theta: Number, v: Values) -> Number:
@@ -411,18 +302,7 @@ def _above_bound(demands: Demands) -> Margin:
 def limp_hands_margins(
     demands: Demands, uncertain: tuple[str, ...], delays: Delays, lead: float = 0.0
 ) -> tuple[Margin, ...]:
-    """Return the margins of `hands_margins` for theta near 0, a hand without stiffness and K_p = 0.
-
-    The margins are functions of theta and of values by name, which include `HAND` and `SHARES`. Each share is between 0
-    and 1. The function omits margins that decide nothing there. With a box of environments, K_p is 0.
-
-    Parameters
-    ----------
-    demands : the constraints
-    uncertain : keys of the device's uncertain parameters, which the margins take from their values
-    delays : whole samples of the delays, the same for all devices
-    lead : see `hands_margins`
-    """
+    """Return the margins of `hands_margins` for theta near 0, a hand without stiffness and K_p = 0."""
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
 
@@ -463,18 +343,7 @@ def limp_hands_margins(
 
 
 def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, Margin]:
-    """Return the two margins that must be positive for any passive hand on an impedance display (`any_hand_margin`).
-
-    Parameters
-    ----------
-    demands : constraints with the device and the factor
-    uncertain : keys of the device's uncertain parameters, which the margins take from their values
-    delays : whole samples of the delays, the same for all devices
-
-    Returns
-    -------
-    margin, size : functions of theta, rad, and of values by name
-    """
+    """Return the two margins that must be positive for any passive hand on an impedance display (`any_hand_margin`)."""
     device, factor = _uncertain_device(demands.device, uncertain), decimal(demands.factor)
     delay = LoopDelay(delays.loop, delays.loop_fractional)
 
@@ -530,11 +399,7 @@ def _plant_in_hand(
 def _devices(
     nominal: Device, uncertain: tuple[str, ...]
 ) -> tuple[Callable[[Values], Device], Callable[[Values], Plant]]:
-    """Return the device and its sampled plant as functions of a claim's values.
-
-    Without uncertain parameters both are constant. Boxes of the same devices at several frequencies share one sampled
-    plant.
-    """
+    """Return the device and its sampled plant as functions of a claim's values."""
     exact = nominal.converted(decimal)
     whole, fraction = split_delay(nominal.delay, nominal.sample_time)
 

@@ -1,7 +1,5 @@
-"""Prove the constraint in every hand of a box for many cells of gains, also near theta = 0, where the margin vanishes.
-
-With a box of environments, at least one of several margins has to be positive. See proof/README.md, section 10.
-"""
+"""Prove the constraint in every hand of a box for many cells of gains, also near theta = 0, where the margin
+vanishes."""
 
 from __future__ import annotations
 
@@ -26,32 +24,20 @@ from vctune.proof.engine.boxes import Boxes, Cells, Integers, band_of, joined, o
 from vctune.proof.engine.branching import Test, prove
 from vctune.proof.engine.polynomial_tests import any_positive
 
+# Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells that
+# the prover treats together, so that their boxes fit into memory
 MAX_HALVINGS, MAX_BOXES, TOGETHER = 4 * CELL_HALVINGS, 30_000, 128
-"""Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells
-that the prover treats together, so that their boxes fit into memory. A feasible cell takes up to 30,000 boxes; most
-cells take a few thousand. With a limit of 12,000 boxes, the prover leaves some of the cells near K_p = 0 open, and the
-caller divides these cells."""
-IN_WORLDS = 5_000
-"""Greatest number of boxes for a cell with a box of environments. Most feasible cells take a few thousand boxes. With
-six times this limit, 0.1 % less of a plane of gains stays undecided."""
+IN_WORLDS = 5_000  # Greatest number of boxes for a cell with a box of environments
+# Greatest K_p T^2/m, as a share of the width of the first interval of angles, for which the prover treats a cell
+# separately near theta = 0
 AT_REST = 0.1
-"""Greatest K_p T^2/m, as a share of the width of the first interval of angles, for which the prover treats a cell
-separately near theta = 0."""
 
 MASS = "coupling.mass"
-FEW = 1024
-"""Number of boxes up to which an array takes about as long as one box. This number is large because the arrays of many
-cells are long. With an eighth of this number, the proofs take a fifth longer."""
+FEW = 1024  # Number of boxes up to which an array takes about as long as one box
 
 
 def hold_in_hands(demands: Demands, cells: Cells) -> Flags:
-    """Return the cells in which every design meets the constraint and has no pole on the unit circle, in every hand.
-
-    Parameters
-    ----------
-    demands : constraints with hands
-    cells : n cells, either all with K_p > 0 or all with K_p = 0
-    """
+    """Return the cells in which every design meets the constraint and has no pole on the unit circle, in every hand."""
     limp = _next_to_rest(demands, cells)
     proved = np.zeros(len(cells), bool)
     if demands.worlds is not None:  # the proof for every passive environment takes far fewer boxes if it succeeds
@@ -101,10 +87,7 @@ def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
 
 
 def _in_hand(demands: Demands, boxes: Boxes) -> Test:
-    """Return the test that a margin in a hand is positive. Near theta = 0 it uses only the coupling's drag.
-
-    Near theta = 0, the impedance of a heavy coupling changes within a millionth of the range of angles.
-    """
+    """Return the test that a margin in a hand is positive. Near theta = 0 it uses only the coupling's drag."""
     if demands.worlds is not None:
         spans = boxes.high.max(axis=1, initial=0.0, keepdims=True) - boxes.low.min(axis=1, initial=inf, keepdims=True)
         delays = delays_of(demands.device)

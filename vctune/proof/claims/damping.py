@@ -1,9 +1,4 @@
-"""Find gains for which no coupling damping b_c works: the intervals required at different frequencies are disjoint.
-
-For M = omega m_c, Re Z_c - b_0 = b M^2/(b^2 + M^2). This difference is at least r if b lies between the two values
-M (M -+ sqrt(M^2 - 4 r^2))/(2 r). If r > M/2, no b suffices. Re Z_c grows with m_c and b_0, so the module uses the
-greatest m_c and b_0 of a cell. For the coupling as the firmware runs it, omega is (2/T) tan(theta/2).
-"""
+"""Find gains for which no coupling damping b_c works: the intervals required at different frequencies are disjoint."""
 
 from __future__ import annotations
 
@@ -18,34 +13,12 @@ from vctune.proof.enclosures.array_intervals import Flags, Floats
 from vctune.proof.engine.box_tests import Margin
 from vctune.proof.engine.boxes import Cells
 
-GUARD = 1e-14
-"""Bound on the relative rounding error of a cell's requirement on b_c: 90 u with u = 2^-53.
-
-The difference factor R - b_0 may cancel and has 5 roundings. The product has an error of at most u factor R. The
-factor 1 + `GUARD` and the product of this factor and b_0 contribute 2 u b_0. The difference and its product with 1 -
-`GUARD`, which is exact to u, contribute 3 u of the difference. Together these errors are at most 4 u factor R. The
-raised b_0 and the lowered difference allow for `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, which is 22 times
-as much. M - 2 r is exact where it cancels (Sterbenz 1974). The other dozen operations act on positive numbers and
-include a tangent with 8 units in the last place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. With half or twice this
-guard, the decisions are the same.
-"""
-ROUNDING_OF_BOUNDS = 1e-9
-"""Rounding allowance: two intervals of b_c must be this far apart to exclude each other. With half or twice this
-allowance, the decisions are the same, unless the distance between the intervals is about as small as the allowance."""
+GUARD = 1e-14  # Bound on the relative rounding error of a cell's requirement on b_c: 90 u with u = 2^-53
+ROUNDING_OF_BOUNDS = 1e-9  # Rounding allowance: two intervals of b_c must be this far apart to exclude each other
 
 
 def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, Floats]:
-    """Return the least and the greatest coupling damping b with b M^2/(b^2 + M^2) >= r.
-
-    Parameters
-    ----------
-    resistance : r, N s/m; where r <= 0, every b >= 0 is feasible
-    reactance : M = omega m_c, N s/m, of a shape that broadcasts against r
-
-    Returns
-    -------
-    least, greatest : N s/m; (inf, 0) where no b is feasible
-    """
+    """Return the least and the greatest coupling damping b with b M^2/(b^2 + M^2) >= r."""
     r, M = np.maximum(resistance, 0.0), reactance
     root = np.sqrt(np.maximum((M - 2 * r) * (M + 2 * r), 0.0))
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
@@ -55,21 +28,7 @@ def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, F
 
 
 def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
-    """Return the cells in which no b_c between the cell's edges meets the constraints on Re Z_c.
-
-    Different frequencies may require intervals of b_c that have no common point.
-
-    Parameters
-    ----------
-    demands : constraints with device, factor, band and hands
-    cells : n cells; the edges of b_c and the upper edges of m_c and b_0 decide
-    places : frequencies and hands, several for each cell, at which the function bounds R from below
-
-    Returns
-    -------
-    array of bool
-        Shape (n,); True only if the claim is proved.
-    """
+    """Return the cells in which no b_c between the cell's edges meets the constraints on Re Z_c."""
     # rows in the order of `KEYS`: 2 is b_c, 3 is m_c, 4 is b_0
     least, most = cells.low[2].copy(), cells.high[2].copy()
     heaviest = cells.high[3] * (1 + GUARD)

@@ -15,32 +15,22 @@ from vctune.proof.enclosures.array_intervals import Floats
 from vctune.proof.engine.boxes import SAMPLES_BEFORE, Boxes
 from vctune.proof.engine.branching import Decided, Test
 
+# Least and greatest value of each row, by the row's name, for one box or several
 Ends = dict[str, tuple[Floats, Floats]]
-"""Least and greatest value of each row, by the row's name, for one box or several."""
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
     """The devices and hands of a box whose delays have the same number of whole samples, or for which this number is a
-    row.
+    row."""
 
-    Attributes
-    ----------
-    names : names of the rows except the angle
-    low, high : ends of the numbers, shape (rows, 1), or (rows, n) for n parts
-    delays : whole samples of the delays
-    sample_time : T, s
-    other : delay, s, of the device or the sensor that is not a row
-    range : least and greatest delay, s, if `SAMPLES_BEFORE` is a row; None otherwise
-    """
-
-    names: tuple[str, ...]
-    low: Floats
+    names: tuple[str, ...]  # names of the rows except the angle
+    low: Floats  # ends of the numbers, shape (rows, 1), or (rows, n) for n parts
     high: Floats
-    delays: Delays
-    sample_time: float
-    other: float
-    range: tuple[float, float] | None = None
+    delays: Delays  # whole samples of the delays
+    sample_time: float  # T, s
+    other: float  # delay, s, of the device or the sensor that is not a row
+    range: tuple[float, float] | None = None  # least and greatest delay, s, if `SAMPLES_BEFORE` is a row
 
     @property
     def spans(self) -> Floats:
@@ -48,12 +38,7 @@ class Part:
         return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
 
     def within(self, test: Test) -> Test:
-        """Return a test that ignores points at which the sum of both delays has another number of whole samples.
-
-        Parameters
-        ----------
-        test : test of boxes with these rows
-        """
+        """Return a test that ignores points at which the sum of both delays has another number of whole samples."""
         rows = [1 + index for index, name in enumerate(self.names) if name in DELAY_ROWS]
         if self.range is not None:
             return _at_whole_samples(test, self.names, self.sample_time, *self.range)
@@ -80,24 +65,13 @@ def row_of(key: str) -> str:
     return f"device.{key}"
 
 
+# If a range of delays contains less than this share of its first or last sample, that sample gets separate boxes
 OWN_BOXES = 0.5
-"""If a range of delays contains less than this share of its first or last sample, that sample gets separate boxes.
-With a share of 1, a delay of five samples takes three times as many boxes. With a share of 0, a delay of fifty
-samples whose constraint is active at the end of the range takes ten times as many."""
 DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
 def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
-    """Divide a box of devices by the whole samples of their delays, and return its parts.
-
-    If the delays are known exactly, the box is a single part.
-
-    Parameters
-    ----------
-    device : device with the delays that are not rows
-    ends : least and greatest value of each row except the angle
-    apart : whether the whole samples may be a row; only for margins of one hand with every passive environment
-    """
+    """Divide a box of devices by the whole samples of their delays, and return its parts."""
     names = tuple(ends)
     low, high = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
     known, T = delays_of(device), device.sample_time
@@ -125,15 +99,7 @@ def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
 
 
 def _at_whole_samples(test: Test, names: tuple[str, ...], T: float, shortest: float, longest: float) -> Test:
-    """Return a test that ignores points between whole samples and delays outside a range.
-
-    Parameters
-    ----------
-    test : test of boxes with a row for the whole samples and one for the rest of the delay
-    names : names of the rows except the angle
-    T : sample time, s
-    shortest, longest : the range of the delay, s
-    """
+    """Return a test that ignores points between whole samples and delays outside a range."""
     (rest,) = (1 + index for index, name in enumerate(names) if name in DELAY_ROWS)
     whole, blur = 1 + names.index(SAMPLES_BEFORE), SNAP * longest
 
@@ -159,12 +125,7 @@ def _at_whole_samples(test: Test, names: tuple[str, ...], T: float, shortest: fl
 
 
 def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
-    """Return one part for all delays of a box, with the whole samples of the delay as one more row.
-
-    At small angles one box covers many whole samples, because the loop is a smooth function of their number. If the
-    range contains little of its first or last sample, that sample has boxes of its own. The function returns None for
-    delays within one sample, for servos, and if the force sensor is late too.
-    """
+    """Return one part for all delays of a box, with the whole samples of the delay as one more row."""
     own, T = row_of(device.delay_key), device.sample_time
     late = any(device.number(key) for key in DELAYS if row_of(key) != own)
     if own not in ends or device.servo is not None or late:
@@ -210,10 +171,6 @@ def _parts_of_sum(
 
 
 def _whole(low: float, high: float, T: float, *, last: bool) -> range:
-    """Return the numbers of whole samples of the delays in a range.
-
-    With `last`, the range includes the whole number at its upper end, because the sensed force at a whole number is not
-    the limit from below.
-    """
+    """Return the numbers of whole samples of the delays in a range."""
     first, end = floor(low / T * (1 + SNAP)), high / T
     return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))

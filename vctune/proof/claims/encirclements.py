@@ -1,7 +1,5 @@
-"""Count how often the curves of the loop go around 0, for many cells of designs at once. 0 means no unstable pole.
-
-See proof/README.md, section 8.
-"""
+"""Count how often the curves of the loop go around 0, for many cells of designs at once. 0 means no unstable pole. See
+proof/README.md, section 8."""
 
 from __future__ import annotations
 
@@ -31,35 +29,15 @@ def by_integrator(cells: Cells) -> list[Integers]:
 
 @dataclass(frozen=True, slots=True)
 class Encirclements:
-    """How often the curves of every design of a cell go around 0.
+    """How often the curves of every design of a cell go around 0."""
 
-    Attributes
-    ----------
-    number : number of turns, shape (rows, n). The first row is for the frequency model's curve, if the claim needs it;
-        each further row is for the curve of a sampled loop. 0 for a stable loop; nan if undecided or not constant over
-        the cell
-    boxes : number of boxes at the cells' centres for the model and for the sampled loop, shape (2, n)
-    throughout : number of boxes of the proof that no pole crosses the boundary within a cell, shape (n,)
-    """
-
-    number: Floats
-    boxes: Integers
-    throughout: Integers
+    number: Floats  # number of turns, shape (rows, n)
+    boxes: Integers  # number of boxes at the cells' centres for the model and for the sampled loop, shape (2, n)
+    throughout: Integers  # number of boxes of the proof that no pole crosses the boundary within a cell, shape (n,)
 
 
 def encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return how often the loop's curves go around 0 for each cell (proof/README.md, section 8).
-
-    Parameters
-    ----------
-    demands : constraints with the device; they decide which loops, and whether the frequency model, must be stable
-    cells : n cells, either all with K_p > 0 or all with K_p = 0
-
-    Returns
-    -------
-    Encirclements
-        Numbers of shape (rows, n): 0 where a loop is stable, nan if undecided.
-    """
+    """Return how often the loop's curves go around 0 for each cell (proof/README.md, section 8)."""
     parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
     if not parts:
         n = len(cells)
@@ -69,8 +47,8 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
 
 
 def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return the numbers of turns for one loop. If no pole crosses the boundary within a cell, the cell has the
-    numbers of its centre."""
+    """Return the numbers of turns for one loop. If no pole crosses the boundary within a cell, the cell has the numbers
+    of its centre."""
     claims, device = claims_of(demands), demands.device
     same, throughout = np.ones((2, len(cells)), bool), np.zeros(len(cells), np.intp)
     if cells.extended:
@@ -117,18 +95,7 @@ def _no_pole_crosses(demands: Demands, claims: Claims, cells: Cells) -> tuple[Fl
 
 
 def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integers]:
-    """Return how often the loop's curve in the middle hand of the box goes around 0, for each cell.
-
-    Parameters
-    ----------
-    demands : constraints with hands
-    cells : n cells, either all with K_p > 0 or all with K_p = 0
-
-    Returns
-    -------
-    number : shape (n,); nan if undecided
-    boxes : number of boxes of the proof, shape (n,)
-    """
+    """Return how often the loop's curve in the middle hand of the box goes around 0, for each cell."""
     assert demands.hands is not None
     claims, number = claims_of(demands), np.full(len(cells), np.nan)
     same = cells_over_band(misses_zero(claims.poles_in_hand, _middle(demands)), cells, 0.0, HALF_TURN)
@@ -139,18 +106,7 @@ def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integ
 
 
 def turns_in_hand(demands: Demands, points: Cells) -> Floats:
-    """Return how often the loop's curve in the middle hand of the box goes around 0, for single designs.
-
-    Parameters
-    ----------
-    demands : constraints with hands
-    points : n cells of one design each, either all with K_p > 0 or all with K_p = 0
-
-    Returns
-    -------
-    array of float
-        Shape (n,): 0 where the loop is stable, nan if undecided.
-    """
+    """Return how often the loop's curve in the middle hand of the box goes around 0, for single designs."""
     claims = claims_of(demands)
     turns, _ = _turns_at(claims.poles_in_hand, points, HALF_TURN, pi, fixed=_middle(demands))
     return turns
@@ -163,18 +119,6 @@ def _middle(demands: Demands) -> Values:
 
 
 def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> float:
-    """Return a frequency above which the frequency model's curve cannot turn around 0 in any cell.
-
-    Parameters
-    ----------
-    device : device in numbers of the arithmetic; enclosures represent all devices of a box
-    cells : cells; only their greatest gains matter
-    ops : arithmetic of the device's parameters
-
-    Returns
-    -------
-    float
-        rad/s; > 0 even without feedback.
-    """
+    """Return a frequency above which the frequency model's curve cannot turn around 0 in any cell."""
     K_v, K_p = (float(row.max(initial=0.0)) for row in cells.high[:2])
     return (1 + NEAR) * max(curve_end(device, K_v, K_p, ops), NEAR / ops.magnitude(device.sample_time))

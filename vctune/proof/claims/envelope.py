@@ -1,9 +1,4 @@
-"""A proved upper bound of the resistance that a coupling needs in hands: straight pieces over the angle.
-
-Among the parameters of a design, only the gains determine the resistance that a hand requires. If many couplings have
-the same gains, the prover bounds this resistance once. It then compares each coupling with the bound, over the angle
-alone.
-"""
+"""A proved upper bound of the resistance that a coupling needs in hands: straight pieces over the angle."""
 
 from __future__ import annotations
 
@@ -30,50 +25,28 @@ from vctune.proof.engine.boxes import FREQUENCY, Boxes, Cells, Values, band_of, 
 from vctune.proof.engine.branching import Proofs, prove
 from vctune.proof.engine.polynomial_tests import FEW, positive_by_polynomials
 
-STEP = 1.05
-"""Ratio of the edges of a piece. With its square root, the prover takes a third more boxes and leaves the same share of
-a plane of gains open. With its square, the prover takes 10 % fewer boxes and leaves 50 % more of the plane open."""
+STEP = 1.05  # Ratio of the edges of a piece
+# Shares of each range of the hands at which the code evaluates R before it proves a piece
 SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Shares of each range of the hands at which the code evaluates R before it proves a piece. With half as many shares,
-the code misses maxima between them, pieces are up to a tenth higher, and twice as much of a plane stays open. With
-twice as many shares, the evaluation takes twice as long."""
-WITHIN = 5
-"""Number of angles of a piece at which the code evaluates R. With half or twice as many angles, the bound is the same
-to 1e-4 on average."""
+WITHIN = 5  # Number of angles of a piece at which the code evaluates R
+# Relative amount by which the first attempt raises a piece above the evaluated hands, and factor of this amount from
+# one attempt to the next
 SLACK, RAISED = 5e-3, 4.0
-"""Relative amount by which the first attempt raises a piece above the evaluated hands, and factor of this amount from
-one attempt to the next. With half the amount or half the factor, the proof takes a third more boxes; with twice the
-amount or twice the factor, a sixth fewer. With half or twice the amount, the prover leaves 50 % more of a plane open;
-with half or twice the factor, 10 % more."""
-SMALL = 1e-4
-"""Share of the greatest bound. The code raises a smaller piece as if the piece had this size. With half or twice this
-share, the prover proves the same pieces."""
-ATTEMPTS = 10
-"""Number of attempts to prove a piece. Most pieces take two or three attempts. With half or twice as many, the prover
-proves the same pieces."""
+SMALL = 1e-4  # Share of the greatest bound
+ATTEMPTS = 10  # Number of attempts to prove a piece
+# Greatest number of halvings of a box of angle and hand, and number of boxes for a piece in the first attempt
 MAX_HALVINGS, MAX_BOXES = 40, 250
-"""Greatest number of halvings of a box of angle and hand, and number of boxes for a piece in the first attempt. Each
-further attempt doubles the number of boxes. With half or twice the number of halvings, the prover proves the same
-pieces. With half or twice the number of boxes, the prover leaves the same share of a plane open."""
 
 
 @dataclass(frozen=True, slots=True)
 class Envelope:
-    """An upper bound of R in all hands of a box, or in any hand: offset + slope theta on each of n pieces.
+    """An upper bound of R in all hands of a box, or in any hand: offset + slope theta on each of n pieces."""
 
-    Attributes
-    ----------
-    low, high : edges of the pieces, rad, shape (n,)
-    offset, slope : N s/m and N s/(m rad), shape (n,); for an impedance display they bound R/s^2. The offset is inf if
-        the prover found no bound
-    boxes : number of boxes of the proof
-    """
-
-    low: Floats
+    low: Floats  # edges of the pieces, rad, shape (n,)
     high: Floats
-    offset: Floats
+    offset: Floats  # N s/m and N s/(m rad), shape (n,)
     slope: Floats
-    boxes: int
+    boxes: int  # number of boxes of the proof
 
     def over(self, cells: Cells) -> Boxes:
         """Return a box for every pair of a piece and a cell. Two rows for the bound precede the rows of the cell."""
@@ -85,21 +58,7 @@ class Envelope:
 @lru_cache(maxsize=16)
 @np.errstate(all="ignore")
 def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
-    """Bound R from above in all hands, by a straight line over each piece of the angle.
-
-    For each piece, a sample of hands gives a first line. The function raises it until the prover proves it above R.
-
-    Parameters
-    ----------
-    device : device; its floats stand for the decimals that they print as
-    hands : the box; None for any passive hand on an impedance display with damping
-    gains : K_v and K_p; floats stand for the decimals that they print as
-
-    Returns
-    -------
-    Envelope
-        The offset is inf on a piece for which no attempt succeeded.
-    """
+    """Bound R from above in all hands, by a straight line over each piece of the angle."""
     low, high = band_of(0.0, HALF_TURN, STEP)
     theta = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, WITHIN)
     some = _some_of(hands) if hands is not None else None

@@ -29,43 +29,24 @@ from vctune.proof.engine.boxes import WHOLE_SAMPLES, Boxes, Cells, Values, band_
 from vctune.proof.engine.branching import Proofs, Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
 
-LITTLE_PHASE = 0.5
-"""Angle omega tau, rad, up to which the prover tries the margin that is regular at omega = 0. With half or twice this
-angle, the proof needs the same number of boxes for the uncertain friction wheel."""
-FEW_SAMPLES = 4
-"""Number of whole samples in a box's delays up to which the prover tries them one by one. For more samples, it first
-finds the angle above which the phase of the delay does not matter. With half or twice as many, only the time for long
-uncertain delays changes."""
+LITTLE_PHASE = 0.5  # Angle omega tau, rad, up to which the prover tries the margin that is regular at omega = 0
+FEW_SAMPLES = 4  # Number of whole samples in a box's delays up to which the prover tries them one by one
+# Number of angles, and least of these angles, at which the code estimates the size of a loop
 ANGLES, LEAST_ANGLE = 400, 1e-6
-"""Number of angles, and least of these angles, at which the code estimates the size of a loop. The prover then proves
-the estimate. With half or twice as many angles, only the time changes."""
-MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000
-"""Greatest number of boxes for one claim, and for one curve. A curve that stays away from 0 takes a few dozen boxes.
-The uncertain friction wheel takes 27,000 boxes for all claims. A device of two masses with seven uncertain parameters
-and a disc takes a million boxes for one claim. The time until the prover gives up is proportional to these numbers."""
+MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000  # Greatest number of boxes for one claim, and for one curve
+# Number of boxes up to which the prover halves the halves again before it evaluates them, because so few boxes take
+# about as long as one
 FEW = 64
-"""Number of boxes up to which the prover halves the halves again before it evaluates them, because so few boxes take
-about as long as one. Without these further halvings, extending a proved band takes three times as long. With four
-times as many boxes, the extension takes a third longer."""
-MAX_HALVINGS = 80
-"""Greatest number of halvings of a box: twenty in each of four rows. With half or twice as many halvings, the proof
-needs the same number of boxes for the uncertain friction wheel."""
+MAX_HALVINGS = 80  # Greatest number of halvings of a box: twenty in each of four rows
 
 
 @dataclass(frozen=True, slots=True)
 class RobustDesign:
-    """One design for every device of a box.
+    """One design for every device of a box."""
 
-    Attributes
-    ----------
-    design : design with the nominal device
-    box : box of devices
-    demands : constraints on each device
-    """
-
-    design: Design
-    box: DeviceBox
-    demands: Demands
+    design: Design  # design with the nominal device
+    box: DeviceBox  # box of devices
+    demands: Demands  # constraints on each device
 
     @property
     def values(self) -> Values:
@@ -108,31 +89,17 @@ class RobustDesign:
         return self.box.nominal.converted(decimal).with_numbers(numbers)
 
 
+# Function that judges a claim for one device at a doubtful frequency, rad/s or rad
 NominalProof = Callable[[Device, float], Outcome]
-"""Function that judges a claim for one device at a doubtful frequency, rad/s or rad."""
 
 
 def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove Llewellyn's conditions for every device of the box.
-
-    Parameters
-    ----------
-    robust : the design, whose claim is proved for the nominal device, and the box
-    alone : function that judges the conditions for one device, at a frequency in rad/s if its response is perturbed
-
-    Returns
-    -------
-    Outcome
-        If it is refuted, it names a device that fails on its own.
-    """
+    """Prove Llewellyn's conditions for every device of the box."""
     return outcome_for_all(robust, _conditions(robust, *outwards(robust.demands.band), MAX_BOXES), alone)
 
 
 def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -> list[Proofs]:
-    """Prove the conditions.
-
-    For a response within a disc, prove them at the edge of the disc, and prove that the edge suffices.
-    """
+    """Prove the conditions."""
     claims, turning = robust.claims(), _turning(robust)
     beyond = max(1 / robust.box.nominal.sample_time, low)
     test = positive(
@@ -195,18 +162,7 @@ def widest_band_for_all(robust: RobustDesign) -> tuple[float, float]:
 
 
 def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove |S| < max_sensitivity of the sampled loop for every device of the box.
-
-    Parameters
-    ----------
-    robust : the design, whose claim is proved for the nominal device, and the box
-    alone : function that judges |S| for one device
-
-    Returns
-    -------
-    Outcome
-        If it is refuted, it names a device that fails on its own.
-    """
+    """Prove |S| < max_sensitivity of the sampled loop for every device of the box."""
     claims = robust.claims()
     test = positive(claims.sensitivity, robust.values)
     return outcome_for_all(
@@ -215,11 +171,7 @@ def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
 
 
 def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: int, *, at_ends: bool) -> list[Proofs]:
-    """Test all theta = omega T for each number of whole samples in the box's delays.
-
-    If there are many such numbers, the function tests them together at high frequencies, where the loop gain is so
-    small that its phase does not matter.
-    """
+    """Test all theta = omega T for each number of whole samples in the box's delays."""
     samples, small, parts = _whole_samples(robust), HALF_TURN, []
     if len(samples) > FEW_SAMPLES:
         small = _small_from(robust, gain)
@@ -256,18 +208,7 @@ def _small_from(robust: RobustDesign, gain: Margin) -> float:
 
 
 def prove_unmodelled(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove |1 - S| r < 1 of the sampled loop for every device, where r is the radius of the unmodelled dynamics.
-
-    Parameters
-    ----------
-    robust : the design and a box whose devices have unmodelled dynamics
-    alone : function that judges |1 - S| r for one device at an angle omega T, rad
-
-    Returns
-    -------
-    Outcome
-        If it is refuted, it names a device that fails, with a witness in rad/s.
-    """
+    """Prove |1 - S| r < 1 of the sampled loop for every device, where r is the radius of the unmodelled dynamics."""
     modelled = replace(robust, box=robust.box.modelled)
     claims = claims_of(replace(robust.demands, device=robust.box.nominal), modelled.box.uncertain)
     test = positive(claims.unmodelled, robust.values)
@@ -279,18 +220,7 @@ def prove_unmodelled(robust: RobustDesign, alone: NominalProof) -> Outcome:
 
 
 def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove that no pole of the frequency model crosses the imaginary axis from one device to another.
-
-    Parameters
-    ----------
-    robust : the design, whose claim is proved for the nominal device, and the box
-    alone : function that judges the poles of one device
-
-    Returns
-    -------
-    Outcome
-        If it is refuted, it names a device that fails on its own.
-    """
+    """Prove that no pole of the frequency model crosses the imaginary axis from one device to another."""
     gains = robust.design.gains
     law, parts = np.array([[gains.velocity], [gains.position]]), []
     for loop in robust.loops():
@@ -302,20 +232,7 @@ def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
 
 
 def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove that no pole of the sampled loop crosses the unit circle from one device to another.
-
-    The loop is a continuous function of the delay, also at a whole number of samples.
-
-    Parameters
-    ----------
-    robust : the design, whose claim is proved for the nominal device, and the box
-    alone : function that judges the poles of one device
-
-    Returns
-    -------
-    Outcome
-        If it is refuted, it names a device that fails on its own.
-    """
+    """Prove that no pole of the sampled loop crosses the unit circle from one device to another."""
     parts = []
     for loop in robust.loops():
         claims = loop.claims()
@@ -341,52 +258,19 @@ def _whole_samples(robust: RobustDesign) -> list[tuple[int, Floats, Floats]]:
 def part_over_band(
     robust: RobustDesign, test: Test, low: float, high: float, max_boxes: int, *, at_ends: bool = True
 ) -> Proofs:
-    """Prove a test for all devices of the box over a band.
-
-    Parameters
-    ----------
-    robust : the design and the box
-    test : test of boxes with rows for a frequency and the uncertain parameters
-    low, high : edges of the band, in the test's unit of frequency
-    max_boxes : number of boxes after which the prover leaves the proof open
-    at_ends : whether to replace a box by the face at which its margin is least; not for curves
-
-    Returns
-    -------
-    Proofs
-        All results have one owner, the design.
-    """
+    """Prove a test for all devices of the box over a band."""
     boxes = over_band(robust.names, *robust.ends(), band_of(low, high, STEP))
     return _proved(test, boxes, max_boxes, at_ends=at_ends)
 
 
 def _proved(test: Test, boxes: Boxes, max_boxes: int, *, at_ends: bool = True) -> Proofs:
-    """Prove a margin positive, or prove that a curve misses 0.
-
-    For a curve, set `at_ends=False`, because the curve need not be nearest to 0 at an end of a row.
-    """
+    """Prove a margin positive, or prove that a curve misses 0."""
     rows = [True] * len(boxes.names)
     return prove(test, boxes, 1, halved=rows, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=at_ends, few=FEW)
 
 
 def outcome_for_all(robust: RobustDesign, parts: list[Proofs], alone: NominalProof) -> Outcome:
-    """Return the outcome of a claim for all devices from the proofs of its parts.
-
-    If a part is open, the function judges the device at the open point and the devices at the box's corners one by one.
-    A device that fails refutes the claim.
-
-    Parameters
-    ----------
-    robust : the design, whose claim is proved for the nominal device, and the box
-    parts : proofs of the claim over parts of the band or of the box
-    alone : function that judges the claim for one device near a frequency
-
-    Returns
-    -------
-    Outcome
-        If it is refuted, it names a device and its witness in rad/s. If it is undecided, it names the device at the
-        open point.
-    """
+    """Return the outcome of a claim for all devices from the proofs of its parts."""
     boxes = sum(int(part.boxes[0]) for part in parts)
     open_ = next((part for part in parts if not part.proved[0]), None)
     if open_ is None:

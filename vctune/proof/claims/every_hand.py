@@ -1,9 +1,4 @@
-"""Prove the loop in every hand of a box, with every passive environment or with a box of environments.
-
-See model/README.md, section 14. The prover shows that the margin is positive over angle, hand and uncertain device
-together. Where the margin is positive, no pole of the loop lies on the unit circle. In one hand it proves that all
-poles lie inside. As the hand changes from there to any other hand, no pole crosses the circle.
-"""
+"""Prove the loop in every hand of a box, with every passive environment or with a box of environments."""
 
 from __future__ import annotations
 
@@ -74,57 +69,27 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_polynomials
 from vctune.proof.engine.winding import turned_angle
 
-STEP = 1.4
-"""Ratio of the edges of the first intervals of the angle and of an uncertain mass. With its square root or its square,
-the proofs need the same number of boxes to within a tenth. A box whose masses differ by a factor of more than about 3
-has no useful bound of the mass's reciprocal, and the prover would halve other rows of it forever."""
-MAX_BOXES = 400_000
-"""Number of boxes after which the prover leaves the claim open. An optimal design takes a few thousand boxes. The time
-until the prover gives up is proportional to this number."""
-EASY_BOXES = 3_000
-"""Number of boxes after which hands near a sharp resonance get separate boxes. If the margin near the resonance is
-large, a few hundred ordinary boxes suffice. If the margin is small, the ordinary boxes are useless and take a few
-seconds. The time is proportional to this number."""
-EASY_AFTER = 5
-"""Factor of `EASY_BOXES` for a claim that is proved for every stiffness first. The other boxes then lie next to the
-resonance of the stiffest hand, where separate boxes help little. The factor affects only the time."""
+STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an uncertain mass
+MAX_BOXES = 400_000  # Number of boxes after which the prover leaves the claim open
+EASY_BOXES = 3_000  # Number of boxes after which hands near a sharp resonance get separate boxes
+EASY_AFTER = 5  # Factor of `EASY_BOXES` for a claim that is proved for every stiffness first
+# Number of boxes after which the prover looks for boxes that it can prove for every stiffness of the hand, and uses
+# only the sides of the rectangles of uncertain masses and dampings of device and hand
 EASY_WHOLE = 3_000
-"""Number of boxes after which the prover looks for boxes that it can prove for every stiffness of the hand, and uses
-only the sides of the rectangles of uncertain masses and dampings of device and hand. The sides begin with sixteen times
-as many boxes. An easy proof over the whole range takes about a thousand boxes, and must fit into this limit. With twice
-this limit, a proof on the sides takes 3,000 boxes more."""
+# Least number of parts of a box of delays for which the prover first tries the test for all numbers of whole samples in
+# a servo's delay
 MANY_PARTS = 3
-"""Least number of parts of a box of delays for which the prover first tries the test for all numbers of whole samples
-in a servo's delay. If there are fewer parts, possibly no part covers a full sample of delay."""
-EASY_PARTS = 4_000
-"""Number of boxes after which the prover treats an interval of angles for each part separately. With half or twice as
-many boxes, a proof takes the same time."""
+EASY_PARTS = 4_000  # Number of boxes after which the prover treats an interval of angles for each part separately
+# Distances from the ends of the angles, as shares of pi, at which the code looks for a witness
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
-"""Distances from the ends of the angles, as shares of pi, at which the code looks for a witness. With fewer distances,
-the motion at the witness grows more slowly in a simulation; with more distances, it grows no faster."""
+# Distance from pi, as a share of pi, within which the prover examines only the sides that decide at pi
 AT_NYQUIST = 1e-5
-"""Distance from pi, as a share of pi, within which the prover examines only the sides that decide at pi. The margins
-of the other sides are 0 at pi and could not refute a box. With a tenth and with ten times this distance, the verdicts
-are the same."""
-MAX_HALVINGS = 120
-"""Greatest number of halvings of a box: twenty in each of six rows. With half or twice as many halvings, the proofs are
-the same."""
+MAX_HALVINGS = 120  # Greatest number of halvings of a box: twenty in each of six rows
 
 
 def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
-    """Prove Re Z_c > factor R in every hand, or that the loop is stable in every hand with every environment of a box.
-
-    Parameters
-    ----------
-    design : design; its floats stand for the decimals that they print as
-    demands : constraints with the hands and the factor
-    box : box of devices; the prover proves the claim for all of them; None for the design's own device
-
-    Returns
-    -------
-    Outcome
-        If it is refuted or undecided, it names a hand and, for a box of devices, a device.
-    """
+    """Prove Re Z_c > factor R in every hand, or that the loop is stable in every hand with every environment of a
+    box."""
     assert demands.hands is not None
     if box is not None and (parts := moved_as_one(box)):
         return _moved_as_one(design, demands, demands.hands, box, parts)
@@ -156,21 +121,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 
 
 def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
-    """Prove the loop stable in the hand at the centre of the box, with one of the required environments.
-
-    With a box of environments, the proof holds the virtual tool of an impedance display fixed, as an environment of
-    infinite damping does. Environments that are not passive as they run have a finite greatest damping. In this case,
-    the function also proves that the loop is stable with one of these environments.
-
-    Parameters
-    ----------
-    design, demands : see `prove_hands`
-
-    Returns
-    -------
-    Outcome
-        If it is not proved, it names the hand.
-    """
+    """Prove the loop stable in the hand at the centre of the box, with one of the required environments."""
     assert demands.hands is not None
     middle, coupling = demands.hands.middle, design.coupling
     held = coupling if demands.worlds is not None and isinstance(coupling, SpringDamper) else None
@@ -183,18 +134,11 @@ def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A claim about a design in every hand: the rows of the boxes that cover it, and their tests.
+    """A claim about a design in every hand: the rows of the boxes that cover it, and their tests."""
 
-    Attributes
-    ----------
-    design : design; its floats stand for the decimals that they print as
-    demands : constraints with hands
-    box : box of devices that the claim covers; None for the design's own device
-    """
-
-    design: Design
-    demands: Demands
-    box: DeviceBox | None
+    design: Design  # design; its floats stand for the decimals that they print as
+    demands: Demands  # constraints with hands
+    box: DeviceBox | None  # box of devices that the claim covers; None for the design's own device
 
     @property
     def uncertain(self) -> tuple[str, ...]:
@@ -249,11 +193,7 @@ class Asked:
     @property
     def affine(self) -> tuple[tuple[str, str], ...]:
         """Pairs of rows, one of the device and one of the hand. If the sum of a pair is given, the margin is affine in
-        the device's row.
-
-        With a box of environments, one of several margins has to be positive, and no single margin need be positive at
-        both ends; then there are no pairs.
-        """
+        the device's row."""
         if self.box is None or self.demands.worlds is not None or self.demands.hands is None:
             return ()
         return tuple((row_of(key), f"operator.{key}") for key in felt_with_hand(self.box))
@@ -265,27 +205,12 @@ class Asked:
         return passive and moves_as_two_states(self.design.device)
 
     def left_by_any_spring(self, part: Part, fixed: Values, boxes: Boxes, max_boxes: int) -> tuple[Boxes, int]:
-        """Return the boxes in which the claim is not proved for every stiffness, and the number of evaluated boxes.
-
-        Parameters
-        ----------
-        part : part of the boxes
-        fixed : values by name that are not rows of the boxes
-        boxes : boxes of that part
-        max_boxes : number of boxes after which the search ends
-        """
+        """Return the boxes in which the claim is not proved for every stiffness, and the number of evaluated boxes."""
         margins = any_spring_margins(self.demands, self.uncertain, part.delays, TAYLOR)
         return left_by_any_spring(margins, self.design.device, part, fixed, boxes, max_boxes)
 
     def tests(self, part: Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
-        """Return the tests that prove the claim on a part of the boxes.
-
-        Parameters
-        ----------
-        part : part of the boxes
-        fixed : values by name that are not rows of the boxes
-        near : resonance; hands near it get boxes of their own, which these tests omit; None for all hands
-        """
+        """Return the tests that prove the claim on a part of the boxes."""
         return [self._test(part, fixed, near, lead) for lead in (LEADS if self.walls else LEADS[:1])]
 
     def _test(self, part: Part, fixed: Values, near: Resonance | None, lead: float) -> Test:
@@ -380,21 +305,7 @@ def _judged_again(found: Outcome, design: Design, demands: Demands, hand: Hand) 
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
-    """Prove Re 1/Z_c > factor R of an impedance display in any passive hand (model/README.md, section 15).
-
-    If both margins of `any_hand_margins` are positive, the loop of K_v alone is stable in every such hand.
-
-    Parameters
-    ----------
-    design : design; its floats stand for the decimals that they print as
-    demands : constraints with the factor
-    box : box of devices; the prover proves the claim for all of them; None for the design's own device
-
-    Returns
-    -------
-    Outcome
-        If it is refuted or undecided, it names a frequency and, for a box of devices, a device.
-    """
+    """Prove Re 1/Z_c > factor R of an impedance display in any passive hand (model/README.md, section 15)."""
     uncertain = box.modelled.uncertain if box is not None else ()
     if design.device.least_damping == 0:
         return Outcome(Verdict.REFUTED, 0, pi / design.device.sample_time)  # R is infinite
@@ -414,10 +325,7 @@ def _and_without_reserve(
     demands: Demands,
     box: DeviceBox | None,
 ) -> Outcome:
-    """Return an outcome that is proved only if the claim also holds with the factor 1.
-
-    If the coupling may have a negative real part, the claim with the factor 1 is not weaker.
-    """
+    """Return an outcome that is proved only if the claim also holds with the factor 1."""
     if found.verdict is not Verdict.PROVED or demands.factor == 1 or not design.device.coupling_may_drive:
         return found
     again = proof(design, replace(demands, factor=1.0), box)
@@ -432,17 +340,7 @@ def _decided(
     near: Resonance | None = None,
     whenever: Callable[[Part, Values], Test] | None = None,
 ) -> Outcome:
-    """Prove margins positive over all values of theta, the hand's parameters and the device's uncertain parameters.
-
-    Parameters
-    ----------
-    asked : the claim about the design
-    ends : least and greatest number of each row
-    tests : function of a part of the boxes, and of the values that are not rows, that returns the tests
-    max_boxes : number of boxes after which the prover leaves a part open
-    near : resonance near which the hands lie; None for all hands
-    whenever : function that returns a test for parts with any number of whole samples; None if there is no such test
-    """
+    """Prove margins positive over all values of theta, the hand's parameters and the device's uncertain parameters."""
     sides, tried = sides_of_rectangles(ends, asked.affine), 0
     springs = near is None and asked.for_every_spring
     # with hands that have no stiffness, two shares are rows too, and few first attempts succeed
@@ -465,10 +363,7 @@ def _decided_over(
     *,
     springs: bool = False,
 ) -> Outcome:
-    """Prove the margins of `_decided` over several sides, each with the ends of its own rows.
-
-    With `springs`, the function first proves as many boxes as it can for every stiffness at once.
-    """
+    """Prove the margins of `_decided` over several sides, each with the ends of its own rows."""
     boxes, fixed = 0, fixed_of(asked.design)
     apart = MASS in sides[0] and asked.demands.worlds is None
     parts = [part for ends in sides for part in parts_of(asked.design.device, ends, apart=apart)]
@@ -499,16 +394,7 @@ def _decided_over(
 
 
 def sides_of_rectangles(ends: Ends, pairs: Sequence[tuple[str, str]]) -> list[Ends]:
-    """Return the sides of rectangles, each of two rows, on which a margin is least.
-
-    The margin is affine along every line on which the sum of the two rows is constant. Such a line begins and ends on
-    sides of the rectangle, and the margin is least at one of these ends. Parallel sides are columns of the same array.
-
-    Parameters
-    ----------
-    ends : least and greatest number of each row
-    pairs : the rows of each rectangle
-    """
+    """Return the sides of rectangles, each of two rows, on which a margin is least."""
     found = [ends]
     for pair in pairs:
         if all((ends[name][0] < ends[name][1]).all() for name in pair):
@@ -530,28 +416,14 @@ def fixed_of(design: Design) -> Values:
 
 
 def boxes_over(part: Part, near: Resonance | None = None) -> Boxes:
-    """Return the first boxes over the angle and all rows of a part, with one owner.
-
-    Parameters
-    ----------
-    part : part with the ends of the rows
-    near : resonance near which the hands lie; None for all hands
-    """
+    """Return the first boxes over the angle and all rows of a part, with one owner."""
     boxes = over_band(part.names, part.low, part.high, band_of(near.first if near else 0.0, HALF_TURN, STEP))
     boxes = replace(boxes, owner=np.zeros_like(boxes.owner))
     return boxes.divided(row_of("mass"), STEP) if row_of("mass") in part.names else boxes
 
 
 def _left_of_parts(test: Test, boxes: Boxes) -> tuple[Flags, int]:
-    """Return which boxes of each part remain to be proved, and the number of evaluated boxes.
-
-    The function proves the other boxes in all parts at once.
-
-    Parameters
-    ----------
-    test : test for angles > 0 and for a part that covers a full sample of delay
-    boxes : boxes of that part
-    """
+    """Return which boxes of each part remain to be proved, and the number of evaluated boxes."""
     own, left = np.arange(len(boxes)), np.ones(len(boxes), bool)
     beyond = np.flatnonzero(boxes.low[0] > 0)
     apart = replace(boxes.subset(beyond), owner=own[: len(beyond)])
@@ -607,21 +479,7 @@ def _in_doubt(
 
 
 def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper | None = None) -> Outcome:
-    """Prove that the sampled loop is stable in one hand while the environment is at rest.
-
-    Parameters
-    ----------
-    device : device; floats of device, hand and gains stand for the decimals that they print as
-    hand : M, B and K, in kg, N s/m and N/m
-    gains : K_v and K_p, N s/m and N/m
-    held : coupling of an impedance display whose virtual tool is held; None for a free tool
-
-    Returns
-    -------
-    Outcome
-        It is refuted if a pole lies outside the unit circle. It is undecided, with a witness in rad/s, where the curve
-        comes too close to 0.
-    """
+    """Prove that the sampled loop is stable in one hand while the environment is at rest."""
     plant = plant_in_hand(device_ball(device), hand.mapped(ball), delays_of(device), BALLS)
     law, wall = gains_ball(gains), None if held is None else SpringDamper(ball(held.damping), ball(held.stiffness))
     outcome, angle = turned_angle(lambda theta: hand_curve(plant, law, theta, BALLS, wall), 0.0, HALF_TURN)
@@ -662,12 +520,7 @@ def _ends(
     limp: bool = False,
     reserve: float | None = None,
 ) -> Ends:
-    """Return the ends of the rows of the boxes.
-
-    The rows are the shares, the device's uncertain parameters and, if the claim is about hands, the hand's parameters.
-    With a safety factor g, the share of the coupling is a row from 1/g to 1. If the vertices of the hands suffice, each
-    vertex has a column.
-    """
+    """Return the ends of the rows of the boxes."""
     low, high = ([], []) if hands is None else ([hands.low], [hands.high])
     if corners is not None:
         low = high = list(corners)

@@ -1,7 +1,5 @@
-"""Prove the claims of a certificate for many cells at once on arrays. Arb decides the cells that stay open.
-
-See proof/README.md, section 8.
-"""
+"""Prove the claims of a certificate for many cells at once on arrays. Arb decides the cells that stay open. See
+proof/README.md, section 8."""
 
 from __future__ import annotations
 
@@ -29,44 +27,22 @@ from vctune.proof.engine.box_tests import Margin, Margins, lower_bound_over, pos
 from vctune.proof.engine.boxes import Cells, Integers, Values, over_each
 from vctune.proof.engine.branching import prove as prove_boxes
 
+# Identifiers of the claims for which `Certified.boxes` counts boxes, in the order of the counts
 ON_ARRAYS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable"
-"""Identifiers of the claims for which `Certified.boxes` counts boxes, in the order of the counts."""
+# Identifiers of the claims that this module can prove for cells
 OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands", "worlds"
-"""Identifiers of the claims that this module can prove for cells. If a problem requires another claim, no cell is
-proved."""
 
 
 @dataclass(frozen=True, slots=True)
 class Certified:
-    """The verdicts on many cells.
+    """The verdicts on many cells."""
 
-    Attributes
-    ----------
-    proved : whether every design in the cell meets all constraints, shape (n,)
-    boxes : number of boxes for each claim of `ON_ARRAYS`, shape (4, n); 0 for a claim that the problem does not require
-    """
-
-    proved: Flags
-    boxes: Integers
+    proved: Flags  # whether every design in the cell meets all constraints, shape (n,)
+    boxes: Integers  # number of boxes for each claim of `ON_ARRAYS`, shape (4, n)
 
 
 def prove(demands: Demands, cells: Cells) -> Certified:
-    """Prove all constraints throughout each cell (proof/README.md, section 8).
-
-    With K_p = 0 the loop does not contain the position, so designs with K_p = 0 need a separate proof. If the range of
-    K_p in a cell starts at 0 but has a width, the proof for the cell does not include the designs with K_p = 0. The
-    proof for a cell with K_p = 0 throughout does include them.
-
-    Parameters
-    ----------
-    demands : constraints on every design of a cell
-    cells : n cells of designs
-
-    Returns
-    -------
-    Certified
-        A cell that is not proved stays open; this does not mean that it is refuted.
-    """
+    """Prove all constraints throughout each cell (proof/README.md, section 8)."""
     proofs = Certified(np.zeros(len(cells), bool), np.zeros((4, len(cells)), np.intp))
     known = set(claims_asked(demands)) <= set(OF_CELLS) and _worlds_are_known(demands)
     for at in by_integrator(cells) if known else ():
@@ -76,10 +52,7 @@ def prove(demands: Demands, cells: Cells) -> Certified:
 
 
 def _worlds_are_known(demands: Demands) -> bool:
-    """Return whether the margins for cells cover the environments.
-
-    They cover the environments of model/README.md, section 18, except on an impedance display.
-    """
+    """Return whether the margins for cells cover the environments."""
     return demands.worlds is None or (demands.worlds.lossless and not demands.device.kind.inverse)
 
 
@@ -141,11 +114,7 @@ def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
 
 
 def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
-    """Prove the constraint in every hand.
-
-    If the margin is positive, no pole of any design of the cell lies on the unit circle in any hand. It then suffices
-    to prove one design in one hand stable.
-    """
+    """Prove the constraint in every hand."""
     hands, proved = demands.hands, np.zeros(len(cells), bool)
     assert hands is not None
     kind = demands.device.kind
@@ -167,11 +136,7 @@ def _have_the_same_gains(cells: Cells) -> bool:
 
 
 def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells: Cells) -> Flags:
-    """Prove the constraint in every hand of a box, or in every passive hand, for couplings with the same gains.
-
-    The prover also divides the cells, because dividing the angle alone does not always suffice. The caller divides the
-    cells that stay open.
-    """
+    """Prove the constraint in every hand of a box, or in every passive hand, for couplings with the same gains."""
     if not len(cells):
         return np.zeros(0, bool)
     required = envelope(demands.device, hands, Gains(*map(float, cells.low[:2, 0])))
@@ -190,20 +155,12 @@ def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells
 @dataclass(frozen=True, slots=True)
 class Places:
     """The places where a constraint may fail throughout a cell, for n cells; None for constraints that the problem does
-    not have.
+    not have."""
 
-    Attributes
-    ----------
-    theta_S : angles omega T for |S|, rad, shape (n,)
-    omega : frequencies in the band of Llewellyn's conditions, rad/s, shape (any number, n); the most critical first
-    theta : angles for any passive hand on an impedance display, rad, shape (any number, n); the most critical first
-    in_hands : angles, each with a hand, shape (any number, n); the most critical first
-    """
-
-    theta_S: Floats
-    omega: Floats | None = None
-    theta: Floats | None = None
-    in_hands: PlacesInHands | None = None
+    theta_S: Floats  # angles omega T for |S|, rad, shape (n,)
+    omega: Floats | None = None  # frequencies in the band of Llewellyn's conditions, rad/s, shape (any number, n)
+    theta: Floats | None = None  # angles for any passive hand on an impedance display, rad, shape (any number, n)
+    in_hands: PlacesInHands | None = None  # angles, each with a hand, shape (any number, n); the most critical first
 
     def subset(self, at: Integers) -> Places:
         """Return the places of some of the cells."""
@@ -212,19 +169,7 @@ class Places:
 
 
 def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
-    """Return the cells in which no design meets all constraints.
-
-    Parameters
-    ----------
-    demands : constraints on a design
-    cells : n cells of designs, see `prove`
-    places : places where a constraint may fail in each cell; where there are several, the function uses the first
-
-    Returns
-    -------
-    array of bool
-        Shape (n,); True only if the claim is proved.
-    """
+    """Return the cells in which no design meets all constraints."""
     fails = np.zeros(len(cells), bool)
     for at in by_integrator(cells):
         claims, part = claims_of(demands), cells.subset(at)
@@ -248,39 +193,12 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
 
 
 def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Flags:
-    """Return the cells throughout which a margin is negative. Each cell has its own place.
-
-    Parameters
-    ----------
-    margin : function of a frequency and of values by name
-    cells : n cells of designs
-    at : see `over_each`
-
-    Returns
-    -------
-    array of bool
-        Shape (n,).
-    """
+    """Return the cells throughout which a margin is negative. Each cell has its own place."""
     return np.asarray(lower_bound_at(lambda omega, values: -margin(omega, values), cells, at) > 0)
 
 
 def fails_in_hands(demands: Demands, cells: Cells, at: PlacesInHands) -> Flags:
-    """Return the cells throughout which the constraint in hands fails. Each cell has its own place.
-
-    With a box of environments, the constraint fails where every margin is negative. With one of the environments, the
-    loop then has a pole on the unit circle there, if the coupling is divided by some number from 1 to the factor.
-
-    Parameters
-    ----------
-    demands : constraints with hands
-    cells : n cells of designs, either all with K_p > 0 or all with K_p = 0
-    at : place of each cell: an angle omega T, rad, and a hand
-
-    Returns
-    -------
-    array of bool
-        Shape (n,); True only if the claim is proved.
-    """
+    """Return the cells throughout which the constraint in hands fails. Each cell has its own place."""
     margins, worlds, lost = claims_of(demands).in_hand, demands.worlds, np.ones(len(cells), bool)
     for k in range(1 if worlds is None else len(posed(worlds, demands.factor))):
         left = np.flatnonzero(lost)
@@ -294,17 +212,5 @@ def _one_of(margins: Margins, k: int, theta: Number, values: Values) -> Number:
 
 
 def lower_bound_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Floats:
-    """Return a lower bound of a margin over each cell. Each cell has its own place.
-
-    Parameters
-    ----------
-    margin : function of a frequency and of values by name
-    cells : n cells of designs
-    at : see `over_each`
-
-    Returns
-    -------
-    array of float
-        Shape (n,), in the margin's unit; nan where the function finds no bound.
-    """
+    """Return a lower bound of a margin over each cell. Each cell has its own place."""
     return lower_bound_over(margin, over_each(cells, at), {})

@@ -1,9 +1,4 @@
-"""The margins of the claims: functions that must be positive, each written once for every arithmetic.
-
-In sampled loops, s = sin(theta/2) and z = e^{j theta}. model/README.md defines C, D, N, Z_2, y and A H in sections 2
-and 12, F and F_0 in section 7, and rho in section 14. A limp hand has no stiffness. With K_p = 0, F in a limp hand
-vanishes next to rest unless the code divides it by rho.
-"""
+"""The margins of the claims: functions that must be positive, each written once for every arithmetic."""
 
 from __future__ import annotations
 
@@ -51,8 +46,7 @@ from vctune.model.sampled.worlds.loop_in_worlds import (
 )
 from vctune.model.worlds import Worlds, WorldsMet
 
-HALF_TURN = nextafter(pi, inf)
-"""theta = omega T at the Nyquist frequency, rounded upwards. The curve of the sampled loop is symmetric about it."""
+HALF_TURN = nextafter(pi, inf)  # theta = omega T at the Nyquist frequency, rounded upwards
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,70 +73,20 @@ class Design:
 
 
 def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return 2 r (Re Z_c - factor R) at omega > 0, where r is the loop's resistance (model/README.md, section 4).
-
-    Where this margin and r are positive, Re Z_c >= factor R. Without an operator the margin is 2 r Re Z_c - factor
-    (|C||D| - Re(C conj D)), which is positive only if r > 0. For an ideal device in a hand the margin is 2 r Re Z_c +
-    factor (2 b_h Re C - ...). Re C <= 0 where r <= 0, so the margin is again positive only if r > 0. For any other
-    device in a hand, r > 0 needs a separate proof (`resistance_apart`).
-
-    Parameters
-    ----------
-    design : device, gains and coupling in numbers of the arithmetic
-    omega : angular frequency, rad/s, > 0
-    factor : least permitted Re Z_c / R
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        (N s/m)^2. It has the shape of omega.
-    """
+    """Return 2 r (Re Z_c - factor R) at omega > 0, where r is the loop's resistance (model/README.md, section 4)."""
     loop = loop_response(device_response(design.device, omega, ops), design.gains, ops)
     return 2 * loop.resistance * coupling_impedance(design.series, omega).re - factor * llewellyn_demand(loop, ops)
 
 
 def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmetic) -> Number:
-    """Return |N|^2 - r^2 |N - N_0|^2 at omega > 0. Where it is positive, N is not 0 for any response within the disc.
-
-    N_0 is N with both gains 0 (model/README.md, section 13).
-
-    Parameters
-    ----------
-    design : device, gains and coupling in numbers of the arithmetic
-    omega : angular frequency, rad/s, > 0
-    radius : radius r of the disc at omega, dimensionless
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        Dimensionless. It has the shape of omega.
-    """
+    """Return |N|^2 - r^2 |N - N_0|^2 at omega > 0. Where it is positive, N is not 0 for any response within the
+    disc."""
     numerator = loop_constants(device_response(design.device.modelled, omega, ops)).numerator
     return numerator.closed(design.gains).abs2() - radius * radius * numerator.driven(design.gains).abs2()
 
 
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return a margin that is regular at omega = 0. Where it is positive, `conditions_margin` is positive.
-
-    Where both sides of 2 r Re Z_c >= factor times `llewellyn_demand` vanish, the function divides them by their common
-    power of omega. For a coupling with drag, or with an operator that relaxes the constraint, the margin uses only
-    Re Z_c >= b_0. In all other cases with K_p > 0 and b + tau_s K_p > 0 (tau_s: lag of the force sensor), R does not
-    vanish, and no margin is positive.
-
-    Parameters
-    ----------
-    design : device, gains and coupling in numbers of the arithmetic
-    omega : angular frequency, rad/s, >= 0
-    factor : least permitted Re Z_c / R
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        Only its sign has a meaning. It has the shape of omega.
-    """
+    """Return a margin that is regular at omega = 0. Where it is positive, `conditions_margin` is positive."""
     device, coupling = design.device, design.series
     loop = loop_response(device_response(device, omega, ops), design.gains, ops)
     weight = moduli(loop, ops) + re_conj_product(loop.C_scaled, loop.D_scaled)
@@ -160,22 +104,7 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
 
 
 def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return `conditions_margin` at omega = 1/v, for an ideal device with hold "lag" and no delay.
-
-    The margin is smooth at v = 0.
-
-    Parameters
-    ----------
-    design : device, gains and coupling in numbers of the arithmetic
-    v : 1/omega, s/rad, >= 0
-    factor : least permitted Re Z_c / R
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        (N s/m)^2. It has the shape of v.
-    """
+    """Return `conditions_margin` at omega = 1/v, for an ideal device with hold "lag" and no delay."""
     device, gains, coupling = design.device, design.gains, design.series
     assert device.ideal, "beyond Nyquist only an ideal device has a model"
     half = device.sample_time / 2
@@ -196,115 +125,34 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
 
 
 def sensitivity_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop. It is positive where |S| = |F_0/F| < limit.
-
-    See model/README.md, section 7.
-
-    Parameters
-    ----------
-    plant : a device without a hand, over one sample
-    gains : K_v and K_p, N s/m and N/m
-    theta : omega T, rad, in [0, pi]
-    limit : greatest permitted |S|
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        Dimensionless. It has the shape of theta.
-    """
+    """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop. It is positive where |S| = |F_0/F| < limit."""
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     return limit * limit * parts.closed(gains).abs2() - parts.open.abs2()
 
 
 def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number, ops: Arithmetic) -> Number:
-    """Return |F|^2 - radius^2 |F - F_0|^2. It is positive where |1 - S| radius < 1 (model/README.md, section 13).
-
-    Where |1 - S| radius < 1 at every theta, the small-gain theorem applies: no response in the disc of this radius
-    around the modelled response makes a stable loop unstable.
-
-    Parameters
-    ----------
-    plant : a device without a hand, over one sample
-    gains : K_v and K_p, N s/m and N/m
-    theta : omega T, rad, in [0, pi]
-    radius : greatest |delta| at theta, dimensionless
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        Dimensionless. It has the shape of theta.
-    """
+    """Return |F|^2 - radius^2 |F - F_0|^2. It is positive where |1 - S| radius < 1 (model/README.md, section 13)."""
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
     return (parts.open + loop).abs2() - radius * radius * loop.abs2()
 
 
 def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return limit^2 |F_0|^2 - |F - F_0|^2. Where it is positive, |L| < limit and |S| < 1/(1 - limit) for any phase.
-
-    Whole samples of delay rotate F - F_0 and do not change its magnitude.
-
-    Parameters
-    ----------
-    plant : a device without a hand, over one sample
-    gains : K_v and K_p, N s/m and N/m
-    theta : omega T, rad, in [0, pi]
-    limit : greatest permitted |L|, at most 1
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        Dimensionless. It has the shape of theta.
-    """
+    """Return limit^2 |F_0|^2 - |F - F_0|^2. Where it is positive, |L| < limit and |S| < 1/(1 - limit) for any phase."""
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
     return limit * limit * parts.open.abs2() - loop.abs2()
 
 
 def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14).
-
-    Where the margin is positive, F is not 0, so that no pole of the loop in the hand lies on the unit circle at theta.
-    For an impedance display the margin is |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
-
-    Parameters
-    ----------
-    plant : the device in the hand, over one sample
-    design : device, gains and coupling in numbers of the arithmetic
-    theta : omega T, rad, in [0, pi]
-    factor : least permitted Re Z_c / R
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        N s/m, with the shape of theta. For an impedance display only the sign has a meaning.
-    """
+    """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14)."""
     required = required_in_hand(loop_in_hand(plant, theta, ops), design.gains)
     return room(design.coupling, design.device, required, factor, theta, ops)
 
 
 def whenever_margin(plant: ServoInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return 2 s (Re Z_c - factor |Z_seen|), s = sin(theta/2), for a servo with any number of whole samples of delay.
-
-    If there is a disc around Z_seen, the margin includes it. Where the margin is positive, so is `hand_margin`.
-
-    Parameters
-    ----------
-    plant : the servo in the hand, over one sample, with any number of whole samples of delay
-    design : device, gains and coupling in numbers of the arithmetic
-    theta : omega T, rad, in (0, pi]
-    factor : least permitted Re Z_c / R
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        N s/m. It has the shape of theta.
-    """
+    """Return 2 s (Re Z_c - factor |Z_seen|), s = sin(theta/2), for a servo with any number of whole samples of
+    delay."""
     turned = replace(plant, plant=replace(plant.plant, turns=0.0))
     loop, twice = loop_in_hand(turned, theta, ops), 2 * ops.sin(theta / 2)
     assert isinstance(loop, CommandInHand)
@@ -316,22 +164,7 @@ def whenever_margin(plant: ServoInHand, design: Design, theta: Number, factor: N
 def limp_hand_margin(
     plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, factor: Number, ops: Arithmetic
 ) -> Number:
-    """Return `hand_margin` divided by rho^2, for theta near 0, a hand without stiffness and K_p = 0.
-
-    Parameters
-    ----------
-    plant : the device in the hand, over one sample
-    design : design in numbers of the arithmetic
-    theta : omega T, rad, in [0, pi]
-    rest : shares of rho (`NextToRest`); if the divided margin is positive for all shares, so is `hand_margin`
-    factor : least permitted Re Z_c / R
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        N s/m. It has the shape of theta.
-    """
+    """Return `hand_margin` divided by rho^2, for theta near 0, a hand without stiffness and K_p = 0."""
     required = required_in_limp_hand(plant, design.gains.velocity, theta, rest, ops)
     return room(design.coupling, design.device, required, factor, theta, ops)
 
@@ -340,17 +173,7 @@ def margins_in_worlds(
     plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic, share: Number = 1.0
 ) -> Disjuncts:
     """Return the margins in a hand with a box of environments, each as the terms of its sum. At least one margin must
-    be positive.
-
-    Parameters
-    ----------
-    plant : the device in the hand
-    design : design in numbers of the arithmetic
-    theta : omega T, rad, in [0, pi]
-    met : the environments that the loop meets, and the factor, in numbers of the arithmetic
-    ops : arithmetic of the other arguments
-    share : share of an impedance display's coupling admittance, from 1/factor to 1; each share has its own margins
-    """
+    be positive."""
     offered, seen, share = met_by_environment(plant, design, theta, share, ops)
     factor = 1 if isinstance(design.coupling, SpringDamper) else met.factor
     return disjuncts(offered, met.worlds, design.device.sample_time, seen, factor, theta, ops)
@@ -359,18 +182,7 @@ def margins_in_worlds(
 def met_by_environment(
     plant: AnyPlantInHand, design: Design, theta: Number, share: Number, ops: Arithmetic
 ) -> tuple[Offered, Seen, Number]:
-    """Return the impedances that an environment meets, of the coupling and of the loop, and the coupling's share.
-
-    The coupling of an impedance display is a part of its loop (model/README.md, section 18).
-
-    Parameters
-    ----------
-    plant : the device in the hand
-    design : design in numbers of the arithmetic
-    theta : omega T, rad, in [0, pi]
-    share : share y of the coupling, from 1/safety_factor to 1
-    ops : arithmetic of the other arguments
-    """
+    """Return the impedances that an environment meets, of the coupling and of the loop, and the coupling's share."""
     loop, coupling = loop_in_hand(plant, theta, ops), design.coupling
     if isinstance(coupling, SpringDamper) and isinstance(loop, ForceInHand):
         at = offered_at_spring(coupling, design.device, theta, ops)
@@ -382,13 +194,7 @@ def met_by_environment(
 def limp_margins_in_worlds(
     plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, met: WorldsMet, ops: Arithmetic
 ) -> Disjuncts:
-    """Return `margins_in_worlds` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness.
-
-    Parameters
-    ----------
-    plant, design, theta, rest, ops : see `limp_hand_margin`
-    met : see `margins_in_worlds`
-    """
+    """Return `margins_in_worlds` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness."""
     seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops), design.device.sample_time
     return limp_disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
 
@@ -402,22 +208,7 @@ def margins_in_late_worlds(
     names: Sequence[str],
     ops: Arithmetic,
 ) -> tuple[Number, ...]:
-    """Return margins in a hand with every environment of a box that may run late or by Euler's rules.
-
-    At least one of these margins must be positive.
-
-    See model/README.md, section 20.
-
-    Parameters
-    ----------
-    plant : the device in the hand
-    design : design in numbers of the arithmetic
-    theta : omega T, rad, in [0, pi]
-    share : share of the coupling, from 1/safety_factor to 1
-    worlds : the box of environments, in numbers of the arithmetic
-    names : names of the sides of the box's polygon
-    ops : arithmetic of all other arguments
-    """
+    """Return margins in a hand with every environment of a box that may run late or by Euler's rules."""
     return _beyond(*met_by_environment(plant, design, theta, share, ops), design, theta, worlds, names, ops)
 
 
@@ -431,13 +222,7 @@ def limp_margins_in_late_worlds(
     names: Sequence[str],
     ops: Arithmetic,
 ) -> tuple[Number, ...]:
-    """Return `margins_in_late_worlds` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness.
-
-    Parameters
-    ----------
-    plant, design, theta, rest, ops : see `limp_hand_margin`
-    share, worlds, names : see `margins_in_late_worlds`
-    """
+    """Return `margins_in_late_worlds` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness."""
     seen = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops)
     whole = Seen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
     offered = offered_at(design.series, design.device.sample_time, theta, ops)
@@ -462,19 +247,7 @@ def _beyond(
 def strip_of_walls(
     plant: AnyPlantInHand, design: Design, theta: Number, share: Number, met: WorldsMet, ops: Arithmetic
 ) -> Strip:
-    """Return the ranges over which the condition of walls must hold in a hand, for one share of the coupling.
-
-    See model/README.md, section 19.
-
-    Parameters
-    ----------
-    plant : the device in the hand
-    design : design in numbers of the arithmetic
-    theta : omega T, rad, in [0, pi]
-    share : share of the coupling, from 1/safety_factor to 1
-    met : the environments, with the corner, in numbers of the arithmetic
-    ops : arithmetic of the other arguments
-    """
+    """Return the ranges over which the condition of walls must hold in a hand, for one share of the coupling."""
     offered, seen, share = met_by_environment(plant, design, theta, share, ops)
     return strip_in_walls(offered, met.worlds, design.device.sample_time, seen, share, theta, ops)
 
@@ -482,13 +255,7 @@ def strip_of_walls(
 def limp_strip_of_walls(
     plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, share: Number, met: WorldsMet, ops: Arithmetic
 ) -> Strip:
-    """Return `strip_of_walls` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness.
-
-    Parameters
-    ----------
-    plant, design, theta, rest, ops : see `limp_hand_margin`
-    share, met : see `strip_of_walls`
-    """
+    """Return `strip_of_walls` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness."""
     seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops), design.device.sample_time
     whole = Seen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
     return strip_in_walls(offered_at(design.series, T, theta, ops), met.worlds, T, whole, share, theta, ops)
@@ -497,23 +264,7 @@ def limp_strip_of_walls(
 def any_hand_margin(
     design: Design, delay: LoopDelay, theta: Number, factor: Number, ops: Arithmetic
 ) -> tuple[Number, Number]:
-    """Return two margins for an impedance display in any passive hand. Both must be positive.
-
-    The first margin is size (Re 1/Z_c - factor R)/s^2 times a positive number. The second is size, which is positive if
-    the loop of K_v alone is stable in every passive hand (model/README.md, section 15).
-
-    Parameters
-    ----------
-    design : design of an impedance display, in numbers of the arithmetic
-    delay : whole samples of the device's delay
-    theta : omega T, rad, in [0, pi]
-    factor : least permitted Re(1/Z_c)/R
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    margin, size : arrays with the shape of theta
-    """
+    """Return two margins for an impedance display in any passive hand. Both must be positive."""
     hand = any_hand(design.device, delay.whole_samples, theta, ops, fractional=delay.fractional)
     required = hand.required(design.gains)
     return room(design.coupling, design.device, required, factor, theta, ops), required.size
@@ -523,21 +274,7 @@ def hand_curve(
     plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic, held: SpringDamper | None = None
 ) -> Pair:
     """Return F of the loop in a hand, rotated to be real at both ends. The curve of a stable loop makes no turn around
-    0.
-
-    Parameters
-    ----------
-    plant : the device in the hand, over one sample
-    gains : K_v and K_p, N s/m and N/m
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-    held : coupling of an impedance display whose virtual tool is held; None for a free tool
-
-    Returns
-    -------
-    Pair
-        Dimensionless. It has the shape of theta.
-    """
+    0."""
     loop, sine, half_poles = loop_in_hand(plant, theta, ops), ops.sin(theta / 2), plant.poles / 2
     F = loop.clamped(gains, held) if held is not None and isinstance(loop, ForceInHand) else loop.closed(gains)
     turned = Pair(ops.cos(theta * half_poles), -ops.sin(theta * half_poles))
@@ -550,39 +287,12 @@ def resistance_apart(device: Device) -> bool:
 
 
 def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
-    """Return the loop's resistance in the hand of the least operator; without an operator it is |D|^2 Re G_hh.
-
-    Parameters
-    ----------
-    design : design; only its device and its gains matter
-    omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        N s/m. It has the shape of omega.
-    """
+    """Return the loop's resistance in the hand of the least operator; without an operator it is |D|^2 Re G_hh."""
     return loop_response(device_response(design.device, omega, ops), design.gains, ops).resistance
 
 
 def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
-    """Return a curve that has the zeros of D and no pole to the right of the imaginary axis.
-
-    The curve is D, or j omega D with an integrator. For a handle on a spring, the curve also has the factor
-    (k + j omega c) and a positive factor. The curve is real and positive at omega = 0.
-
-    Parameters
-    ----------
-    at : the device at omega >= 0
-    gains : K_v and K_p in numbers of the arithmetic
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Pair
-        Only its argument has a meaning. It has the shape of omega.
-    """
+    """Return a curve that has the zeros of D and no pole to the right of the imaginary axis."""
     D = loop_response(at, gains, ops).D_scaled
     if not ops.is_zero(gains.position):
         D = Pair(-D.im, D.re)
@@ -590,21 +300,7 @@ def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
 
 
 def along_drive(at: DeviceResponse, gains: Gains) -> Number:
-    """Return Re(D conj(e A H)) with e = 1 + y Z_2. It does not depend on K_p and is regular at omega = 0.
-
-    The integrator's term e K_p A H/(j omega) is perpendicular to e A H. If Re(D conj(e A H)) > 0, D is therefore not 0
-    for any K_p. With D = e W + Z_2 the result is |e|^2 Re(W conj(A H)) + Re(Z_2 conj(e A H)).
-
-    Parameters
-    ----------
-    at : the device at omega >= 0
-    gains : gains; only K_v matters, N s/m
-
-    Returns
-    -------
-    Number
-        N s/m. It has the shape of omega.
-    """
+    """Return Re(D conj(e A H)) with e = 1 + y Z_2. It does not depend on K_p and is regular at omega = 0."""
     omega, drive, spring = at.omega, at.drive, at.spring
     lagging = omega * drive.lag
     H2 = drive.re * drive.re + lagging * lagging
@@ -619,22 +315,7 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
 
 
 def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2 with P = dF/dK_p. Neither depends on K_p.
-
-    For F and F_0, the function uses the velocity loop alone, times 1 - e^{-j theta}. Both results are regular at
-    theta = 0. Where the first result is not 0, F is not 0 for any K_p.
-
-    Parameters
-    ----------
-    plant : a device without a hand, over one sample
-    gains : gains; only K_v matters, N s/m
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    across, product2 : m/N and (m/N)^2, each with the shape of theta
-    """
+    """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2 with P = dF/dK_p. Neither depends on K_p."""
     velocity_loop = return_difference(plant, theta, ops, position=False)
     P, slope = return_difference(plant, theta, ops, position=True).position, difference_slope(theta, ops)
     F = velocity_loop.closed(gains) * slope
@@ -642,21 +323,7 @@ def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) 
 
 
 def sensitivity_sufficient_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return (limit Im(F conj P) - |F_0||P|)/theta. Where it is positive, |S| < limit for all K_p.
-
-    Parameters
-    ----------
-    plant : a device without a hand, over one sample
-    gains : gains; only K_v matters, N s/m
-    theta : omega T, rad, in [0, pi]
-    limit : greatest permitted |S|
-    ops : arithmetic of the other arguments
-
-    Returns
-    -------
-    Number
-        m/N. It has the shape of theta.
-    """
+    """Return (limit Im(F conj P) - |F_0||P|)/theta. Where it is positive, |S| < limit for all K_p."""
     across, product2 = across_position(plant, gains, theta, ops)
     return limit * across - ops.sqrt(product2)
 

@@ -1,7 +1,4 @@
-"""The claims of a certificate, each with an identifier that never changes, its statement and the quantity it limits.
-
-All records, reports and messages refer to a claim by its identifier, so that its wording may change.
-"""
+"""The claims of a certificate, each with an identifier that never changes, its statement and the quantity it limits."""
 
 from __future__ import annotations
 
@@ -23,29 +20,15 @@ Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles", "st
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A statement about a design that a certificate proves or refutes.
+    """A statement about a design that a certificate proves or refutes."""
 
-    Attributes
-    ----------
-    id : public name in design.json; once a file contains it, it never changes
-    sentence : the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
-    quantity : the limited quantity, by the name that the search's constraints use. `in_hand` is the ratio in a hand.
-        The search does not constrain "poles" and "storage"
-    margin : dotted path within vctune of the function that must be positive, or of the curve that must not encircle 0
-    witness : description of the place where the claim fails
-    label : heading of the claim's row in a report
-    explain : meaning of the claim for the reader
-    asked : function of the constraints and the box of devices (or None) that returns whether a certificate makes the
-        claim
-    """
-
-    id: ClaimId
-    sentence: str
-    quantity: Quantity
+    id: ClaimId  # public name in design.json; once a file contains it, it never changes
+    sentence: str  # the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
+    quantity: Quantity  # the limited quantity, by the name that the search's constraints use
     margin: str
-    witness: str
-    label: str
-    explain: str
+    witness: str  # description of the place where the claim fails
+    label: str  # heading of the claim's row in a report
+    explain: str  # meaning of the claim for the reader
     asked: Callable[[Demands, DeviceBox | None], bool]
 
     def said_of(self, kind: Display) -> str:
@@ -53,6 +36,7 @@ class Claim:
         return self.sentence.format(couples=kind.couples)
 
 
+# All claims, in the order of a certificate
 CLAIMS: dict[ClaimId, Claim] = {
     claim.id: claim
     for claim in (
@@ -214,11 +198,9 @@ CLAIMS: dict[ClaimId, Claim] = {
         ),
     )
 }
-"""All claims, in the order of a certificate."""
 
 
-IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds", "walls")
-"""Claims about the hands of a box. A certificate makes either "hands" or "worlds", and "walls" only with "worlds"."""
+IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds", "walls")  # Claims about the hands of a box
 
 
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
@@ -227,16 +209,5 @@ def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
 
 
 def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId]:
-    """Return the claims that a certificate makes, in their order.
-
-    Parameters
-    ----------
-    demands : constraints on a design; they determine which claims apply
-    box : box of uncertain devices, which adds claims; None for one known device
-
-    Returns
-    -------
-    list of ClaimId
-        In the order of `CLAIMS`.
-    """
+    """Return the claims that a certificate makes, in their order."""
     return [claim.id for claim in CLAIMS.values() if claim.asked(demands, box)]

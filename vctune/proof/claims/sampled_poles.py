@@ -20,28 +20,12 @@ from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, as_series, ball,
 from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 from vctune.proof.engine.winding import turned_angle
 
-ISOLATED_DEGREE = 40
-"""Greatest degree for which the displayed spectral radius comes from isolated roots. Above this degree it comes from
-eigenvalues. No proof uses the displayed radius. With twice this degree, the isolation takes seconds for a long
-delay."""
-ROOT_TOLERANCE = 1e-16
-"""Radius of the enclosures of poles, finer than a double. Without a tolerance, FLINT would only separate the enclosures
-from each other. If this number is halved or doubled, the displayed radius stays the same."""
+ISOLATED_DEGREE = 40  # Greatest degree for which the displayed spectral radius comes from isolated roots
+ROOT_TOLERANCE = 1e-16  # Radius of the enclosures of poles, finer than a double
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
-    """Prove |S| < max_sensitivity of the sampled loop at every frequency.
-
-    Parameters
-    ----------
-    design : design; floats of its device and its gains stand for the decimals that they print as
-    max_sensitivity : greatest permitted |S|, also a decimal
-
-    Returns
-    -------
-    Outcome
-        If it is refuted or undecided, it has a witness in rad/s.
-    """
+    """Prove |S| < max_sensitivity of the sampled loop at every frequency."""
     plant, gains, limit = exact_plant(design.device), gains_ball(design.gains), ball(max_sensitivity)
     in_series = (
         plant.converted(as_series),
@@ -57,19 +41,7 @@ def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
 
 
 def unmodelled_at(device: Device, gains: Gains, radii: tuple[tuple[float, float], ...], theta: float) -> Outcome:
-    """Return whether |1 - S| r > 1 is certain at one angle, where r is the radius of the disc there.
-
-    Parameters
-    ----------
-    device, gains : device and gains; their floats stand for the decimals that they print as
-    radii : points (Hz, r) of the disc, as in `Unmodelled`
-    theta : omega T, rad, in (0, pi]
-
-    Returns
-    -------
-    Outcome
-        Either refuted with a witness in rad/s, or undecided; never proved.
-    """
+    """Return whether |1 - S| r > 1 is certain at one angle, where r is the radius of the disc there."""
     radius = BALLS.interpolated(arb(theta / (2 * pi * device.sample_time)), radii)
     margin = unmodelled_margin(exact_plant(device), gains_ball(gains), arb(theta), radius, BALLS)
     if margin < 0:
@@ -78,21 +50,7 @@ def unmodelled_at(device: Device, gains: Gains, radii: tuple[tuple[float, float]
 
 
 def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
-    """Prove that the spectral radius of the exact sampled loop is below 1.
-
-    The proof follows a curve along the upper half of the unit circle: z^-n times the characteristic polynomial, whose
-    degree is n. The curve is real at both ends and must return to the positive axis without a turn.
-
-    Parameters
-    ----------
-    device, gains : device and gains; their floats stand for the decimals that they print as
-
-    Returns
-    -------
-    Outcome
-        If it is undecided, it has a witness, rad/s, where the curve comes too close to 0. If it is refuted, it has no
-        witness.
-    """
+    """Prove that the spectral radius of the exact sampled loop is below 1."""
     law, plant = gains_ball(gains), exact_plant(device)
 
     def curve(theta: arb) -> Pair:
@@ -108,18 +66,7 @@ def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
 
 
 def in_rad_per_s(outcome: Outcome, device: Device) -> Outcome:
-    """Return an outcome with its witness theta = omega T converted to omega.
-
-    Parameters
-    ----------
-    outcome : outcome whose witness is theta, rad, or None
-    device : device with the sample time T, s
-
-    Returns
-    -------
-    Outcome
-        The same outcome with its witness in rad/s.
-    """
+    """Return an outcome with its witness theta = omega T converted to omega."""
     witness = outcome.witness / device.sample_time if outcome.witness is not None else None
     return replace(outcome, witness=witness)
 
@@ -132,18 +79,7 @@ def exact_plant(device: Device) -> SampledPlant:
 
 
 def spectral_radius(device: Device, gains: Gains) -> float:
-    """Return the greatest modulus of the sampled loop's poles, from enclosures where the poles can be isolated.
-
-    Parameters
-    ----------
-    device, gains : device and gains; their floats stand for the decimals that they print as
-
-    Returns
-    -------
-    float
-        The radius, rounded. If the function cannot isolate the poles, the radius comes from eigenvalues in double
-        precision. The radius is for display, not for a proof.
-    """
+    """Return the greatest modulus of the sampled loop's poles, from enclosures where the poles can be isolated."""
     with ctx.workprec(PRECISION):
         coefficients = characteristic_polynomial(exact_plant(device), gains_ball(gains))
         if len(coefficients) <= ISOLATED_DEGREE:

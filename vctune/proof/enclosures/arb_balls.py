@@ -1,7 +1,5 @@
 """Single numbers as Arb balls of 128 bits. Every ball contains the true value; if it excludes 0, the sign is proved.
-
-See proof/README.md, section 2.
-"""
+See proof/README.md, section 2."""
 
 from __future__ import annotations
 
@@ -18,14 +16,8 @@ from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import SWELL, TINY, UNIT, Enclosure
 from vctune.proof.enclosures.jets import interpolated_over
 
-PRECISION = 128
-"""Working precision, bits. With half or twice as many bits, the proofs for the designs of problems/ need the same
-number of boxes and about the same time. The additional precision serves designs that are closer to their constraints
-than an optimum rounded to decimals."""
-SMALL = 0.1
-"""Argument below which the code computes (1 - sinc x)/x^2 by its series with an enclosed remainder. With half this
-argument, the subtraction in the closed form would lose another factor of 4 of the precision. With twice this argument,
-the remainder would be 2e-25 instead of 3e-29."""
+PRECISION = 128  # Working precision, bits
+SMALL = 0.1  # Argument below which the code computes (1 - sinc x)/x^2 by its series with an enclosed remainder
 
 
 class _BallArithmetic:
@@ -133,20 +125,12 @@ def ball_or_inf(decimal: float) -> Number:
 
 
 def as_series(constant: arb) -> arb_series:
-    """Return a ball as a power series with three terms.
-
-    Multiplying two such series is faster than multiplying a series by a ball.
-    """
+    """Return a ball as a power series with three terms."""
     return arb_series([constant], 3)
 
 
 def enclosure_of(x: arb | int) -> Number:
-    """Return a ball as an enclosure in double precision. An integer stays an integer.
-
-    Parameters
-    ----------
-    x : the ball
-    """
+    """Return a ball as an enclosure in double precision. An integer stays an integer."""
     if isinstance(x, int):
         return x
     mid = float(x.mid())
@@ -154,17 +138,7 @@ def enclosure_of(x: arb | int) -> Number:
 
 
 def box(low: float, high: float) -> arb:
-    """Return a ball that contains the interval [low, high].
-
-    Parameters
-    ----------
-    low, high : ends; the doubles themselves, not the decimals that they print as
-
-    Returns
-    -------
-    arb
-        A ball, rounded outwards.
-    """
+    """Return a ball that contains the interval [low, high]."""
     return arb(low).union(arb(high))
 
 

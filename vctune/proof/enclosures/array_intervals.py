@@ -1,10 +1,5 @@
-"""Midpoint-radius intervals on NumPy arrays in double precision: many boxes at once, with all rounding errors enclosed.
-
-An `Enclosure` holds every number within `rad` of `mid`. IEEE addition, multiplication, division and square root are
-correct to half a unit in the last place. The code enlarges the radius of each result by a whole unit, and by the
-rounding error of the radius itself. If an operation on arrays overflows or divides by 0, the radius of its result is
-not finite, and the result proves nothing.
-"""
+"""Midpoint-radius intervals on NumPy arrays in double precision: many boxes at once, with all rounding errors
+enclosed."""
 
 from __future__ import annotations
 
@@ -20,36 +15,13 @@ from vctune.model.numbers.arithmetic import FLOATS, Number
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-UNIT = 2.0**-52
-"""Twice the relative rounding error of an operation (IEEE 754, round to nearest)."""
-TINY = 1e-300
-"""Upper bound of the loss of a sum of products by underflow; the least normal number is 2e-308. No quantity of a haptic
-device is as small as this bound, so half or twice the bound makes no difference."""
-SWELL = 1 + 2.0**-49
-"""Factor that covers 15 roundings of a radius; each rounding is at most u = 2^-53 of the radius. Among the elementary
-operations, a reciprocal takes the most roundings, 7: the difference and the sum of magnitude and radius, two
-quotients, the sum with the rounding error of the value, the product with this factor, and the sum with `TINY`. A
-product takes 6. A sum over the rows of a box takes a number of roundings that depends on its terms; the function
-`raised` covers them. With half its excess over 1, the factor would cover 7 roundings; with twice the excess, it would
-widen a radius by a relative 3.6e-15, not 1.8e-15."""
+UNIT = 2.0**-52  # Twice the relative rounding error of an operation (IEEE 754, round to nearest)
+TINY = 1e-300  # Upper bound of the loss of a sum of products by underflow; the least normal number is 2e-308
+SWELL = 1 + 2.0**-49  # Factor that covers 15 roundings of a radius; each rounding is at most u = 2^-53 of the radius
 
 
 def raised(total: Floats, terms: int) -> Floats:
-    """Return a rounded sum, increased so that it is at least the exact sum.
-
-    Summing n terms takes n - 1 roundings. The terms and the product that this function computes take at most n + 5
-    more. With u = 2^-53, the result is large enough because (1 - u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
-
-    Parameters
-    ----------
-    total : rounded sum of positive numbers, each the result of at most n + 4 operations on positive numbers
-    terms : number n of terms, at most a million
-
-    Returns
-    -------
-    array of float
-        The result has the shape of the sum.
-    """
+    """Return a rounded sum, increased so that it is at least the exact sum."""
     return total * (1 + (terms + 8) * UNIT)
 
 
@@ -59,15 +31,7 @@ def _enclosed(mid: Floats, rad: Floats) -> Enclosure:
 
 
 class Enclosure:
-    """All real numbers within `rad` of `mid`, elementwise.
-
-    An operation with a float or an array treats it as exact.
-
-    Attributes
-    ----------
-    mid, rad : midpoints and radii, floats or arrays that broadcast against each other, rad >= 0; a radius of nan or inf
-        proves nothing
-    """
+    """All real numbers within `rad` of `mid`, elementwise."""
 
     __slots__ = ("mid", "rad")
     __array_ufunc__ = None  # array + enclosure then calls __radd__
@@ -152,17 +116,7 @@ def _is_plain(x: Any) -> bool:
 
 
 def between(low: Any, high: Any) -> Enclosure:
-    """Return an enclosure of the intervals [low, high], elementwise.
-
-    Parameters
-    ----------
-    low, high : floats or arrays, low <= high; the doubles themselves, not the decimals that they print as
-
-    Returns
-    -------
-    Enclosure
-        It has the common shape of both.
-    """
+    """Return an enclosure of the intervals [low, high], elementwise."""
     mid = 0.5 * (low + high)
     return Enclosure(mid, np.maximum(high - mid, mid - low) * SWELL)
 
@@ -178,32 +132,14 @@ def decimal_or_inf(x: float) -> Number:
 
 
 def stacked(numbers: Sequence[Any]) -> Enclosure:
-    """Return one enclosure whose new first axis runs over the given numbers.
-
-    Parameters
-    ----------
-    numbers : enclosures or plain numbers that broadcast against each other
-    """
+    """Return one enclosure whose new first axis runs over the given numbers."""
     found = [x if isinstance(x, Enclosure) else Enclosure(float(x)) for x in numbers]
     parts = np.broadcast_arrays(*(part for x in found for part in (x.mid, x.rad)))
     return Enclosure(np.stack(parts[::2]), np.stack(parts[1::2]))
 
 
 def matmul(a: Enclosure, b: Enclosure) -> Enclosure:
-    """Return enclosures of the matrix products A B, one for each index of the further axes.
-
-    In double precision, a sum of m products is correct to m units of the sum of their magnitudes, in any order.
-
-    Parameters
-    ----------
-    a : A, shape (n, m, ...), m at most 60
-    b : B, shape (m, k, ...)
-
-    Returns
-    -------
-    Enclosure
-        It has shape (n, k, ...).
-    """
+    """Return enclosures of the matrix products A B, one for each index of the further axes."""
     size_a, size_b = np.abs(a.mid), np.abs(b.mid)
     rad = _products(size_a, b.rad + len(b.mid) * UNIT * size_b) + _products(a.rad, size_b + b.rad)
     # a sum of at most 60 products takes some 65 roundings; SWELL covers 15 roundings, its eighth power 127
@@ -215,16 +151,5 @@ def _products(a: Any, b: Any) -> Any:
 
 
 def selected(where: Flags, yes: Enclosure, no: Enclosure) -> Enclosure:
-    """Return `yes` where a condition holds and `no` elsewhere, elementwise.
-
-    Parameters
-    ----------
-    where : the condition
-    yes, no : enclosures that broadcast against it
-
-    Returns
-    -------
-    Enclosure
-        It has the common shape of the three arguments.
-    """
+    """Return `yes` where a condition holds and `no` elsewhere, elementwise."""
     return Enclosure(np.where(where, yes.mid, no.mid), np.where(where, yes.rad, no.rad))

@@ -1,10 +1,4 @@
-"""Lower bounds of polynomials of order two over their boxes.
-
-If S is positive semidefinite, then e'S e >= 2 y'S e - y'S y for any y: the tangent at y bounds a convex polynomial from
-below. Over a box, a tangent is least at a corner. If y is the position of the minimum, the bound is exact (Boyd and
-Vandenberghe 2004, section 5). `least_over_boxes` applies this bound to the convex part of a polynomial's quadratic form
-e'H e, and subtracts the magnitude of the other part.
-"""
+"""Lower bounds of polynomials of order two over their boxes."""
 
 from __future__ import annotations
 
@@ -15,42 +9,22 @@ import numpy as np
 from vctune.proof.enclosures.array_intervals import Floats
 from vctune.proof.enclosures.taylor import Taylor
 
-SWEEPS = 4
-"""Number of times that the code moves each row of y to its best position. With half or twice this number, the proofs
-need the same number of boxes to within a hundredth."""
-ROUNDING = 2.0**-43
-"""Rounding error of a bound, relative to the magnitudes in its sum: 1024 u with u = 2^-53. The count of roundings is
-272. For 14 rows, a product of two matrices or of a matrix and a vector takes 14 roundings, and so does a sum over rows.
-The bound takes two such products and eight such sums, the sum of 120 coefficients, and a dozen further operations. The
-remainder is not among these magnitudes: if it exceeds them, the bound proves nothing. Half this bound would suffice.
-With twice this bound, the proofs are the same."""
+SWEEPS = 4  # Number of times that the code moves each row of y to its best position
+ROUNDING = 2.0**-43  # Rounding error of a bound, relative to the magnitudes in its sum: 1024 u with u = 2^-53
 
 
 @dataclass(frozen=True, slots=True)
 class LowerBound:
-    """A lower bound for each of n boxes.
+    """A lower bound for each of n boxes."""
 
-    Attributes
-    ----------
-    bound : lower bound of all values over the box; -inf if no bound is known
-    estimate : approximate value of the polynomial at `at`
-    at : approximate position of the minimum, each row between -1 and 1, shape (k, n)
-    cost : amount by which each row lowers the bound, shape (k, n)
-    """
-
-    bound: Floats
-    estimate: Floats
-    at: Floats
-    cost: Floats
+    bound: Floats  # lower bound of all values over the box; -inf if no bound is known
+    estimate: Floats  # approximate value of the polynomial at `at`
+    at: Floats  # approximate position of the minimum, each row between -1 and 1, shape (k, n)
+    cost: Floats  # amount by which each row lowers the bound, shape (k, n)
 
 
 def least_over_boxes(number: Taylor) -> LowerBound:
-    """Bound a polynomial from below over each of its boxes.
-
-    Parameters
-    ----------
-    number : polynomial with remainder over n boxes
-    """
+    """Bound a polynomial from below over each of its boxes."""
     k, poly = number.row_count, number.coefficients
     known = np.isfinite(poly).all(axis=0) & np.isfinite(number.radii).all(axis=0)
     poly, rest = np.where(known, poly, 0.0), np.where(known, number.radii, np.inf)

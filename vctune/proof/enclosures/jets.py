@@ -12,59 +12,18 @@ from numpy.typing import NDArray
 from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number, by_conjugate
 from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, between, matmul, raised, selected, stacked
 
+# Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place
 LIBRARY_ERROR = 8 * UNIT
-"""Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place.
-
-The errors of exp and expm1 are relative to the value; the errors of sin and cos are relative to 1. For |x| < 1, where
-sinc divides by x, the error of sin is also relative to the value. Near the other zeros, only the reduction of the
-argument must be correct.
-
-NumPy evaluates these functions with the C library, or with Intel's SVML on processors with AVX-512. The GNU C library
-states 1 unit for each of them ("Known Maximum Errors in Math Functions" in its manual) and 2 units for its vector
-variants. NumPy states at most 4 for SVML (numpy/numpy, pull request 19478), less than 1 for the high-accuracy
-variants that replaced them (24006), and its own tests require 1 (umath-validation-set-*.csv). Eight units are twice
-the greatest of these stated errors, which are measurements by others, not theorems. Therefore
-`tests/proof/test_enclosures.py` measures the errors on the machine on which it runs, against at least 60 digits. Half
-this bound would equal the greatest stated error and leave no reserve. With twice the bound, an enclosed point would
-be wider by 2e-15.
-"""
-PHI_ERROR = 1e-13
-"""Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100. In a problem file,
-b T/m <= 1e60.
-
-Let u = 2^-53, and let expm1 be correct to 16 u (`LIBRARY_ERROR`). phi_1 = -expm1(-x)/x adds one division: 17 u = 2e-15.
-For x >= c = `SERIES_BELOW`, phi_2 = (x + expm1(-x))/x^2. The error of its numerator x^2 phi_2 is at most 16 u (1 -
-e^-x). Relative to the numerator, this is 16 u phi_1/(x phi_2). The quotient phi_1/(x phi_2) falls with x and is 39.7 at
-c. The error is therefore at most 7.1e-14, and 3 u more for the operations. For x < c, the code sums eight terms of the
-series. The sum is at least 0.49, the omitted terms are below x^8/10!, which is at most 1e-17, and Horner's rule adds 3
-u. For x >= c = `CURVATURE_BELOW`, sin(x)/x is correct to 17 u. The difference 1 - sinc x is at least 0.041, so that it
-is correct to 18 u/0.041 = 4.9e-14. For x < c, the error of the series of sinc_curvature is like that of phi_2. If the
-argument itself has the relative error u, then phi_1 and phi_2 change by at most u, because |x phi'| <= phi, and e^-x
-changes by x u, which is at most 8e-14 until e^-x underflows. The derivation above does not prove half this bound. With
-twice the bound, the width of an enclosure would double from 2e-13.
-"""
-EXPONENT_ERROR = 1e-12
-"""Bound on the relative error of exp of a rounded sum, if exp does not overflow. The rounding of the sum contributes
-710 u and exp contributes 16 u, together 8e-14. Half the bound would suffice. Twice the bound would work as well,
-because the bound applies to radii above 1."""
-SMALL = 0.5
-"""Argument below which the code encloses the derivative of sinc by its series. Above it, the code uses the quotient
-(cos x - sinc x)/x, and dividing by x enlarges the rounding error. With half this argument, the rounding error would
-apply to smaller x. With twice this argument, the enclosure of the series' second term, from 0 to x^2/10, would be 10 %
-of the first term."""
+PHI_ERROR = 1e-13  # Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100
+EXPONENT_ERROR = 1e-12  # Bound on the relative error of exp of a rounded sum, if exp does not overflow
+SMALL = 0.5  # Argument below which the code encloses the derivative of sinc by its series
 
 Slopes = tuple[Enclosure | None, ...]
 Table = tuple[tuple[float, float], ...]
 
 
 class Jet:
-    """A number that depends on several variables: an enclosure of its values and of each of its derivatives.
-
-    Attributes
-    ----------
-    value : enclosure over the box
-    slopes : enclosures of the derivatives over the box; None if the number does not depend on the variable
-    """
+    """A number that depends on several variables: an enclosure of its values and of each of its derivatives."""
 
     __slots__ = ("slopes", "value")
     __array_ufunc__ = None
@@ -107,35 +66,12 @@ class Jet:
         return _reciprocal(self) * other
 
     def mapped(self, value: Enclosure, derivative: Any) -> Jet:
-        """Return f(x) of this number x by the chain rule.
-
-        Parameters
-        ----------
-        value : enclosure of f over the box
-        derivative : enclosure of f' over the box, or a plain number
-
-        Returns
-        -------
-        Jet
-            The value of f, with the slopes of x times f'.
-        """
+        """Return f(x) of this number x by the chain rule."""
         return Jet(value, _scaled(self.slopes, derivative))
 
 
 def variables(values: Sequence[Enclosure], varied: Sequence[bool]) -> list[Enclosure | Jet]:
-    """Return the variables of a box as jets. Each jet has the slope 1 in its own variable and 0 in the others.
-
-    Parameters
-    ----------
-    values : enclosures of n variables
-    varied : for each variable, whether it varies over some box
-
-    Returns
-    -------
-    list of Enclosure or Jet
-        n numbers. A jet has one slope for each variable that varies, in the order of the variables. A variable that
-        does not vary remains an enclosure.
-    """
+    """Return the variables of a box as jets. Each jet has the slope 1 in its own variable and 0 in the others."""
     order = {index: place for place, index in enumerate(i for i, varies in enumerate(varied) if varies)}
     one = Enclosure(1.0)
 
@@ -167,11 +103,7 @@ def _cos(x: Enclosure) -> Enclosure:
 
 
 def _sinc(x: Enclosure) -> Enclosure:
-    """Return sin(x)/x.
-
-    Its derivative is at most |x|/3 and at most 1/2. Its second derivative is at most 1/3 and at most 1/|x| + 2/x^2 +
-    2/|x|^3.
-    """
+    """Return sin(x)/x."""
     size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, 1.0)
     value = FLOATS.sinc(x.mid)
     slope = np.minimum((size + x.rad) / 3, 0.5)
@@ -310,10 +242,7 @@ class _EnclosureArithmetic:
 
     @staticmethod
     def phi_2(x: Number) -> Number:
-        """Return phi_2.
-
-        Its derivative is minus the mean of t (1 - t) e^-xt over 0 <= t <= 1. It lies between -1/6 and -e^-x/6.
-        """
+        """Return phi_2."""
         if not isinstance(x, Jet):
             return _falling(FLOATS.phi_2, x)
         least = np.exp(-(x.value.mid + x.value.rad)) * (1 - PHI_ERROR)
@@ -352,20 +281,7 @@ ENCLOSURES: ArrayArithmetic = _EnclosureArithmetic()
 
 
 def reciprocal_over(re: Enclosure, im: Enclosure) -> tuple[Enclosure, Enclosure]:
-    """Return 1/x of complex numbers x. The relative width of the result is about that of x.
-
-    For any number c and x = (1 + e)/c, the function uses |1/x - c| = |c e/(1 + e)|. The conjugate divided by the
-    squared modulus would give an enclosure as wide as that of three independent numbers.
-
-    Parameters
-    ----------
-    re, im : enclosures of the real and of the imaginary parts
-
-    Returns
-    -------
-    tuple of two Enclosures
-        Enclosures of both parts; nan where x may be 0.
-    """
+    """Return 1/x of complex numbers x. The relative width of the result is about that of x."""
     a, b = by_conjugate(*(np.asarray(part.mid, float) for part in (re, im)))
     one, other = Enclosure(a), Enclosure(b)
     off = ENCLOSURES.modulus(re * one - im * other - 1, re * other + im * one)
@@ -375,20 +291,7 @@ def reciprocal_over(re: Enclosure, im: Enclosure) -> tuple[Enclosure, Enclosure]
 
 
 def interpolated_over(x: Enclosure, table: Table) -> Enclosure:
-    """Return an enclosure of a table's values over x, interpolated linearly in the logarithms of both.
-
-    The least and the greatest value lie at an end of x or at a point of the table.
-
-    Parameters
-    ----------
-    x : enclosure of positive numbers
-    table : points (x, value), both > 0, increasing in x; the value is constant outside the first and the last point
-
-    Returns
-    -------
-    Enclosure
-        It has the unit of the table's values.
-    """
+    """Return an enclosure of a table's values over x, interpolated linearly in the logarithms of both."""
     low, high = np.maximum(x.mid - x.rad, TINY), x.mid + x.rad
     ends = [FLOATS.interpolated(edge, table) for edge in (low, high)]
     least, greatest = np.minimum(*ends), np.maximum(*ends)

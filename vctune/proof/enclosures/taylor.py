@@ -1,11 +1,4 @@
-"""Polynomials of order two in the rows of a box, with enclosed remainders, for many boxes at once.
-
-The rows of a box are its variables, such as frequency, mass and stiffness. A `Taylor` represents a number as a
-polynomial in e_1 ... e_k. Each e_i runs from -1 to 1, as row i of the box runs from its lower to its upper end. Radii
-cover all terms of higher order and every rounding error (Taylor models: Makino and Berz 2003). Unlike the slopes of a
-jet, the polynomial shows how rows act together. At a resonance, for example, the number may hardly vary if mass and
-stiffness vary in proportion.
-"""
+"""Polynomials of order two in the rows of a box, with enclosed remainders, for many boxes at once."""
 
 from __future__ import annotations
 
@@ -17,38 +10,14 @@ import numpy as np
 
 from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Floats
 
-SWOLLEN = 1 + 2.0**-44
-"""Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius. The radii of a
-product need the most roundings. For 14 rows and 8-by-8 matrices there are 152: 105 for the coefficients of order two,
-14 for the rows, 2 for the constant, 15 for the radii, 8 for the sum of the products, and 8 others. For 28 rows there
-are 481. With half its excess over 1, the factor would cover 256 roundings; with twice the excess, it would widen a
-radius by a relative 1e-13."""
-HIGHER_ERROR = 1e-13
-"""Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53. The reciprocal 1/m has one rounding. Its
-f''/2 takes the most roundings: three for the cube of 1/m, and 2 for the library's cube. Its f' takes 3, two of them
-from 1/m. For a square root, f''/2 takes 3: the root, its product with m, and the quotient. The parameter `series_error`
-of `Taylor.mapped` covers the errors of a library's exp, sin and cos, and all errors of sinc, whose slopes cancel. Half
-this bound would suffice, and twice this bound would work as well."""
+SWOLLEN = 1 + 2.0**-44  # Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius
+HIGHER_ERROR = 1e-13  # Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53
 
-Times = Callable[[Floats, Floats], Floats]
-"""Function that multiplies arrays of numbers, or of matrices, for each box. Either array or both may have one more
-first axis, which runs over coefficients."""
+Times = Callable[[Floats, Floats], Floats]  # Function that multiplies arrays of numbers, or of matrices, for each box
 
 
 class Taylor:
-    """A number, or a matrix of numbers, over n boxes, in which the same k rows vary.
-
-    The operators + - * / take a `Taylor` of the same boxes, an `Enclosure`, or a plain number without an error. The
-    result holds every value that numbers of both operands can give.
-
-    Attributes
-    ----------
-    row_count : number k of rows
-    coefficients : coefficients of 1, of each e_i, and of each e_i e_j in the order (1, 1), (1, 2) ... (1, k), (2, 2)
-        ...; shape (1 + k + k (k + 1)/2, ..., n), where a matrix has two axes before n
-    radii : parts of the radius around the polynomial: a part for each row, for the terms of higher order that it
-        causes, and then a part for rounding errors and for the radii of enclosures; shape (k + 1, ..., n)
-    """
+    """A number, or a matrix of numbers, over n boxes, in which the same k rows vary."""
 
     __slots__ = ("_magnitudes", "coefficients", "radii", "row_count")
     __array_ufunc__ = None  # a NumPy array times a Taylor calls __rmul__ once, not for each element
@@ -109,12 +78,7 @@ class Taylor:
         return Taylor(self.row_count, self.coefficients[(slice(None), *at)], self.radii[(slice(None), *at)])
 
     def subset(self, at: Any) -> Taylor:
-        """Return the number over some of the boxes.
-
-        Parameters
-        ----------
-        at : indices of the boxes, or a flag for each box
-        """
+        """Return the number over some of the boxes."""
         return Taylor(self.row_count, self.coefficients[..., at], self.radii[..., at])
 
     def matmul(self, other: Taylor) -> Taylor:
@@ -137,21 +101,7 @@ class Taylor:
         return self.mapped(series, 6 * np.abs(inverse) ** 3 / least_size, UNIT * np.abs(inverse))
 
     def mapped(self, series: tuple[Floats, Floats, Floats], third_derivative: Any, series_error: Any) -> Taylor:
-        """Return f(x) of this number x, to second order with an enclosed remainder.
-
-        Parameters
-        ----------
-        series : f, f' and f''/2 at the constant m of the polynomial, rounded; each of shape (..., n)
-        third_derivative : bound of |f'''| over all values x = m + e, or of 6 |f(x) - series|/|e|^3; nan where no bound
-            is known
-        series_error : bound on the absolute rounding error of each of the three numbers of `series`; f' and f''/2 may
-            in addition have the relative error `HIGHER_ERROR`
-
-        Returns
-        -------
-        Taylor
-            A number over the same boxes. Its radii are not finite where an argument is not finite.
-        """
+        """Return f(x) of this number x, to second order with an enclosed remainder."""
         value, first, second = series
         coefficients = self.coefficients.copy()
         coefficients[0] = 0.0
@@ -170,15 +120,7 @@ class Taylor:
 
 
 class _Magnitudes:
-    """The greatest magnitudes that the parts of a polynomial have for |e_i| <= 1.
-
-    Attributes
-    ----------
-    linear_by_row : for each row i, the magnitude of its e_i term, shape (k, ..., n)
-    quadratic_by_row : for each row i, the magnitude of its e_i^2 term and half of each mixed term, shape (k, ..., n)
-    linear, quadratic : sums of these magnitudes over the rows, shape (..., n)
-    polynomial : magnitude of the constant plus `linear` plus `quadratic`, without the radii
-    """
+    """The greatest magnitudes that the parts of a polynomial have for |e_i| <= 1."""
 
     __slots__ = ("linear", "linear_by_row", "polynomial", "quadratic", "quadratic_by_row")
 
@@ -194,10 +136,7 @@ class _Magnitudes:
 @cache
 def _half_shares(row_count: int) -> Floats:
     """Return the matrix that gives half of each e_i e_j, i <= j, to row i and half to row j. Row i thus gets all of
-    e_i^2.
-
-    Its shape is (rows, pairs of rows), with the pairs in the order of `Taylor.coefficients`.
-    """
+    e_i^2."""
     shares, pairs = np.zeros((row_count, row_count * (row_count + 1) // 2)), np.triu_indices(row_count)
     for row in pairs:
         np.add.at(shares, (row, np.arange(shares.shape[1])), 0.5)
@@ -205,18 +144,7 @@ def _half_shares(row_count: int) -> Floats:
 
 
 def variables(rows: Sequence[Enclosure], varied: Sequence[bool]) -> list[Taylor | Enclosure]:
-    """Return the rows of n boxes as polynomials, each of degree 1 in its own variable e_i in [-1, 1].
-
-    Parameters
-    ----------
-    rows : enclosure of each row's interval; its numbers have shape (n,), or are plain if they are equal for all boxes
-    varied : for each row, whether it varies over some box; k rows vary
-
-    Returns
-    -------
-    list of Taylor or Enclosure
-        Polynomials in k variables. A row that does not vary stays an enclosure.
-    """
+    """Return the rows of n boxes as polynomials, each of degree 1 in its own variable e_i in [-1, 1]."""
     k, n = sum(varied), max(np.size(row.mid) for row in rows)
 
     def linear_in(index: int, row: Enclosure) -> Taylor:
@@ -230,12 +158,7 @@ def variables(rows: Sequence[Enclosure], varied: Sequence[bool]) -> list[Taylor 
 
 
 def stacked(numbers: Sequence[Any]) -> Taylor:
-    """Return one `Taylor` whose new first axis, behind the axis of the coefficients, runs over the given numbers.
-
-    Parameters
-    ----------
-    numbers : numbers over the same boxes: at least one `Taylor`; the others may be enclosures or plain numbers
-    """
+    """Return one `Taylor` whose new first axis, behind the axis of the coefficients, runs over the given numbers."""
     model = next(x for x in numbers if isinstance(x, Taylor))
     coefficients, radii = (
         np.zeros((len(part), len(numbers), *part.shape[1:])) for part in (model.coefficients, model.radii)
@@ -254,14 +177,7 @@ def _mid_and_rad(x: Any) -> tuple[Any, Any]:
 
 
 def _product(a: Taylor, b: Taylor, times: Times, terms: int) -> Taylor:
-    """Return the product a b.
-
-    Parameters
-    ----------
-    a, b : numbers or matrices over the same boxes
-    times : function that multiplies arrays of coefficients: `np.multiply` for numbers, `_matrix_product` for matrices
-    terms : number of products of numbers that `times` sums for an entry of its result
-    """
+    """Return the product a b."""
     k, A, B = a.row_count, a.magnitudes, b.magnitudes
     coefficients = times(a.coefficients, b.coefficients[0])
     coefficients[1:] += times(a.coefficients[0], b.coefficients[1:])
@@ -285,13 +201,7 @@ def _product(a: Taylor, b: Taylor, times: Times, terms: int) -> Taylor:
 
 
 def _matrix_product(x: Floats, y: Floats) -> Floats:
-    """Return the matrix product for each box.
-
-    Parameters
-    ----------
-    x, y : matrices, shapes (i, j, n) and (j, k, n); either or both may have one more first axis, which runs over
-        coefficients
-    """
+    """Return the matrix product for each box."""
     coefficient_axes = ["c" * (part.ndim > 3) for part in (x, y)]
     x_axis, y_axis = coefficient_axes
     return np.asarray(np.einsum(f"{x_axis}ijn,{y_axis}jkn->{max(coefficient_axes)}ikn", x, y))

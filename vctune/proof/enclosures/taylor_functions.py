@@ -13,17 +13,13 @@ from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Float
 from vctune.proof.enclosures.jets import ENCLOSURES, LIBRARY_ERROR, Table
 from vctune.proof.enclosures.taylor import SWOLLEN, Taylor, stacked
 
-SINC_TERMS = 12
-"""Number of terms in the series of sinc' and sinc'' for arguments below 1. The remainder is below 1e-20. With half as
-many terms it is 1e-9; more terms are no better in double precision."""
+SINC_TERMS = 12  # Number of terms in the series of sinc' and sinc'' for arguments below 1
+# Relative amount by which an interval may extend past a point of a table while the code still uses the power law of one
+# side
 ASTRIDE = 1e-12
-"""Relative amount by which an interval may extend past a point of a table while the code still uses the power law of
-one side. This close to the point, the power laws of both sides agree up to `POWER_ERROR`. With half or twice this
-amount, the proofs are the same, because the prover cuts no box that close to a point."""
+# Bound on the relative error of a table's power and of its value, for each unit of the power and of the logarithm of
+# the ratio of two points
 POWER_ERROR = 8e-12
-"""Bound on the relative error of a table's power and of its value, for each unit of the power and of the logarithm of
-the ratio of two points. The bound covers rounding errors and `ASTRIDE`. Half the bound would suffice, and twice the
-bound would work as well."""
 
 
 def _sinc(x: Floats) -> tuple[Floats, Floats, Floats]:
@@ -44,10 +40,7 @@ def _ranged(x: Number) -> Number:
 
 def _narrower(x: Taylor, over: Enclosure, of: Taylor) -> Taylor:
     """Return a number where its remainder is narrower than the given range of its values; elsewhere return an enclosure
-    of that range.
-
-    The function attributes the width of that enclosure to the rows on which the number's argument depends.
-    """
+    of that range."""
     known = x.radii.sum(axis=0) <= over.rad
     shares = of.magnitudes.linear_by_row + of.magnitudes.quadratic_by_row + of.radii[:-1]
     total = shares.sum(axis=0)
@@ -92,13 +85,7 @@ def _power(x: Taylor, table: Table) -> Taylor:
 
 
 def _like(x: Number, one: Taylor) -> Taylor:
-    """Return a matrix, which may be the same for all boxes, as a `Taylor` over the boxes of another matrix.
-
-    Parameters
-    ----------
-    x : a `Taylor`, or an enclosure of shape (n, m) or (n, m, boxes)
-    one : the other matrix
-    """
+    """Return a matrix, which may be the same for all boxes, as a `Taylor` over the boxes of another matrix."""
     if isinstance(x, Taylor):
         return x
     shape = (*x.mid.shape[:2], one.coefficients.shape[-1])

@@ -8,34 +8,13 @@ from math import pi, sqrt
 
 from vctune.running import OutOfTimeError
 
-FINEST_STEP = 1e-6
-"""Relative step at which the extension of a proved band ends. The code then rounds the edge to few digits. With half or
-twice this step, the extension ends at the same edge."""
-EDGE_DIGITS = 5
-"""Number of digits of an edge in Hz outside the required band. The report prints all of these digits. The last digit is
-at least ten times as coarse as the finest step."""
-BEYOND = 1e-12
-"""Relative amount by which an edge in rad/s lies outside the edge in hertz. This amount is more than the rounding error
-of 2 pi f."""
+FINEST_STEP = 1e-6  # Relative step at which the extension of a proved band ends
+EDGE_DIGITS = 5  # Number of digits of an edge in Hz outside the required band
+BEYOND = 1e-12  # Relative amount by which an edge in rad/s lies outside the edge in hertz
 
 
 def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
-    """Return the farthest point from an edge towards a goal up to which a proof holds.
-
-    The result has `EDGE_DIGITS` digits in hertz, so that searches with different steps return the same number.
-
-    Parameters
-    ----------
-    holds : function that returns whether the proof holds between two frequencies in rad/s, the lower one first
-    edge : current end of the proved band, rad/s, > 0
-    goal : end of the search, rad/s, > 0; above or below the edge
-
-    Returns
-    -------
-    float
-        rad/s, between edge and goal. The proof holds between this frequency and the edge. If the time limit ends the
-        search, the result is nearer to the edge.
-    """
+    """Return the farthest point from an edge towards a goal up to which a proof holds."""
     down, start = goal < edge, edge
     step, held = 4.0, True  # a ratio of frequencies; a second success squares it, a failure takes its square root
     try:
@@ -64,18 +43,7 @@ def _decimal_edge(holds: Callable[[float, float], bool], edge: float, start: flo
 
 
 def edge_in_hertz(edge: float, *, upper: bool) -> float:
-    """Return an edge of a proved band in hertz.
-
-    Parameters
-    ----------
-    edge : edge of the band, rad/s, > 0
-    upper : whether this is the upper edge; the function rounds an upper edge down and a lower edge up
-
-    Returns
-    -------
-    float
-        Hz, with `EDGE_DIGITS` digits.
-    """
+    """Return an edge of a proved band in hertz."""
     away = 1 if upper else -1
     return float(_rounded(Decimal(edge / (2 * pi) * (1 - away * BEYOND / 10)), away)[0])
 

@@ -8,21 +8,10 @@ from vctune.proof.enclosures.array_intervals import Floats
 from vctune.proof.engine.boxes import Boxes, Cells, band_of, over_cells
 from vctune.proof.engine.branching import Proofs, Test, prove
 
-STEP = 1.4
-"""Ratio of the edges of the first intervals. With the square root of this ratio, the proofs take 60 % more boxes; with
-its square, 16 % fewer. If rounding and cell size nearly hide the sign of a margin, this ratio decides whether the cell
-is proved."""
-HALVINGS = 24
-"""Greatest number of halvings of an interval of frequency for a single design. The narrowest interval is 2e-8 of the
-first one. An optimal design needs such intervals where it touches its constraint. With half or twice as many halvings,
-the prover proves the same designs near the optimal designs of the problems in problems/."""
-CELL_HALVINGS = 10
-"""Greatest number of halvings for a cell. After few halvings, the size of the cell widens an enclosure more than the
-interval does. With half as many halvings, the prover leaves up to half of the cells near the border of the feasible
-region open. With twice as many, it proves no more cells."""
-MAX_BOXES = 4_000
-"""Number of boxes for one claim after which the prover leaves a cell open. Most cells take a few hundred boxes. With
-half or twice as many, the prover proves the same cells."""
+STEP = 1.4  # Ratio of the edges of the first intervals
+HALVINGS = 24  # Greatest number of halvings of an interval of frequency for a single design
+CELL_HALVINGS = 10  # Greatest number of halvings for a cell
+MAX_BOXES = 4_000  # Number of boxes for one claim after which the prover leaves a cell open
 
 
 def cells_over_band(
@@ -34,22 +23,7 @@ def cells_over_band(
     *,
     in_parts: bool = False,
 ) -> Proofs:
-    """Prove a test for cells over a band, beginning with intervals of the ratio `STEP`.
-
-    Parameters
-    ----------
-    test : test of boxes with rows for frequency and cell
-    cells : n cells of designs
-    low, high : edges of the band, in the test's unit of frequency
-    measure : function of boxes, such as the angle of a turn; the prover sums its values over the proved boxes of a
-        cell; None for no sum
-    in_parts : whether to halve the cells as well as the frequency, separately in each interval
-
-    Returns
-    -------
-    Proofs
-        The result for each of the n cells.
-    """
+    """Prove a test for cells over a band, beginning with intervals of the ratio `STEP`."""
     return prove(
         test,
         over_cells(cells, band_of(low, high, STEP)),
@@ -62,16 +36,5 @@ def cells_over_band(
 
 
 def halved_rows(cells: Cells, rows: int) -> tuple[bool, ...]:
-    """Return which rows of boxes the prover may halve: all except the rows of the cell.
-
-    Parameters
-    ----------
-    cells : cells, whose keys are the last rows
-    rows : number of rows before them, for frequency and hand
-
-    Returns
-    -------
-    tuple of bool
-        One bool for each row.
-    """
+    """Return which rows of boxes the prover may halve: all except the rows of the cell."""
     return (*[True] * rows, *[False] * len(cells.keys))

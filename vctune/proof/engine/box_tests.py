@@ -1,10 +1,4 @@
-"""Tests of boxes: that a margin is positive throughout, or that a curve misses 0.
-
-The test bounds a margin from below by its value at one point of the box. In a row where the slope keeps its sign, the
-point lies at the worse end, and the bound loses nothing. In any other row it lies in the middle, and the bound loses
-the slope times half the width. If the worst device or the worst design is at a vertex of its box, the test therefore
-evaluates the margin at exactly this device or design.
-"""
+"""Tests of boxes: that a margin is positive throughout, or that a curve misses 0."""
 
 from __future__ import annotations
 
@@ -24,46 +18,28 @@ from vctune.proof.engine.branching import Decided, Test
 from vctune.proof.engine.interval import WIDE
 from vctune.running import check_time
 
+# Ratio of the highest to the lowest frequency of a box below which the test tries a second margin, because this margin
+# needs narrow boxes
 NARROW = 1.02
-"""Ratio of the highest to the lowest frequency of a box below which the test tries a second margin, because this margin
-needs narrow boxes. With half or twice this ratio's excess over 1, the proofs need the same number of boxes."""
+# Relative width that the test assumes for an interval that begins at frequency 0, because halving never reduces its
+# relative width
 FROM_ZERO = 0.1
-"""Relative width that the test assumes for an interval that begins at frequency 0, because halving never reduces its
-relative width. With half or twice this value, the proofs need the same number of boxes."""
 
 
-LOST = -1.0
-"""Value of `room` for a margin that would not be positive even if it rose by its whole variation."""
+LOST = -1.0  # Value of `room` for a margin that would not be positive even if it rose by its whole variation
 
+# A function on enclosures and jets that must be positive; its arguments are a frequency and numbers by name
 Margin = Callable[[Number, Values], Number]
-"""A function on enclosures and jets that must be positive; its arguments are a frequency and numbers by name."""
+# A function that returns several margins; at each point one of them must be positive
 Margins = Callable[[Number, Values], tuple[Number, ...]]
-"""A function that returns several margins; at each point one of them must be positive."""
-Curve = Callable[[Number, Values], Pair]
-"""A function that must not be 0."""
+Curve = Callable[[Number, Values], Pair]  # A function that must not be 0
+# The rows of boxes: the frequency and the uncertain numbers, one enclosure or jet over all boxes for each row
 Rows = Sequence[Number]
-"""The rows of boxes: the frequency and the uncertain numbers, one enclosure or jet over all boxes for each row."""
-OfRows = Callable[[Rows], Number]
-"""A margin as a function of the rows only; the other values are fixed."""
+OfRows = Callable[[Rows], Number]  # A margin as a function of the rows only; the other values are fixed
 
 
 def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, below: float = 0.0) -> Test:
-    """Return the test that a margin is positive, by slopes.
-
-    Parameters
-    ----------
-    margin : function of a frequency and of values by name
-    fixed : values by name that are not rows of the boxes
-    sufficient : a second margin that is regular at frequency 0 and whose sign proves the same claim; the test tries it
-        at 0 and on wide intervals
-    below : frequency below which the test tries `sufficient` on narrow intervals as well, because a margin that
-        vanishes at 0 may vary little relative to its own size
-
-    Returns
-    -------
-    Test
-        The test of boxes with rows for frequency and values.
-    """
+    """Return the test that a margin is positive, by slopes."""
 
     def test(boxes: Boxes) -> Decided:
         def of(margin: Margin) -> OfRows:
@@ -91,22 +67,7 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
 
 
 def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -> Test:
-    """Return the test that a curve misses 0.
-
-    The curve misses 0 in a box if the rectangle around its image does not contain 0, if `sufficient` is positive, or if
-    the curve's component in the direction of its value at the middle of the box is positive.
-
-    Parameters
-    ----------
-    curve : function of a frequency and of values by name
-    fixed : values by name that are not rows of the boxes
-    sufficient : a margin that is positive only where the curve is not 0; None if there is no such margin
-
-    Returns
-    -------
-    Test
-        The test never refutes a box. It leaves a box open if the curve comes near 0.
-    """
+    """Return the test that a curve misses 0."""
 
     def test(boxes: Boxes) -> Decided:
         def image_of(rows: Rows) -> Pair:
@@ -134,23 +95,7 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
 
 
 def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
-    """Return the function that measures how far a curve turns around 0 over a box's frequencies.
-
-    The image of the box must lie in an open half-plane beside 0, as `misses_zero` without `sufficient` proves. The
-    curve then turns by less than half a turn, and its two ends determine the angle. The box must be a single point in
-    every row except the frequency.
-
-    Parameters
-    ----------
-    curve : function of a frequency and of values by name
-    fixed : values by name that are not rows of the boxes
-
-    Returns
-    -------
-    function
-        Maps n boxes to angles, rad, shape (n,). An angle is nan if rounding errors hide whether it is above or below
-        half a turn.
-    """
+    """Return the function that measures how far a curve turns around 0 over a box's frequencies."""
 
     def turn(boxes: Boxes) -> Floats:
         rows = boxes.rows()
@@ -164,21 +109,7 @@ def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
 
 
 def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
-    """Return a lower bound of a margin over each box.
-
-    The result is the bound by slopes or the lower end of the enclosure, whichever is greater.
-
-    Parameters
-    ----------
-    margin : function of a frequency and of values by name
-    boxes : n boxes
-    fixed : values by name that are not rows of the boxes
-
-    Returns
-    -------
-    array of float
-        Shape (n,), in the margin's unit; nan if neither gives a bound.
-    """
+    """Return a lower bound of a margin over each box."""
 
     def least(part: Boxes) -> Floats:
         return _by_slopes(lambda rows: margin(rows[0], part.named(rows, fixed)), part, part.rows()).least
@@ -188,16 +119,7 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
 
 
 def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Values, test: Test) -> Test:
-    """Return a test that uses other margins in the boxes in which all of `rows` begin at 0.
-
-    Parameters
-    ----------
-    rows : names of these rows
-    sufficient : margins, any of which proves the claim in these boxes, the more easily the narrower the rows are. The
-        points and the faces at which such a margin is least say nothing about the margin of the claim
-    fixed : values by name that are not rows of the boxes
-    test : test of the other boxes
-    """
+    """Return a test that uses other margins in the boxes in which all of `rows` begin at 0."""
 
     def there(margin: Margin, boxes: Boxes) -> Decided:
         both = [boxes.names.index(name) for name in rows]
@@ -216,14 +138,7 @@ def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Value
 
 
 def from_frequency(start: float, there: Test, test: Test) -> Test:
-    """Return a test that applies one of two tests, depending on the frequency.
-
-    Parameters
-    ----------
-    start : the frequency
-    there : test of the boxes from that frequency on
-    test : test of the boxes below it
-    """
+    """Return a test that applies one of two tests, depending on the frequency."""
 
     def by_place(boxes: Boxes) -> Decided:
         at = boxes.low[0] >= start
@@ -238,22 +153,12 @@ def alone(margins: Margins) -> Margin:
 
 
 def any_of(tests: Sequence[Test]) -> Test:
-    """Return the test that one of several sufficient margins is positive throughout a box.
-
-    The test never refutes a box.
-
-    Parameters
-    ----------
-    tests : one test for each margin
-    """
+    """Return the test that one of several sufficient margins is positive throughout a box."""
     return lambda boxes: nearest([test(boxes) for test in tests])
 
 
 def nearest(found: Sequence[Decided]) -> Decided:
-    """Return, for each box, the result of the test that is nearest to a proof.
-
-    A box is proved if any of the tests proves it. No box fails, because a failing margin does not refute the others.
-    """
+    """Return, for each box, the result of the test that is nearest to a proof."""
     room = np.array([each.room for each in found])
     which, at = np.argmax(room, axis=0), np.arange(room.shape[1])
 
@@ -338,11 +243,7 @@ class _Bounded:
 
 def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
     """Bound a margin from below by its value at one point of each box and by its slopes, or by its enclosure over the
-    box, whichever bound is greater.
-
-    The cost of a row is the amount by which the slope in this row lowers the bound. If the margin is negative at that
-    point, the cost is the variation of the margin with the row. If the slopes are unknown, the widest row costs most.
-    """
+    box, whichever bound is greater."""
     check_time()
     varied = boxes.varied()
     over_box = margin(variables(rows, varied))
@@ -377,17 +278,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
 
 
 def halves_and_middles(rows: Rows, n: int) -> tuple[Floats, Floats]:
-    """Return the half-widths and the middles of n boxes. A row whose numbers are all infinite has width 0.
-
-    Parameters
-    ----------
-    rows : enclosures, or infinite floats
-    n : number of boxes
-
-    Returns
-    -------
-    half-widths, middles : shape (rows, n)
-    """
+    """Return the half-widths and the middles of n boxes. A row whose numbers are all infinite has width 0."""
     known = [row if isinstance(row, Enclosure) else Enclosure(row) for row in rows]
     half, middle = (
         np.stack([np.broadcast_to(part, n) for part in parts])
@@ -397,26 +288,11 @@ def halves_and_middles(rows: Rows, n: int) -> tuple[Floats, Floats]:
 
 
 def room_left(value: Floats, uncertain: Floats, reach: Floats) -> Floats:
-    """Return how near a margin is to a proof.
-
-    The result is value / uncertain if the value is positive, so that it exceeds 1 if the margin is proved. For a
-    negative value it is value / reach, but at least `LOST`. The result is 0 where the quotient is nan.
-
-    Parameters
-    ----------
-    value : least values of a margin, shape (n,)
-    uncertain : errors of these values, shape (n,)
-    reach : greatest variation of the margin within each box, shape (n,)
-    """
+    """Return how near a margin is to a proof."""
     return np.nan_to_num(np.where(value > 0, value / uncertain, np.maximum(value / reach, LOST)), nan=0.0)
 
 
 def lowest(mid: Floats, rad: Floats) -> Floats:
     """Return mid - rad rounded downwards. The two differences and the sum each take a quarter of the rounding
-    allowance.
-
-    Parameters
-    ----------
-    mid, rad : midpoints and radii of enclosures
-    """
+    allowance."""
     return np.asarray(mid - rad - 2 * UNIT * (np.abs(mid) + rad))

@@ -1,7 +1,4 @@
-"""Boxes of a frequency and of other parameters of a claim, such as designs or uncertain devices.
-
-A box is an interval for each of several named parameters. The names are the keys of the problem file.
-"""
+"""Boxes of a frequency and of other parameters of a claim, such as designs or uncertain devices."""
 
 from __future__ import annotations
 
@@ -23,18 +20,13 @@ from vctune.proof.engine.interval import WIDE
 
 Integers = NDArray[np.intp]
 
-FREQUENCY = "frequency"
-"""The name of the row of the frequency. The claim determines the quantity and its unit: omega in rad/s, theta = omega T
-in rad, or 1/omega in s."""
+FREQUENCY = "frequency"  # The name of the row of the frequency
 WHOLE_SAMPLES = "whole samples of device.delay"
+# The name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay
 SAMPLES_BEFORE = "whole samples before device.delay"
-"""The name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay."""
-CHUNK = 4096
-"""Number of boxes that the prover evaluates together. The arrays of this many boxes fit into the processor's cache.
-With half or twice as many boxes, a proof takes the same time."""
+CHUNK = 4096  # Number of boxes that the prover evaluates together
 
-Values = Mapping[str, Number]
-"""Values of a claim by name. The claim's function itself supplies every value that is not among them."""
+Values = Mapping[str, Number]  # Values of a claim by name
 
 
 def gains_of(values: Values) -> Gains:
@@ -51,10 +43,7 @@ def coupling_of(values: Values) -> AnyCoupling:
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Boxes of designs, [low, high] in each number of a design, as arrays of shape (numbers, cells).
-
-    If the edges of a cell coincide, the cell is a single design.
-    """
+    """Boxes of designs, [low, high] in each number of a design, as arrays of shape (numbers, cells)."""
 
     low: Floats
     high: Floats
@@ -84,21 +73,13 @@ class Cells:
 
 @dataclass(frozen=True, slots=True)
 class Boxes:
-    """Boxes of a frequency and of other parameters.
+    """Boxes of a frequency and of other parameters."""
 
-    Attributes
-    ----------
-    names : names of the rows, `FREQUENCY` first
-    low, high : edges, shape (rows, n)
-    owner : number of the proof to which each box belongs, shape (n,)
-    whole_samples : number N of whole samples in the delay of each box, shape (n,); 0 if the delay is known
-    """
-
-    names: tuple[str, ...]
-    low: Floats
+    names: tuple[str, ...]  # names of the rows, `FREQUENCY` first
+    low: Floats  # edges, shape (rows, n)
     high: Floats
-    owner: Integers
-    whole_samples: Integers
+    owner: Integers  # number of the proof to which each box belongs, shape (n,)
+    whole_samples: Integers  # number N of whole samples in the delay of each box, shape (n,); 0 if the delay is known
 
     def __len__(self) -> int:
         return int(self.low.shape[1])
@@ -118,10 +99,7 @@ class Boxes:
         return np.bincount(self.owner, minlength=owners)
 
     def rows(self) -> list[Number]:
-        """Return the rows as enclosures. The edges of all rows except the frequency are decimals, not doubles.
-
-        If a row is infinite in all boxes, such as b_c of a rigid coupling, it is an infinite float.
-        """
+        """Return the rows as enclosures. The edges of all rows except the frequency are decimals, not doubles."""
         endless: Flags = np.asarray(np.isinf(self.low).all(axis=1))
         low, high = (np.where(endless[:, None], 0.0, edge) for edge in (self.low, self.high))
         value = between(low, high)
@@ -130,18 +108,7 @@ class Boxes:
         return [inf if infinite else row for row, infinite in zip(found, endless.tolist(), strict=True)]
 
     def named(self, rows: Sequence[Number], fixed: Values) -> Values:
-        """Return the values of a claim by name: the values of the rows and the fixed values.
-
-        Parameters
-        ----------
-        rows : one number for each of `names` except the first, which is the frequency
-        fixed : the other values by name; if a name is also the name of a row, the function uses the row's value
-
-        Returns
-        -------
-        Values
-            They include each box's number of whole samples of delay.
-        """
+        """Return the values of a claim by name: the values of the rows and the fixed values."""
         return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole_samples}
 
     def varied(self) -> list[bool]:
@@ -156,13 +123,7 @@ class Boxes:
         return replace(self, low=low, high=high)
 
     def divided(self, name: str, ratio: float) -> Boxes:
-        """Return the boxes, cut across a row of positive numbers into parts whose edges have at most a given ratio.
-
-        Parameters
-        ----------
-        name : name of the row
-        ratio : greatest ratio of the edges of a part, > 1
-        """
+        """Return the boxes, cut across a row of positive numbers into parts whose edges have at most a given ratio."""
         row = self.names.index(name)
         low, high = self.low[row], self.high[row]
         parts = np.maximum(np.ceil(np.log(high / low) / np.log(ratio)), 1).astype(np.intp)
@@ -176,11 +137,7 @@ class Boxes:
         return found
 
     def halved(self, axis: Integers) -> Boxes:
-        """Return both halves of each box, cut across the row that `axis` names for the box.
-
-        The function cuts a wide interval at the mean of the logarithms, and an interval that starts at 0 near 0. It
-        cuts whole samples between two whole numbers.
-        """
+        """Return both halves of each box, cut across the row that `axis` names for the box."""
         at = np.arange(len(self))
         low, high = self.low[axis, at], self.high[axis, at]
         # roots, because low times high may overflow; 0 has no logarithm, so the cut is at a sixteenth of high
@@ -205,18 +162,7 @@ def joined(*parts: Boxes) -> Boxes:
 
 
 def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
-    """Divide a band into intervals of equal ratio.
-
-    Parameters
-    ----------
-    low, high : edges of the band, 0 <= low < high; if low is 0, the first interval ends at 1e-3 high
-    ratio : greatest ratio of the edges of an interval, > 1
-
-    Returns
-    -------
-    tuple of two arrays of float
-        Lower and upper edges of the intervals.
-    """
+    """Divide a band into intervals of equal ratio."""
     start = low if low > 0 else high * 1e-3
     edges = np.geomspace(start, high, 2 + int(np.log(high / start) / np.log(ratio)))
     edges[0], edges[-1] = start, high
@@ -227,20 +173,7 @@ def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
 def over_band(
     names: Sequence[str], low: Floats, high: Floats, band: tuple[Floats, Floats], whole_samples: int = 0
 ) -> Boxes:
-    """Return a box for every pair of an interval of a band and an owner.
-
-    Parameters
-    ----------
-    names : names of the rows except the frequency
-    low, high : edges of each owner in these rows, shape (names, owners); an owner is a cell or a design
-    band : lower and upper edges of m intervals, from `band_of`
-    whole_samples : N, the number of whole samples in the delay, the same for all boxes
-
-    Returns
-    -------
-    Boxes
-        m boxes for each owner; the boxes of one owner are adjacent.
-    """
+    """Return a box for every pair of an interval of a band and an owner."""
     owners, intervals = low.shape[1], len(band[0])
     left, right = (
         np.vstack((np.tile(frequency, owners), np.repeat(edge, intervals, axis=1)))
@@ -253,35 +186,12 @@ def over_band(
 
 
 def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
-    """Return a box for every pair of an interval of a band and a cell.
-
-    Parameters
-    ----------
-    cells : n cells of designs
-    band : lower and upper edges of m intervals, from `band_of`
-
-    Returns
-    -------
-    Boxes
-        n m boxes; the owner of each is its cell.
-    """
+    """Return a box for every pair of an interval of a band and a cell."""
     return over_band(cells.keys, cells.low, cells.high, band)
 
 
 def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes:
-    """Return a box for every pair of an interval of a band and a cell, each with all hands.
-
-    Parameters
-    ----------
-    cells : n cells of designs
-    hands : the box of hands
-    band : lower and upper edges of m intervals, from `band_of`
-
-    Returns
-    -------
-    Boxes
-        n m boxes; the owner of each is its cell. The rows of the hand come before the rows of the cell.
-    """
+    """Return a box for every pair of an interval of a band and a cell, each with all hands."""
     low, high = (
         np.vstack((np.tile(np.array([*hand.by_key.values()], float)[:, None], len(cells)), edge))
         for hand, edge in ((hands.low, cells.low), (hands.high, cells.high))
@@ -290,18 +200,7 @@ def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes
 
 
 def over_each(cells: Cells, at: Floats | PlacesInHands) -> Boxes:
-    """Return each cell as a box at a single frequency, or at a single frequency in a single hand.
-
-    Parameters
-    ----------
-    cells : n cells of designs
-    at : frequency for each cell in the claim's unit, shape (n,), or frequency and hand for each cell
-
-    Returns
-    -------
-    Boxes
-        n boxes without width in frequency and hand; the owner of each is its cell.
-    """
+    """Return each cell as a box at a single frequency, or at a single frequency in a single hand."""
     places = {FREQUENCY: at.at, **at.hands.by_key} if isinstance(at, PlacesInHands) else {FREQUENCY: at}
     low, high = (np.vstack((*places.values(), edge)) for edge in (cells.low, cells.high))
     owner = np.arange(len(cells))
@@ -309,17 +208,6 @@ def over_each(cells: Cells, at: Floats | PlacesInHands) -> Boxes:
 
 
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
-    """Evaluate a function on all boxes, `CHUNK` boxes at a time, so that the arrays fit into the processor's cache.
-
-    Parameters
-    ----------
-    f : function that takes boxes and returns an array; the last axis of the array runs over the boxes
-    boxes : n boxes
-
-    Returns
-    -------
-    array
-        The result has shape (..., n).
-    """
+    """Evaluate a function on all boxes, `CHUNK` boxes at a time, so that the arrays fit into the processor's cache."""
     starts = range(0, max(len(boxes), 1), CHUNK)
     return np.concatenate([f(boxes.subset(slice(i, i + CHUNK))) for i in starts], axis=-1)

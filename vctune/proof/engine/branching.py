@@ -1,9 +1,5 @@
 """One prover for all claims over boxes. It halves an undecided box across the row that contributes most to the
-uncertainty.
-
-Each box belongs to an owner: a cell of designs, or the one design whose box of devices the proof covers. A claim is
-proved for an owner if it is proved on all of the owner's boxes.
-"""
+uncertainty."""
 
 from __future__ import annotations
 
@@ -17,36 +13,21 @@ from vctune.proof.enclosures.array_intervals import Flags, Floats
 from vctune.proof.engine.boxes import CHUNK, Boxes, Integers, joined
 from vctune.running import check_time, report_progress
 
+# Greatest ratio of the uncertainty from the rows that the prover must not halve to the uncertainty from the other rows
 BLUR = 2.0
-"""Greatest ratio of the uncertainty from the rows that the prover must not halve to the uncertainty from the other
-rows. Above this ratio, the prover leaves a box open, because halving the other rows would decide nothing. With half or
-twice this ratio, the prover proves the same cells."""
 
 
 @dataclass(frozen=True, slots=True)
 class Decided:
-    """The result of a test of boxes.
+    """The result of a test of boxes."""
 
-    Attributes
-    ----------
-    proved : whether the claim holds throughout the box
-    fails : whether the claim fails at `point`
-    point : a point of each box, shape (rows, n)
-    cost : contribution of each row to the uncertainty of each box, shape (rows, n)
-    known : whether the test has slopes or polynomials with a bound; if not, the costs are the rows' relative widths
-    side : end of each row at which the margin is least for all values of the other rows, -1 or 1; 0 if the test does
-        not know such an end
-    room : nearness to a proof, greater than 1 if the test proves the claim; only results of the same kind of test are
-        comparable. -inf where the claim certainly fails throughout
-    """
-
-    proved: Flags
-    fails: Flags
-    point: Floats
-    cost: Floats
-    known: Flags
-    side: Floats
-    room: Floats
+    proved: Flags  # whether the claim holds throughout the box
+    fails: Flags  # whether the claim fails at `point`
+    point: Floats  # a point of each box, shape (rows, n)
+    cost: Floats  # contribution of each row to the uncertainty of each box, shape (rows, n)
+    known: Flags  # whether the test has slopes or polynomials with a bound
+    side: Floats  # end of each row at which the margin is least for all values of the other rows, -1 or 1
+    room: Floats  # nearness to a proof, greater than 1 if the test proves the claim
 
 
 Test = Callable[[Boxes], Decided]
@@ -54,24 +35,14 @@ Test = Callable[[Boxes], Decided]
 
 @dataclass(frozen=True, slots=True)
 class Proofs:
-    """The result of a claim for each owner.
+    """The result of a claim for each owner."""
 
-    Attributes
-    ----------
-    names : names of the rows of `failing` and `open`
-    proved : whether the claim holds on all boxes of an owner, shape (owners,)
-    failing : a point at which the claim fails, shape (rows, owners); nan if the prover found none
-    open : a point of a box that the prover left open, shape (rows, owners); nan if there is none
-    boxes : number of boxes that the prover evaluated
-    total : sum of `measure` over the proved boxes
-    """
-
-    names: tuple[str, ...]
-    proved: Flags
-    failing: Floats
-    open: Floats
-    boxes: Integers
-    total: Floats
+    names: tuple[str, ...]  # names of the rows of `failing` and `open`
+    proved: Flags  # whether the claim holds on all boxes of an owner, shape (owners,)
+    failing: Floats  # a point at which the claim fails, shape (rows, owners); nan if the prover found none
+    open: Floats  # a point of a box that the prover left open, shape (rows, owners); nan if there is none
+    boxes: Integers  # number of boxes that the prover evaluated
+    total: Floats  # sum of `measure` over the proved boxes
 
 
 @np.errstate(all="ignore")
@@ -88,34 +59,7 @@ def prove(
     few: int = 0,
     only_whole: bool = False,
 ) -> Proofs:
-    """Test boxes and halve those that stay undecided, until each owner is proved or fails, or the effort ends.
-
-    Parameters
-    ----------
-    test : test that decides boxes
-    boxes : the first boxes
-    owners : number of owners
-    halved : for each row, whether the prover may halve it
-    max_halvings : greatest number of halvings of a box
-    max_boxes : number of an owner's boxes after which the prover leaves the owner open
-    measure : function of boxes; `Proofs.total` sums its values over the proved boxes of an owner; None for no sum
-    at_ends : whether to replace a box by the face at which its margin is least; only for a test whose `side` is the
-        worst end of every margin that may prove the box, and without `measure`
-    few : number of boxes up to which the prover halves the halves again before the next test, because so few boxes take
-        as long as one
-    only_whole : whether to stop work on an owner as soon as one of its boxes stays open, without a search for a failing
-        point
-
-    Returns
-    -------
-    Proofs
-        The result for each owner. An owner is proved only if all of its boxes are.
-
-    Raises
-    ------
-    OutOfTimeError
-        If the time limit ends the proof.
-    """
+    """Test boxes and halve those that stay undecided, until each owner is proved or fails, or the effort ends."""
     names, shape = boxes.names, (len(boxes.names), owners)
     failing, open_ = np.full(shape, np.nan), np.full(shape, np.nan)
     count, total = np.zeros(owners, np.intp), np.zeros(owners)
@@ -152,28 +96,7 @@ def left_open(
     test: Test, boxes: Boxes, *, max_boxes: int, share: float = 1.0, growth: float = np.inf, few: int = 0
 ) -> tuple[Boxes, int]:
     """Halve the boxes in which a test does not prove the claim, until the test decides all boxes or further halvings
-    promise little.
-
-    Parameters
-    ----------
-    test : test of one margin; it proves a box by the face at which the margin is least
-    boxes : the first boxes, with one owner
-    max_boxes : number of boxes after which the function halves no more
-    share : the function ends when the claim fails in this share of the open boxes
-    growth : the function ends when there are this many times as many open boxes as at first
-    few : number of halves up to which the function halves them again before the next test
-
-    Returns
-    -------
-    left : the boxes on which the test did not prove the claim; outside them the claim holds. If the test proved none,
-        these are the first boxes
-    count : number of boxes that the test evaluated
-
-    Raises
-    ------
-    OutOfTimeError
-        If the time limit ends the proof.
-    """
+    promise little."""
     halved, faces, count, settled = np.ones(len(boxes.low), bool), boxes, 0, list[Boxes]()
     whole, any_proved = boxes, False
     most = growth * len(boxes)
@@ -213,15 +136,7 @@ def _costliest(cost: Floats, halved: Flags) -> Integers:
 
 
 def _halved(sets: Sequence[Boxes], cost: Floats, halved: Flags, few: int) -> list[Boxes]:
-    """Return the halves of each box of several sets, which the function cuts in the same way.
-
-    Parameters
-    ----------
-    sets : sets of n boxes each
-    cost : contribution of each row to the uncertainty of each box, shape (rows, n)
-    halved : for each row, whether the function may halve it; it halves the row that contributes most
-    few : number of halves up to which the function halves them again
-    """
+    """Return the halves of each box of several sets, which the function cuts in the same way."""
     cost, sets = _known(cost), list(sets)
     while True:
         axis, at = _costliest(cost, halved), np.arange(cost.shape[1])
@@ -233,11 +148,7 @@ def _halved(sets: Sequence[Boxes], cost: Floats, halved: Flags, few: int) -> lis
 
 
 def _stage(boxes: int, open_: float) -> str:
-    """Return the progress of a proof.
-
-    In each round the prover halves all open boxes, so all have the same volume, and their number gives the open share
-    of the volume.
-    """
+    """Return the progress of a proof."""
     return f"{boxes} boxes, {1 - open_:.1%} proved"
 
 

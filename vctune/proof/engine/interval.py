@@ -18,27 +18,13 @@ from vctune.model.sampled.changing.storage_function import Storage
 from vctune.proof.enclosures.arb_balls import box
 from vctune.running import check_time, report_progress
 
-MAX_BOXES = 200_000
-"""Number of boxes after which a claim stays undecided. A proof for an optimal design takes a few hundred boxes. The
-time until the prover gives up is proportional to this number."""
-RESOLUTION = 1e-13
-"""Least width of a box, relative to its position. A box that is still open at this width stays undecided. Neighbouring
-doubles differ by 1e-16. With half this width, one more halving is possible; with twice this width, one less."""
-LOWEST = 1e-40
-"""Least upper edge of a box that starts at 0, relative to the interval's upper edge. This edge is far below any
-frequency at which a margin changes, and far above underflow. With half or twice this edge, the search changes by a
-quarter of a step."""
+MAX_BOXES = 200_000  # Number of boxes after which a claim stays undecided
+RESOLUTION = 1e-13  # Least width of a box, relative to its position
+LOWEST = 1e-40  # Least upper edge of a box that starts at 0, relative to the interval's upper edge
+# Ratio of the ends of a box above which the prover does not use the derivative, because its enclosure is too wide there
 WIDE = 2.0
-"""Ratio of the ends of a box above which the prover does not use the derivative, because its enclosure is too wide
-there. With the square root or the square of this ratio, the proofs for the designs of problems/ need the same number of
-boxes within 5 %."""
-CURVED = 1.1
-"""Ratio of the ends of a box above which the prover does not use the second derivative. The second derivative helps
-only near a minimum that nearly touches 0. For ratios between 1.03 and 1.2, the time of a proof hardly changes."""
-GROWTH = 1.5
-"""Power by which the ratio of the ends grows from a proved box to the next. With a power below 1, the prover makes no
-progress. With a power of 1, the proofs for the optimal designs of the problems in problems/ need twenty times as many
-boxes; with twice this power, 50 % more."""
+CURVED = 1.1  # Ratio of the ends of a box above which the prover does not use the second derivative
+GROWTH = 1.5  # Power by which the ratio of the ends grows from a proved box to the next
 
 
 class Verdict(StrEnum):
@@ -50,37 +36,21 @@ class Verdict(StrEnum):
 
 
 def worst_verdict(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return refuted if any verdict is refuted, else undecided if any is undecided, else proved.
-
-    Parameters
-    ----------
-    verdicts : at least one verdict
-    """
+    """Return refuted if any verdict is refuted, else undecided if any is undecided, else proved."""
     found = set(verdicts)
     return next(verdict for verdict in (Verdict.REFUTED, Verdict.UNDECIDED, Verdict.PROVED) if verdict in found)
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The result of a proof.
+    """The result of a proof."""
 
-    Attributes
-    ----------
-    verdict : proved, refuted, or undecided
-    boxes : number of evaluated boxes
-    witness : frequency where the claim is refuted or undecided, rad/s; None if there is no such frequency
-    device : device of the box for which the claim is refuted or undecided
-    hand : hand of the box in which the claim is refuted or undecided
-    cut : whether the claim is undecided because the time limit ended the proof
-    storages : storage functions that prove the claim, one for each number of whole samples of the delays
-    """
-
-    verdict: Verdict
-    boxes: int
-    witness: float | None = None
-    device: Device | None = None
-    hand: Hand | None = None
-    cut: bool = False
+    verdict: Verdict  # proved, refuted, or undecided
+    boxes: int  # number of evaluated boxes
+    witness: float | None = None  # frequency where the claim is refuted or undecided, rad/s
+    device: Device | None = None  # device of the box for which the claim is refuted or undecided
+    hand: Hand | None = None  # hand of the box in which the claim is refuted or undecided
+    cut: bool = False  # whether the claim is undecided because the time limit ended the proof
     storages: tuple[Storage, ...] = ()
 
     @property
@@ -92,26 +62,7 @@ class Outcome:
 def prove_boxes(
     decide: Callable[[float, float], Verdict], low: float, high: float, max_boxes: int = MAX_BOXES
 ) -> Outcome:
-    """Go from low to high in boxes until `decide` has proved all of them or has refuted one.
-
-    The prover halves a box that `decide` leaves undecided. After a proved box it tries a wider one.
-
-    Parameters
-    ----------
-    decide : function that returns the verdict on the box between two numbers
-    low, high : ends of the interval, 0 <= low <= high
-    max_boxes : number of boxes after which the proof gives up
-
-    Returns
-    -------
-    Outcome
-        Its witness is the middle of the box that is refuted or undecided.
-
-    Raises
-    ------
-    OutOfTimeError
-        If the time limit ends the proof.
-    """
+    """Go from low to high in boxes until `decide` has proved all of them or has refuted one."""
     left, right = low, high
     for boxes in range(1, max_boxes + 1):
         check_time()
@@ -144,25 +95,7 @@ def _middle(low: float, high: float) -> float:
 def prove_positive(
     margin: Callable[[Number], Number], low: float, high: float, max_boxes: int = MAX_BOXES, *, curved: bool = False
 ) -> Outcome:
-    """Prove margin > 0 on [low, high], or find a point where it is negative.
-
-    The prover evaluates wide boxes directly. For narrow boxes it uses the mean-value form f(mid) + f'(box)(box - mid),
-    whose excess shrinks with the square of the width.
-
-    Parameters
-    ----------
-    margin : function that runs on `flint.arb` and on `flint.arb_series`
-    low, high : ends of the interval, 0 <= low <= high
-    max_boxes : number of boxes after which the proof gives up
-    curved : whether to use the second derivative where the first does not decide. The second derivative reduces the
-        number of boxes to a third for a margin that nearly touches 0 inside the interval. For a margin that touches 0
-        at an end, it only costs time
-
-    Returns
-    -------
-    Outcome
-        If the claim is refuted, the witness is the middle of a box. The margin is certainly negative there.
-    """
+    """Prove margin > 0 on [low, high], or find a point where it is negative."""
 
     def decide(left: float, right: float) -> Verdict:
         omega = box(left, right)
@@ -186,11 +119,7 @@ def prove_positive(
 
 
 def _by_curvature(margin: Callable[[Number], Number], omega: arb, centre: arb) -> Verdict:
-    """Prove a margin positive on a box by Taylor's formula of second order.
-
-    With h = omega - centre the margin is f + f' h + c h^2. Here f and f' are values at the centre, and c = f''/2 at
-    some point of the box. If c > 0, the margin is at least f - f'^2/(4 c).
-    """
+    """Prove a margin positive on a box by Taylor's formula of second order."""
     over_box, at_centre = _series(margin, omega, 3), _series(margin, centre, 2)
     if over_box is None or at_centre is None:
         return Verdict.UNDECIDED

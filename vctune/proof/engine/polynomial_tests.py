@@ -28,43 +28,15 @@ from vctune.proof.engine.boxes import Boxes, Integers, Values
 from vctune.proof.engine.branching import Decided, Test
 from vctune.running import check_time
 
-FEW = 128
-"""Number of boxes up to which an array of boxes takes about as long as one box. With half or twice this number, the
-proofs for random devices in hands take the same time; with four times this number, a third longer."""
-NEAR_ZERO = 1e-3
-"""Least divisor in the relative width of a row, as a share of the row's range. Without this least divisor, the prover
-would halve a row that contains 0 forever. With a tenth of this share, the proof takes 20 % more boxes; with ten times
-the share, the same number of boxes."""
+FEW = 128  # Number of boxes up to which an array of boxes takes about as long as one box
+NEAR_ZERO = 1e-3  # Least divisor in the relative width of a row, as a share of the row's range
+# Weight of the frequency's relative width if a box has no bound and one of several margins must be positive
 FREQUENCY_FIRST = 64.0
-"""Weight of the frequency's relative width if a box has no bound and one of several margins must be positive. Such
-boxes contain a zero of a denominator, and these zeros are at single frequencies. With an eighth of this weight, the
-prover leaves servos with a stiff coupling open; with eight times the weight, it needs the same number of boxes."""
-WIDER = 0.1
-"""Exponent of a row's relative width in the weight of the row's cost. If two rows have the same cost, the prover halves
-the wider one. With half this exponent, the proofs need the same number of boxes, but up to five times as many without
-an integrator. With two and a half times the exponent, they take a fifth more. With an exponent of 0, some proofs
-without an integrator stay open."""
+WIDER = 0.1  # Exponent of a row's relative width in the weight of the row's cost
 
 
 def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:
-    """Return the test that a margin is positive, by polynomials that show how the rows of a box act together.
-
-    If more than `FEW` boxes stay open, the test evaluates their slopes as well. Slopes show at which end of a row the
-    margin is least, so that the prover can reduce a box to that face. Polynomials cannot show this, because their
-    remainder has no slope.
-
-    Parameters
-    ----------
-    margin : function of a frequency and of values by name, over `vctune.proof.enclosures.taylor`
-    fixed : values by name that are not rows of the boxes
-    spans : full range of each row except the frequency, shape (rows - 1, 1)
-    by_slopes : the test of the same margin by slopes
-
-    Returns
-    -------
-    Test
-        The test of boxes with rows for frequency and values.
-    """
+    """Return the test that a margin is positive, by polynomials that show how the rows of a box act together."""
 
     def margin_over(boxes: Boxes, varied: Sequence[bool]) -> Number:
         rows = polynomials(boxes.rows(), varied)
@@ -96,19 +68,7 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
 
 
 def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans: Floats) -> Test:
-    """Return the test that one of several margins is positive at each point.
-
-    The test proves a box if one of the margins is positive throughout. It refutes a box if all of them are negative at
-    one point. The prover halves any other box along the row that costs most in the margin that is nearest to a proof. A
-    row has a common worst end only if all margins that may be positive are least at that end.
-
-    Parameters
-    ----------
-    margins : function of a frequency and of values by name, over `vctune.proof.enclosures.taylor`
-    slopes : the same function over jets; None for margins that differ from box to box
-    fixed : values by name that are not rows of the boxes
-    spans : full range of each row except the frequency, shape (rows - 1, 1)
-    """
+    """Return the test that one of several margins is positive at each point."""
 
     def margins_over(boxes: Boxes) -> tuple[Number, ...]:
         rows = polynomials(boxes.rows(), boxes.varied())
@@ -136,22 +96,7 @@ def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans:
 
 
 def by_polynomials(number: Number, boxes: Boxes, varied: Sequence[bool], spans: Floats) -> Decided:
-    """Decide boxes by one margin, whose failure need not be a failure of the claim.
-
-    If that margin is negative at a point of a box, the cost of a row is the margin's variation with the row.
-
-    Parameters
-    ----------
-    number : the margin over the boxes
-    boxes : n boxes
-    varied : for each row of the boxes, whether it has a width
-    spans : full range of each row except the frequency, shape (rows - 1, 1)
-
-    Returns
-    -------
-    Decided
-        No box fails. The room is negative where the margin is negative at a point, and -inf where it is throughout.
-    """
+    """Decide boxes by one margin, whose failure need not be a failure of the claim."""
     least, n = least_over_boxes(number), len(boxes)
     width = boxes.high - boxes.low
     at, lost, varies = np.zeros_like(width), np.zeros_like(width), np.zeros_like(width)
@@ -182,12 +127,7 @@ def by_polynomials(number: Number, boxes: Boxes, varied: Sequence[bool], spans: 
 def _with_means(
     numbers: tuple[Number, ...], best: Decided, boxes: Boxes, varied: Sequence[bool], spans: Floats
 ) -> Decided:
-    """Decide the boxes that no single margin proves, by weighted means of two margins.
-
-    If a weighted mean of two margins is positive, one of them is positive. A design may need one margin on one side of
-    a point and another margin on the other side. Each margin is then negative close to the point, but one of their
-    means hardly varies.
-    """
+    """Decide the boxes that no single margin proves, by weighted means of two margins."""
     left = np.flatnonzero(~best.proved)
     if len(numbers) == 1 or not left.size:
         return best
@@ -227,11 +167,7 @@ def _relative(boxes: Boxes, spans: Floats) -> Floats:
 
 
 def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) -> tuple[Flags, Floats]:
-    """Return the boxes on which one of several margins is positive throughout, and the row ends where all are least.
-
-    The test bounds each margin from its value at one point, as `_by_slopes` does. The point lies at these row ends, and
-    in the middle of the other rows.
-    """
+    """Return the boxes on which one of several margins is positive throughout, and the row ends where all are least."""
     rows, varied, n = boxes.rows(), boxes.varied(), len(boxes)
     numbers = margins(variables(rows, varied))
     side = _common_sides(numbers, boxes)
@@ -254,10 +190,7 @@ def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) 
 
 
 def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
-    """Return the row ends where all margins that may be positive are least; 0 where the margins differ.
-
-    If all margins are negative throughout a box, the function returns 0.
-    """
+    """Return the row ends where all margins that may be positive are least; 0 where the margins differ."""
     # the least and the greatest of the sides of the margins that may be positive
     least, most = np.ones_like(boxes.low), -np.ones_like(boxes.low)
     for number in numbers:

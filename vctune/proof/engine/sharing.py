@@ -15,21 +15,7 @@ from vctune.proof.enclosures.taylor import Taylor
 
 
 def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
-    """Evaluate f on the rows of boxes, once for each set of boxes that have equal rows.
-
-    For jets the function also narrows the values of the result by the mean-value form.
-
-    Parameters
-    ----------
-    f : function of as many numbers as there are rows; returns a dataclass of numbers and tuples of numbers
-    rows : enclosures of n boxes, or jets or Taylor polynomials; each row must depend on its own variable only
-
-    Returns
-    -------
-    Any
-        f for each of the n boxes. Each number is the narrower of two enclosures: the direct one, and the value at the
-        middle plus the effect of the slopes over the box.
-    """
+    """Evaluate f on the rows of boxes, once for each set of boxes that have equal rows."""
     plain = [_values(row) for row in rows]
     n = max(np.size(row.mid) for row in plain)
     columns = np.stack([np.broadcast_to(part, n) for row in plain for part in (row.mid, row.rad)], axis=1)

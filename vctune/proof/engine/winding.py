@@ -15,22 +15,7 @@ Curve = Callable[[arb], Pair]
 
 
 def turned_angle(curve: Curve, low: float, high: float) -> tuple[Outcome, float]:
-    """Return the turn of arg(curve) from low to high, rad.
-
-    If the image of a box excludes 0, it lies in a rectangle that spans less than pi as seen from 0. The turn across the
-    box is then the principal argument of the quotient of the curve's end values. The rounding error of the sum is about
-    1e-12 rad, which is far less than a full turn.
-
-    Parameters
-    ----------
-    curve : function of a ball that returns the curve's value
-    low, high : ends of the curve's parameter, 0 <= low <= high
-
-    Returns
-    -------
-    outcome : proved if no box's image contains 0; otherwise undecided with a witness
-    angle : the turn, rad; valid only if the outcome is proved
-    """
+    """Return the turn of arg(curve) from low to high, rad."""
     angle, edge = 0.0, curve(arb(low))
 
     def decide(left: float, right: float) -> Verdict:

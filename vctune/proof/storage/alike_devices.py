@@ -13,22 +13,7 @@ from vctune.proof.device_box import DeviceBox
 
 
 def parts_alike(device: Device, devices: DeviceBox | None) -> list[tuple[Device, tuple[Range, ...]]]:
-    """Return a device with plain numbers for each part, and the ranges of the part's uncertain parameters.
-
-    Within a part no delay, and no sum of both delays, passes a whole number of samples.
-
-    Parameters
-    ----------
-    device : the device, if its numbers are exact
-    devices : box of devices; None for the device alone
-
-    Returns
-    -------
-    list
-        One pair for each part. The list is empty if two delays are uncertain, because no such part is a box. In hands
-        that change, each of a servo's two delays matters, not only their sum, because the damping may change between
-        them.
-    """
+    """Return a device with plain numbers for each part, and the ranges of the part's uncertain parameters."""
     if devices is None or not devices.uncertain:
         return [(device, ())]
     ranges = [Range(key, devices.low.number(key), devices.high.number(key)) for key in devices.uncertain]
@@ -46,10 +31,7 @@ def parts_alike(device: Device, devices: DeviceBox | None) -> list[tuple[Device,
 
 
 def _between_wholes(late: Range, known: float, T: float) -> list[Range]:
-    """Divide a range at whole numbers of samples of the delay, and of its sum with a known delay.
-
-    A whole number at the upper end is a part of its own, because the sensed force jumps there.
-    """
+    """Divide a range at whole numbers of samples of the delay, and of its sum with a known delay."""
     wholes = {
         k * T - other
         for other in (0.0, known)

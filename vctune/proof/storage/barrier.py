@@ -1,10 +1,5 @@
 """Find coefficients with which symmetric matrices, affine in the coefficients, are positive definite, by an interior
-point method.
-
-The search runs in floats. A storage function has a few hundred coefficients, and its inequality has a few dozen small
-matrices. For a problem of this size, Newton's method on the logarithms of the determinants takes 0.05 s. A solver of
-semidefinite programs would be one more dependency.
-"""
+point method."""
 
 from __future__ import annotations
 
@@ -16,66 +11,34 @@ import numpy as np
 from vctune.proof.enclosures.array_intervals import TINY, Flags, Floats
 from vctune.running import check_time
 
-CENTRED = 0.5
-"""Squared Newton decrement at which the search accepts a centre. With half or twice this value, the search takes the
-same number of steps."""
-MAX_STEPS = 250
-"""Number of steps after which the search stops. Feasible problems take 30 to 60 steps."""
-LESS = 0.1
-"""Factor of the weight of the barrier from one round to the next. With half or twice this factor, the search takes the
-same number of steps."""
+CENTRED = 0.5  # Squared Newton decrement at which the search accepts a centre
+MAX_STEPS = 250  # Number of steps after which the search stops
+LESS = 0.1  # Factor of the weight of the barrier from one round to the next
+# Weight of the barrier, relative to the shortfall, at which the search concludes that there is no solution
 GIVE_UP = 0.2
-"""Weight of the barrier, relative to the shortfall, at which the search concludes that there is no solution. The
-least possible shortfall is at most that weight below the present shortfall. With half or twice this value, the proofs
-are the same."""
-BETTER = 1.1
-"""Factor by which the least eigenvalue must grow in a round before the search starts another round. With half the
-excess over 1, the search takes one more round."""
-LONGEST = 16.0
-"""Greatest length of a step, in Newton decrements. With a greater or a smaller value, the search takes more steps."""
-INSIDE = 0.9
-"""Greatest share of the way to the border of the feasible coefficients that a step covers. With half this share, the
-search takes twice as long."""
+BETTER = 1.1  # Factor by which the least eigenvalue must grow in a round before the search starts another round
+LONGEST = 16.0  # Greatest length of a step, in Newton decrements
+INSIDE = 0.9  # Greatest share of the way to the border of the feasible coefficients that a step covers
+# Multiple of the identity that the search adds to the curvature, after scaling the curvature to a diagonal of 1
 RIDGE = 1e-13
-"""Multiple of the identity that the search adds to the curvature, after scaling the curvature to a diagonal of 1.
-Without this term, coefficients without effect would make the curvature singular."""
 
 
 class Family(NamedTuple):
-    """The terms sum_tu w_t U_u y_tu of p sums of matrices; y_tu are the coefficients.
+    """The terms sum_tu w_t U_u y_tu of p sums of matrices; y_tu are the coefficients."""
 
-    Attributes
-    ----------
-    weights : w_t for each of the p sums, shape (p, t)
-    units : U_u for each of the p sums, symmetric matrices, shape (p, u, n, n)
-    """
-
-    weights: Floats
-    units: Floats
+    weights: Floats  # w_t for each of the p sums, shape (p, t)
+    units: Floats  # U_u for each of the p sums, symmetric matrices, shape (p, u, n, n)
 
 
 class Sums(NamedTuple):
-    """Sums of matrices, constant + sum w_t U_u y_tu.
+    """Sums of matrices, constant + sum w_t U_u y_tu."""
 
-    Attributes
-    ----------
-    constant : p symmetric matrices, shape (p, n, n)
-    families : families of terms over which the sum runs; the coefficients y_tu are the same for all of them
-    free : whether a coefficient may differ from 0, shape (t, u)
-    """
-
-    constant: Floats
-    families: Sequence[Family]
-    free: Flags
+    constant: Floats  # p symmetric matrices, shape (p, n, n)
+    families: Sequence[Family]  # families of terms over which the sum runs
+    free: Flags  # whether a coefficient may differ from 0, shape (t, u)
 
     def at(self, numbers: Floats, added: float = 0.0) -> Floats:
-        """Return the matrices plus a multiple of the identity.
-
-        Parameters
-        ----------
-        numbers : coefficients y, shape (t, u)
-        added : multiple of the identity
-        """
+        """Return the matrices plus a multiple of the identity."""
         found = self.constant + added * np.eye(self.constant.shape[-1])
         for weights, units in self.families:
             mixed = (weights @ numbers)[:, None] @ units.reshape(*units.shape[:2], -1)
@@ -84,17 +47,8 @@ class Sums(NamedTuple):
 
 
 def well_inside(sums: Sums) -> Floats | None:
-    """Return coefficients that make all matrices positive definite, with nearly the greatest possible least eigenvalue.
-
-    Parameters
-    ----------
-    sums : the matrices, as functions of the coefficients
-
-    Returns
-    -------
-    array of float or None
-        Shape (t, u), 0 for coefficients that are not free; None if the search finds none.
-    """
+    """Return coefficients that make all matrices positive definite, with nearly the greatest possible least
+    eigenvalue."""
     numbers, weight, least = np.zeros(sums.free.shape), 1.0, 0.0
     added = 1 - float(np.linalg.eigvalsh(sums.constant).min())  # multiple of the identity; the search makes it negative
     count = sums.constant.shape[0] * sums.constant.shape[-1]
@@ -118,20 +72,14 @@ def well_inside(sums: Sums) -> Floats | None:
 
 
 def _newton(sums: Sums, numbers: Floats, added: float, price: float) -> tuple[Floats, float, float]:
-    """Return Newton's step in the coefficients and in `added`, and its squared decrement.
-
-    The objective is price times `added` minus the logarithms of all determinants.
-    """
+    """Return Newton's step in the coefficients and in `added`, and its squared decrement."""
     matrices = sums.at(numbers, added)
     turn = np.linalg.inv(np.linalg.cholesky(matrices))
     rows, columns = np.triu_indices(turn.shape[-1])
     twice = np.where(rows == columns, 1.0, np.sqrt(2.0))
 
     def halved(units: Floats) -> Floats:
-        """Return the upper triangle of each unit, in coordinates in which the sums are 1.
-
-        Scalar products do not change.
-        """
+        """Return the upper triangle of each unit, in coordinates in which the sums are 1."""
         seen = turn[:, None] @ units @ turn[:, None].swapaxes(-1, -2)
         return np.asarray(seen[..., rows, columns] * twice)
 

@@ -18,20 +18,15 @@ from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import TINY, Floats
 from vctune.proof.storage.barrier import Family, Sums, well_inside
 
-ACROSS = 3
-"""Number of dampings, and number of stiffnesses, in the grid of hands for the first candidate. With two of each, the
-search finds no valid candidate for many designs."""
-DIGITS = 14
-"""Significant digits of the decimals. Half as many would be too few for loops with a small margin; twice as many would
-exceed the digits of a double."""
+ACROSS = 3  # Number of dampings, and number of stiffnesses, in the grid of hands for the first candidate
+DIGITS = 14  # Significant digits of the decimals
+# Number of doublings of the time over which noise drives the states: 2^60 samples, after which the states of every
+# stable loop are stationary
 DOUBLINGS = 60
-"""Number of doublings of the time over which noise drives the states: 2^60 samples, after which the states of every
-stable loop are stationary."""
 
+# Hands and devices for which the search needs a storage function, each with the sensed damping: the damping of the hand
+# when the sensor sampled the force
 Places = Floats
-"""Hands and devices for which the search needs a storage function, each with the sensed damping: the damping of the
-hand when the sensor sampled the force. The sensed damping is the least or the greatest, because the inequality is
-affine in it. The rows are the values of `Holding.ends` and the sensed damping; shape (rows + 1, p)."""
 
 
 def vertices(box: Holding) -> Places:
@@ -40,13 +35,7 @@ def vertices(box: Holding) -> Places:
 
 
 def grid(design: Design, box: Holding) -> Places:
-    """Return a grid of hands over the whole box, on the devices at its vertices.
-
-    Parameters
-    ----------
-    design : design in plain numbers
-    box : box of hands and devices
-    """
+    """Return a grid of hands over the whole box, on the devices at its vertices."""
     masses, dampings, stiffnesses, *numbers = box.ends
     own = moved_mass(design.device)
     low, high = (own + mass for mass in masses)
@@ -66,26 +55,12 @@ def _all_of(axes: list[list[float]], box: Holding) -> Places:
 
 
 def joined(at: Places, row: Floats, box: Holding) -> Places:
-    """Return these places and one more, both with the least and with the greatest sensed damping.
-
-    Parameters
-    ----------
-    at : places of the box
-    row : numbers of the new place, as in `Holding.ends`
-    box : box of hands and devices
-    """
+    """Return these places and one more, both with the least and with the greatest sensed damping."""
     return np.concatenate([at, _all_of([[number] for number in row.tolist()], box)], axis=1)
 
 
 def candidate(design: Design, box: Holding, at: Places) -> Storage | None:
-    """Return a storage that grows by less than the port supplies at given places; None if the search finds none.
-
-    Parameters
-    ----------
-    design : design in plain numbers
-    box : box to which the weights of the storage refer
-    at : places of the box
-    """
+    """Return a storage that grows by less than the port supplies at given places; None if the search finds none."""
     sums, basis = _affine(design, box, at)
     found = well_inside(sums)
     if found is None:
@@ -96,19 +71,7 @@ def candidate(design: Design, box: Holding, at: Places) -> Storage | None:
 
 
 def hand_without(design: Design, box: Holding) -> Hand | None:
-    """Return a corner of the masses and stiffnesses for which the search finds no storage for all dampings.
-
-    Parameters
-    ----------
-    design : design in plain numbers
-    box : box of hands, on the design's own device
-
-    Returns
-    -------
-    Hand or None
-        A corner, with the greatest damping; None if each corner has a storage. The function does not examine hands
-        between corners.
-    """
+    """Return a corner of the masses and stiffnesses for which the search finds no storage for all dampings."""
     for corner in box.hands.corners:
         if corner.damping < box.hands.high.damping:
             continue
@@ -123,12 +86,8 @@ def _rounded(x: float) -> float:
 
 
 def _affine(design: Design, box: Holding, at: Places) -> tuple[Sums, Floats]:
-    """Return the inequality at each place as a matrix that is affine in the entries of Y (model/README.md, section 21).
-
-    Y^- belongs to the damping when the sensor sampled the force, and Y to the damping from then on. Both are weighted
-    sums of the same terms U. Y^- - F'YF is therefore the sum of weights_before (U - F'UF) + (weights_before -
-    weights_after) F'UF over the terms. The second result contains a matrix U for each entry of a triangle of Y.
-    """
+    """Return the inequality at each place as a matrix that is affine in the entries of Y (model/README.md, section
+    21)."""
     law, count, sensed = Law(design.gains, design.series), at.shape[1], at[-1]
     hand, device = box.on(design.device, list(at[:-1]))
     loop = loop_states((design.device, law), (device, law), hand, sensed, FLOATS)

@@ -19,46 +19,21 @@ from vctune.proof.storage.storage_proof import prove_storage
 
 
 class Effort(NamedTuple):
-    """The effort after which the prover stops.
+    """The effort after which the prover stops."""
 
-    Attributes
-    ----------
-    rounds : greatest number of candidates. For each further candidate, the search adds the hand in which the last one
-        failed. Most proofs need only the first
-    boxes : number of boxes after which the prover gives up on a candidate
-    """
-
-    rounds: int
-    boxes: int
+    rounds: int  # greatest number of candidates
+    boxes: int  # number of boxes after which the prover gives up on a candidate
 
 
-ASKED = Effort(4, 5_000)
-"""Effort if the problem requires the claim. A flexible handle takes 3,067 boxes, a rigid device a few hundred."""
-IN_PASSING = Effort(1, 150)
-"""Effort if the problem does not require the claim. The median time is 0.1 s for a rigid device and 0.3 s for one with
-parts."""
-FEW_STATES = 7
-"""Greatest number of states of a loop that vctune examines if the problem does not require the claim. A search for a
-storage with 9 states takes seconds."""
+ASKED = Effort(4, 5_000)  # Effort if the problem requires the claim
+IN_PASSING = Effort(1, 150)  # Effort if the problem does not require the claim
+FEW_STATES = 7  # Greatest number of states of a loop that vctune examines if the problem does not require the claim
+# Least masses of the hands that `examine_changing` tries, as shares of the greatest mass
 LEAST_MASSES = (0.0, 0.1, 0.5)
-"""Least masses of the hands that `examine_changing` tries, as shares of the greatest mass."""
 
 
 def prove_changing(design: Design, hands: Hands, devices: DeviceBox | None = None) -> Outcome:
-    """Prove the loop stable with every passive environment while the damping of the hand changes at every sample.
-
-    Parameters
-    ----------
-    design : design; its floats stand for the decimals that they print as
-    hands : box of hands; mass and stiffness of each hand are constant
-    devices : box of devices, each of them constant; None for the design's own device
-
-    Returns
-    -------
-    Outcome
-        Proved, with a storage function for each number of whole samples of the delays; or undecided. The function
-        refutes nothing, because another storage function may exist.
-    """
+    """Prove the loop stable with every passive environment while the damping of the hand changes at every sample."""
     boxes, storages = 0, list[Storage]()
     parts = parts_alike(design.device, devices)
     for device, numbers in parts:
@@ -73,32 +48,14 @@ def prove_changing(design: Design, hands: Hands, devices: DeviceBox | None = Non
 
 
 class Examined(NamedTuple):
-    """The result of `examine_changing` for a design whose problem does not require the claim.
+    """The result of `examine_changing` for a design whose problem does not require the claim."""
 
-    Attributes
-    ----------
-    hands : box of hands that the proof covers; without a proof, the box of the problem
-    outcome : proved or undecided
-    """
-
-    hands: Hands
-    outcome: Outcome
+    hands: Hands  # box of hands that the proof covers; without a proof, the box of the problem
+    outcome: Outcome  # proved or undecided
 
 
 def examine_changing(design: Design, hands: Hands, beside: Sequence[Device] = ()) -> Examined | None:
-    """Examine with little effort whether the damping of the hand may change at every sample.
-
-    Parameters
-    ----------
-    design : design; its floats stand for the decimals that they print as
-    hands : box of hands; if the lightest hands fail, the function raises the least mass
-    beside : further devices that the proof has to cover, on both sides of a whole number of samples of delay
-
-    Returns
-    -------
-    Examined or None
-        None if the loop has too many states for a quick answer.
-    """
+    """Examine with little effort whether the damping of the hand may change at every sample."""
     if len(states_of(design.device, Law(design.gains, design.series))) > FEW_STATES:
         return None
     masses = {max(hands.low.mass, float(f"{share * hands.high.mass:.3g}")) for share in LEAST_MASSES}

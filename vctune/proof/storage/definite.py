@@ -1,11 +1,4 @@
-"""Positive definite matrices over boxes: symmetric matrices whose entries are polynomials in the rows of a box.
-
-If W A W' is positive definite, then so is A, for any W. `surely_definite` chooses W so that the product is nearly the
-identity in the middle of a box. Without the squares of single rows, the product is affine in each row. It is then
-positive definite throughout the box if it is positive definite at every vertex. The function factors the product at
-each vertex by interval LDL' and tests that all pivots are positive. The enclosures of the entries include all values of
-the squares.
-"""
+"""Positive definite matrices over boxes: symmetric matrices whose entries are polynomials in the rows of a box."""
 
 from __future__ import annotations
 
@@ -19,27 +12,15 @@ from vctune.proof.enclosures.taylor import SWOLLEN, Taylor
 
 
 class Definite(NamedTuple):
-    """The verdict on a matrix over n boxes.
+    """The verdict on a matrix over n boxes."""
 
-    Attributes
-    ----------
-    proved : whether the matrix is positive definite throughout the box, shape (n,)
-    fails : whether the matrix is not positive definite in the middle of the box, computed in floats
-    losses : amount by which each row of the box lowers the bound, shape (rows, n)
-    """
-
-    proved: Flags
-    fails: Flags
-    losses: Floats
+    proved: Flags  # whether the matrix is positive definite throughout the box, shape (n,)
+    fails: Flags  # whether the matrix is not positive definite in the middle of the box, computed in floats
+    losses: Floats  # amount by which each row of the box lowers the bound, shape (rows, n)
 
 
 def surely_definite(matrix: Taylor) -> Definite:
-    """Return on which boxes a matrix is positive definite for all values of the rows.
-
-    Parameters
-    ----------
-    matrix : symmetric matrix of polynomials, shape (m, m, n)
-    """
+    """Return on which boxes a matrix is positive definite for all values of the rows."""
     k, m = matrix.row_count, matrix.coefficients.shape[1]
     poly, rest = (np.moveaxis(part, -1, 1) for part in (matrix.coefficients, matrix.radii))  # (coefficients, n, m, m)
     with np.errstate(all="ignore"):
@@ -63,14 +44,8 @@ def surely_definite(matrix: Taylor) -> Definite:
 
 
 def _at_vertices(turned: Floats, rest: Floats, rows: int) -> Flags:
-    """Return which matrices are positive definite at each vertex, for all values of the squares and of the remainder.
-
-    Parameters
-    ----------
-    turned : coefficients of the matrices, shape (coefficients, n, m, m)
-    rest : radius of the remainder, shape (n, m, m)
-    rows : number of rows of the boxes
-    """
+    """Return which matrices are positive definite at each vertex, for all values of the squares and of the
+    remainder."""
     pairs = list(combinations_with_replacement(range(rows), 2))
     named = [*((row,) for row in range(rows)), *pairs]
     used = {row for at, names in enumerate(named, 1) if turned[at].any() for row in names}

@@ -21,43 +21,20 @@ from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.storage.definite import Definite, surely_definite
 from vctune.running import check_time
 
-AT_ONCE = 1024
-"""Number of boxes that the prover evaluates together. With half or twice this number, a proof takes the same time."""
-AHEAD = 64
-"""Number of boxes up to which the prover halves the halves again before it evaluates them. This number of boxes takes
-twice as long as one box."""
+AT_ONCE = 1024  # Number of boxes that the prover evaluates together
+AHEAD = 64  # Number of boxes up to which the prover halves the halves again before it evaluates them
 
 
 class StorageProof(NamedTuple):
-    """The result of a proof.
+    """The result of a proof."""
 
-    Attributes
-    ----------
-    boxes : number of evaluated boxes
-    open : parameters of a hand and a device that the prover left open, as in `Holding.ends`; None if the proof covers
-        all
-    fails : whether the storage grows by more than the port supplies there, computed in floats
-    """
-
-    boxes: int
-    open: Floats | None = None
-    fails: bool = False
+    boxes: int  # number of evaluated boxes
+    open: Floats | None = None  # parameters of a hand and a device that the prover left open, as in `Holding.ends`
+    fails: bool = False  # whether the storage grows by more than the port supplies there, computed in floats
 
 
 def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StorageProof:
-    """Prove a storage function in all hands of a box, for every sensed damping of the box.
-
-    Parameters
-    ----------
-    design : design; its floats stand for the decimals that they print as
-    storage : storage function in decimals, with its box of hands and devices
-    max_boxes : number of boxes after which the prover gives up
-
-    Returns
-    -------
-    StorageProof
-        It contains the first hand that fails, or a hand that the prover left open.
-    """
+    """Prove a storage function in all hands of a box, for every sensed damping of the box."""
     low, high = (np.array([[end[side]] for end in storage.box.ends]) for side in (0, 1))
     boxes = 0
     while low.shape[1]:
@@ -118,10 +95,7 @@ def _enclosed(design: Design) -> tuple[Device, Law]:
 
 
 def _with_spring(Y: Matrix, device: Device, stiffest: Floats) -> Matrix:
-    """Return a lower bound of the storage as a matrix in zeta: p^2/K is least in the stiffest hand of a box.
-
-    Without a spring, p is 0.
-    """
+    """Return a lower bound of the storage as a matrix in zeta: p^2/K is least in the stiffest hand of a box."""
     if not stiffest.any():
         return tuple(row[1:] for row in Y[1:])
     T = device.sample_time
@@ -145,14 +119,7 @@ def _lost(storage: Storage, hand: Hand, sensed: Number) -> Matrix:
 
 
 def stored(storage: Storage, device: Device, hand: Hand) -> Matrix:
-    """Return an enclosure of Y in a hand.
-
-    Parameters
-    ----------
-    storage : storage function in decimals
-    device : device of the storage's box
-    hand : the hand, with its damping at the last sample
-    """
+    """Return an enclosure of Y in a hand."""
     shares = weights(storage.box, device, hand, decimal)
     used = [(share, term) for share, term in zip(shares, storage.terms, strict=True) if not nothing(share)]
 

@@ -14,8 +14,7 @@ from vctune.report.svg.elements import BLUE, GREEN, GREY, INK, ORANGE, RED
 INKS = (BLUE, ORANGE, GREEN, RED, GREY, "#8e5bb5", "#a0703c", "#cc5fa0", "#2aa5a0", "#9aa11e", INK)
 MARKS = "osD^vP*X<>hd"
 PANEL_WIDTH, PANEL_HEIGHT = 5.4, 4.2
-MANY = 400
-"""Number of points above which a bitmap is smaller than a file with the coordinates."""
+MANY = 400  # Number of points above which a bitmap is smaller than a file with the coordinates
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,20 +28,13 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One pair of logarithmic axes and its series.
+    """One pair of logarithmic axes and its series."""
 
-    Attributes
-    ----------
-    title, x, y : labels
-    series : the drawn series
-    floor : position of the dotted line that shows values at or below it; None if there are no such values
-    """
-
-    title: str
+    title: str  # labels
     x: str
     y: str
-    series: list[Series]
-    floor: float | None = None
+    series: list[Series]  # the drawn series
+    floor: float | None = None  # position of the dotted line that shows values at or below it
 
 
 def benchmark_figure(panels: list[Panel]) -> Figure:

@@ -1,7 +1,5 @@
-"""The curves behind the figures, from a problem and a design.
-
-See paper eqs. 10, 11, 17; model/README.md, sections 2 to 8.
-"""
+"""The curves behind the figures, from a problem and a design. See paper eqs. 10, 11, 17; model/README.md, sections 2 to
+8."""
 
 from __future__ import annotations
 
@@ -21,21 +19,14 @@ from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 
-POINTS = 400
-"""Number of frequencies of a curve without a resonance."""
-UNMOVED = 1e-6
-"""Share of a command below which a servo counts as at rest, for example at Nyquist with interpolation. The hand then
-feels a rigid handle. With half or twice this share, the curves are the same."""
-SPRING, DAMPER = 200.0, 14.0
-"""The two environments of the paper (section 5) on a linear device, N/m and N s/m."""
+POINTS = 400  # Number of frequencies of a curve without a resonance
+UNMOVED = 1e-6  # Share of a command below which a servo counts as at rest, for example at Nyquist with interpolation
+SPRING, DAMPER = 200.0, 14.0  # The two environments of the paper (section 5) on a linear device, N/m and N s/m
 
 
 @dataclass(frozen=True, slots=True)
 class Llewellyn:
-    """Re Z_c, the required R and their ratio for an admittance display, as functions of the frequency hz, Hz.
-
-    Re Z_c and R are in N s/m. R and the ratio are nan where Re G_hh <= 0.
-    """
+    """Re Z_c, the required R and their ratio for an admittance display, as functions of the frequency hz, Hz."""
 
     hz: Floats
     coupling: Floats
@@ -45,10 +36,7 @@ class Llewellyn:
 
 @dataclass(frozen=True, slots=True)
 class Transparency:
-    """|Z_0 G_hh|, |1 - G_he|, |Z_c|/Z_0 and the error e, as functions of the frequency hz, Hz.
-
-    An impedance display has the dual terms |1/G_hh|/Z_0, |1 - A H/N| and Z_0 |1/Z_c|.
-    """
+    """|Z_0 G_hh|, |1 - G_he|, |Z_c|/Z_0 and the error e, as functions of the frequency hz, Hz."""
 
     hz: Floats
     admittance: Floats
@@ -58,10 +46,7 @@ class Transparency:
 
 
 def frequencies(problem: Problem) -> Floats:
-    """Return the frequencies of the page's curves, Hz.
-
-    They cover both bands and a decade around them, up to Nyquist, and are closer together near a resonance.
-    """
+    """Return the frequencies of the page's curves, Hz."""
     bands = (problem.transparency.band, problem.stability.band)
     nyquist = problem.nyquist / (2 * pi)
     low = min(band.min for band in bands if band.min > 0) / (2 * pi)
@@ -71,13 +56,7 @@ def frequencies(problem: Problem) -> Floats:
 
 
 def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
-    """Return Re Z_c, R and their ratio.
-
-    Parameters
-    ----------
-    problem : the device, an admittance display, and its bands
-    gains, coupling : the design
-    """
+    """Return Re Z_c, R and their ratio."""
     hz = frequencies(problem)
     omega = 2 * pi * hz
     loop = response(problem.device, gains, omega)
@@ -90,13 +69,7 @@ def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
 
 
 def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Transparency:
-    """Return the three terms of the error, and the error: the root of the weighted sum of their squares.
-
-    Parameters
-    ----------
-    problem : the device and its bands
-    gains, coupling : the design
-    """
+    """Return the three terms of the error, and the error: the root of the weighted sum of their squares."""
     hz = frequencies(problem)
     omega = 2 * pi * hz
     squares = error_terms(problem, gains, coupling, omega)
@@ -108,23 +81,7 @@ def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Trans
 def handle_impedance(
     problem: Problem, gains: Gains, coupling: AnyCoupling
 ) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
-    """Return frequencies and the impedance at the handle for several environments, with the ideal impedance of each.
-
-    The cases are no environment, a damper, a spring and, except for a servo, a rigid environment. At an ideal handle
-    the hand feels Z_e itself. The paper has no rotary device. For a rotary device the damper is Z_0, and the impedance
-    of the spring is Z_0 in the middle of the transparency band.
-
-    Parameters
-    ----------
-    problem : the device and its bands
-    gains, coupling : the design
-
-    Returns
-    -------
-    hz : frequencies, Hz, shape (n,); n is `POINTS` for a device without a structure, and greater with one
-    felt : for each environment, the moduli of both impedances, shape (n,). The impedance is nan where a servo is at
-        rest, and the ideal impedance of a rigid environment is inf
-    """
+    """Return frequencies and the impedance at the handle for several environments, with the ideal impedance of each."""
     hz = frequencies(problem)
     s = np.asarray(2j * pi * hz, np.complex128)
     units, damper, spring = problem.units, DAMPER, SPRING

@@ -37,25 +37,15 @@ from vctune.report.svg.labels import label_curves, legend
 from vctune.report.svg.panel import Panel
 from vctune.report.typography import quantity
 
-ROOM_FOR_WORDS = 2.1
-"""End of the latency axis, as a multiple of the longest latency."""
-MAP_LEVELS = 4
-"""Number of times that the code halves the cells of the map of environments, down to a sixteenth. The map takes about a
-second."""
+ROOM_FOR_WORDS = 2.1  # End of the latency axis, as a multiple of the longest latency
+MAP_LEVELS = 4  # Number of times that the code halves the cells of the map of environments, down to a sixteenth
 
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """The data of the figures.
+    """The data of the figures."""
 
-    Attributes
-    ----------
-    problem, gains, coupling, record : a problem, its design and the record of the design
-    least : the least ratios in the problem's hands (`vctune.analysis.in_hands.least_ratios`); if empty, the functions
-        compute them
-    """
-
-    problem: Problem
+    problem: Problem  # a problem, its design and the record of the design
     gains: Gains
     coupling: AnyCoupling
     record: DesignRecord
@@ -82,10 +72,7 @@ def figures(design: Design) -> dict[str, Drawing]:
 
 
 def _in_hands(design: Design) -> dict[str, Drawing]:
-    """Return the figure for the hands that the criterion requires, or for any passive hand on an impedance display.
-
-    The result is empty if the criterion requires neither.
-    """
+    """Return the figure for the hands that the criterion requires, or for any passive hand on an impedance display."""
     hands = design.problem.hands_met
     if design.problem.any_hand:
         return {"any-hand": any_hand_figure(design.problem, design.gains, design.coupling)}
@@ -204,11 +191,8 @@ def _impedance(design: Design) -> Drawing:
 
 
 def _promised(panel: Panel, design: Design) -> None:
-    """Shade the band on which stability is proved, or hatch the band of a failed proof, and mark the transparency band.
-
-    With a proved claim for any passive hand on a band, the shade shows the proved band of this claim. Every other claim
-    holds at every frequency, so the shade then covers the whole axis.
-    """
+    """Shade the band on which stability is proved, or hatch the band of a failed proof, and mark the transparency
+    band."""
     problem, proof = design.problem, design.record.certificate
     assert proof is not None, "a design is judged"
     everywhere = Band(0.0, inf)
@@ -223,10 +207,7 @@ def _promised(panel: Panel, design: Design) -> None:
 
 
 def _optimality(found: OptimalityRecord, problem: Problem) -> Drawing:
-    """Draw the bound and the best design against the number of searched boxes, and the open boxes.
-
-    The open boxes lie over K_v and K_p; for an impedance display over K_v and b_c/k_c.
-    """
+    """Draw the bound and the best design against the number of searched boxes, and the open boxes."""
     boxes, bound, error = (
         [np.nan if (value := getattr(row, key)) is None else value for row in found.history]
         for key in ("boxes", "lower_bound", "error")

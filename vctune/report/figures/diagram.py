@@ -16,35 +16,20 @@ from vctune.report.svg.drawing import Drawing
 from vctune.report.svg.elements import BLUE, DASHES, GREEN, GREY, INK, path, polyline, text
 from vctune.report.typography import quantity
 
-SIZE = (6.28, 4.2)
-"""Size of the figure, inches, which fits the screen of a telephone. All positions below are in inches, too."""
-TOP, MIDDLE, BOTTOM = 3.42, 2.02, 0.72
-"""Heights of the three rows: firmware, feedback and actuator, mechanism."""
-LEFT, COUPLING, LAW, RIGHT = 0.95, 2.5, 4.05, 5.6
-"""Horizontal positions of the columns."""
-HAND = 0.43
-"""Horizontal position of the hand."""
+SIZE = (6.28, 4.2)  # Size of the figure, inches, which fits the screen of a telephone
+TOP, MIDDLE, BOTTOM = 3.42, 2.02, 0.72  # Heights of the three rows: firmware, feedback and actuator, mechanism
+LEFT, COUPLING, LAW, RIGHT = 0.95, 2.5, 4.05, 5.6  # Horizontal positions of the columns
+HAND = 0.43  # Horizontal position of the hand
+# Width and height of a box, height of a box in the top row, and height of a line of text
 WIDTH, HEIGHT, TALL, LINE = 1.26, 0.82, 1.1, 0.195
-"""Width and height of a box, height of a box in the top row, and height of a line of text."""
-FITS = 17 / WIDTH
-"""Number of letters that fit into an inch of a box. Longer lines have smaller letters."""
-HEAD = 5.0
-"""Length of an arrow's head, points."""
-POSITION_AT = 4.58
-"""Horizontal position where the line of the position passes the velocity estimate."""
+FITS = 17 / WIDTH  # Number of letters that fit into an inch of a box
+HEAD = 5.0  # Length of an arrow's head, points
+POSITION_AT = 4.58  # Horizontal position where the line of the position passes the velocity estimate
 
 
 def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Drawing:
-    """Return the block diagram of a design: force sensor, coupling, law, hold, actuator, mechanism, velocity estimate.
-
-    For an impedance display, the measured motion drives the coupling, and the block after the coupling adds up the
-    forces. For a servo, the vendor's loop follows the command of the coupling, and there is no law and no mechanism.
-
-    Parameters
-    ----------
-    device : the device, whose parts are the blocks
-    gains, coupling : the design
-    """
+    """Return the block diagram of a design: force sensor, coupling, law, hold, actuator, mechanism, velocity
+    estimate."""
     drawing = Drawing(*SIZE)
     if device.servo is not None and isinstance(coupling, Coupling):
         _servo_loop(drawing, device, device.servo, coupling)

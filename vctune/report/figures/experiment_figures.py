@@ -102,10 +102,7 @@ def _worst_off(run: RunRecord | None) -> str:
 
 def dwell_line(simulation: SimulationRecord) -> str:
     """Return a sentence on the times between changes of the hand at which the loop stayed at rest; "" without such
-    experiments.
-
-    The stated time is the least one that is longer than every time at which a loop grew.
-    """
+    experiments."""
     changing = [(one.dwell_s, one.stayed) for one in simulation.experiments if one.dwell_s is not None]
     if not changing:
         return ""

@@ -1,7 +1,4 @@
-"""The requirement of a box of hands or of any passive hand up to Nyquist, and each hand's share of the resistance.
-
-For an impedance display, Re 1/Z_c and conductances replace Re Z_c and resistances in all figures of this module.
-"""
+"""The requirement of a box of hands or of any passive hand up to Nyquist, and each hand's share of the resistance."""
 
 from __future__ import annotations
 
@@ -31,46 +28,27 @@ from vctune.report.svg.elements import BLUE, GREY, INK, ORANGE, PAPER, RED, path
 from vctune.report.svg.labels import label_curves
 from vctune.report.svg.panel import Axes, Panel
 
-ANGLES_OF_CURVES = 40
-"""Number of angles per decade of the curves. With half as many, the curves show corners. Twice as many double the
-file."""
+ANGLES_OF_CURVES = 40  # Number of angles per decade of the curves
+# Number of masses and of stiffnesses of the map, and shares of the range of dampings
 GRID_OF_MAP, DAMPINGS = 17, (0.0, 0.1, 1.0)
-"""Number of masses and of stiffnesses of the map, and shares of the range of dampings. The map shows the worst of these
-dampings. The grid points lie at squared distances from the least mass or stiffness, because R changes quickly near
-0."""
-LEAST_ANGLE, ANGLES_OF_MAP = 1e-3, 24
-"""Least angle, rad, and number of angles per decade of the map. Where the map is steepest, half as many angles give an
-error of 2 %, and twice as many an error of 0.1 %."""
-LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
-"""Levels of the map, %, which are closer near the limit of 100 %. A map with half or twice as many levels is no easier
-to read."""
+LEAST_ANGLE, ANGLES_OF_MAP = 1e-3, 24  # Least angle, rad, and number of angles per decade of the map
+LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)  # Levels of the map, %, which are closer near the limit of 100 %
+# Colours of the map cividis, which is readable in grey and with every kind of colour vision
 COLOURS = "#003170", "#434e6c", "#6a6c71", "#868379", "#9b9476", "#b0a571", "#c1b26a", "#cdbb63", "#e9d34e"
-"""Colours of the map cividis, which is readable in grey and with every kind of colour vision."""
-SCALE_WIDTH = 62.0
-"""Room for the legend of the colours, to the right of the map, points."""
+SCALE_WIDTH = 62.0  # Room for the legend of the colours, to the right of the map, points
+# Least shown value as a share of the top of the axis, which is the greatest of Re Z_c and R; at Nyquist R may vanish
 SHALLOW = 1e-9
-"""Least shown value as a share of the top of the axis, which is the greatest of Re Z_c and R; at Nyquist R may vanish.
-With half or twice this share, the axis shows as many decades."""
-WORST = 3
-"""Number of hands with a curve of their own. They are the hands with the lowest minima."""
+WORST = 3  # Number of hands with a curve of their own
 
 
 class OfferedAndRequired(NamedTuple):
-    """The resistance of a coupling, and the resistance that the hands of a box require, up to Nyquist.
+    """The resistance of a coupling, and the resistance that the hands of a box require, up to Nyquist."""
 
-    Attributes
-    ----------
-    hz, theta : frequencies, Hz, and omega T, rad; one entry for each angle above 0, as in `offered` and `required`
-    offered : Re Z_c as the firmware runs it, N s/m; for an impedance display, Re(1/Z_c)/s^2, m/(N s), s = sin(theta/2)
-    required : greatest R of the hands, in the unit of `offered`; may be 0 or negative
-    least : least ratios in the hands, the lowest first
-    """
-
-    hz: Floats
+    hz: Floats  # frequencies, Hz, and omega T, rad; one entry for each angle above 0, as in `offered` and `required`
     theta: Floats
-    offered: Floats
-    required: Floats
-    least: list[RatioInHand]
+    offered: Floats  # Re Z_c as the firmware runs it, N s/m
+    required: Floats  # greatest R of the hands, in the unit of `offered`; may be 0 or negative
+    least: list[RatioInHand]  # least ratios in the hands, the lowest first
 
 
 def offered_and_required(
@@ -80,15 +58,7 @@ def offered_and_required(
     hands: Hands | None = None,
     least: list[RatioInHand] | None = None,
 ) -> OfferedAndRequired:
-    """Return the curves that `draw_required_in_hands` and `draw_ratio_in_hands` draw.
-
-    Parameters
-    ----------
-    problem : problem with the device
-    gains, coupling : the design
-    hands : the hands; None for the problem's hands
-    least : the least ratios in them with any passive environment; None or empty to compute them
-    """
+    """Return the curves that `draw_required_in_hands` and `draw_ratio_in_hands` draw."""
     device, hands = problem.device, hands or problem.hands
     loops = loops_in_hands(device, hands, per_decade=ANGLES_OF_CURVES)
     positive = loops.theta > 0
@@ -102,21 +72,7 @@ def offered_and_required(
 def hands_figure(
     problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling, least: list[RatioInHand] | None = None
 ) -> Drawing:
-    """Draw Re Z_c against the R of the worst hands, their ratio, and a map of the greatest R/Re Z_c of each hand.
-
-    The axes of the map are mass and stiffness. The function draws no map if one of them has no range.
-
-    Parameters
-    ----------
-    problem : the device
-    hands : hands of the claim
-    gains, coupling : the design
-    least : the least ratios in the hands with any passive environment; None or empty to compute them
-
-    Returns
-    -------
-    Drawing
-    """
+    """Draw Re Z_c against the R of the worst hands, their ratio, and a map of the greatest R/Re Z_c of each hand."""
     mapped = hands.low.mass < hands.high.mass and hands.low.stiffness < hands.high.stiffness
     drawing = Drawing(WIDTH, 5.55 if mapped else 4.6, left=0.8, top=0.45)
     panels = drawing.divide(3, 1, (0, 0.45), (5, 4, 4)) if mapped else drawing.divide(2, 1, (0, 0.42), (3, 2))
@@ -198,18 +154,7 @@ def draw_ratio_in_hands(
 
 
 def shares_required(device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling) -> tuple[Floats, Floats, Floats]:
-    """Return the greatest R/Re Z_c over all angles and `DAMPINGS`, for a grid of the hands' masses and stiffnesses.
-
-    Parameters
-    ----------
-    device : device in SI units
-    hands : ranges of the hands
-    gains, coupling : the design
-
-    Returns
-    -------
-    masses, stiffnesses, shares : kg; N/m; dimensionless, with a row for each stiffness and a column for each mass
-    """
+    """Return the greatest R/Re Z_c over all angles and `DAMPINGS`, for a grid of the hands' masses and stiffnesses."""
     squares = np.linspace(0.0, 1.0, GRID_OF_MAP) ** 2
     positions = {"mass": squares, "damping": np.array(DAMPINGS), "stiffness": squares}
     numbers = {name: low + (high - low) * positions[name] for name, (low, high) in hands.ranges.items()}
@@ -261,17 +206,7 @@ def _scale(panel: Panel, label: str) -> None:
 
 
 def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Drawing:
-    """Draw Re 1/Z_c of an impedance display against the R of any passive hand, and their ratio, up to Nyquist.
-
-    Parameters
-    ----------
-    problem : the device
-    gains, coupling : the design
-
-    Returns
-    -------
-    Drawing
-    """
+    """Draw Re 1/Z_c of an impedance display against the R of any passive hand, and their ratio, up to Nyquist."""
     device = problem.device
     loops = loops_in_any_hand(device, ANGLES_OF_CURVES)
     positive = loops.theta > 0

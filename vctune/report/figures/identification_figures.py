@@ -22,22 +22,13 @@ from vctune.report.figures.style import WIDTH, decades, frequency_axis, in_prefi
 from vctune.report.figures.with_matplotlib import STYLE, canvas, legend_above
 from vctune.report.svg.elements import BLUE, GREEN, GREY, ORANGE
 
-WINDOW = 2.0
-"""Length, s, of the part of the log that the figure enlarges."""
-MOST_POINTS = 2000
-"""Greatest number of drawn points of a log, up to a factor of 2."""
-SPECTRUM_BINS = 120
-"""Number of edges of the bands of a spectrum, which have equal widths on a log scale."""
+WINDOW = 2.0  # Length, s, of the part of the log that the figure enlarges
+MOST_POINTS = 2000  # Greatest number of drawn points of a log, up to a factor of 2
+SPECTRUM_BINS = 120  # Number of edges of the bands of a spectrum, which have equal widths on a log scale
 
 
 def identification_figures(found: Identified, record: IdentificationRecord) -> dict[str, Figure]:
-    """Return the figures of an identification, by name.
-
-    Parameters
-    ----------
-    found : device, box and studies of the recordings
-    record : the same identification, with the content of identification.json
-    """
+    """Return the figures of an identification, by name."""
     figures = {}
     moved = [study for study in found.records if study.motion is not None]
     repeated = [study for study in found.records if study.periodic is not None]
@@ -138,10 +129,7 @@ def _residual_spectra(studies: list[RecordStudy], units: Units) -> Figure:
 
 
 def _motion_left(study: RecordStudy, motion: MotionStudy) -> tuple[Floats, Floats, Floats]:
-    """Return frequencies, Hz, and the root mean squares of the residual and of the encoder's noise around them.
-
-    Both are in bands, as shares of the force. Bands without a line of the spectrum are left out.
-    """
+    """Return frequencies, Hz, and the root mean squares of the residual and of the encoder's noise around them."""
     fit, samples = motion.directional, motion.samples
     T = samples.step
     whole = np.zeros(ceil(fit.samples[1] * study.sample_time / T * (1 - 1e-12)))

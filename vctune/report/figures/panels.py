@@ -23,29 +23,15 @@ from vctune.report.typography import quantity
 
 @dataclass(frozen=True, slots=True)
 class Demanded:
-    """The curves of Re Z_c, R and their ratio of an admittance display, at the frequencies of the page's curves.
+    """The curves of Re Z_c, R and their ratio of an admittance display, at the frequencies of the page's curves."""
 
-    Attributes
-    ----------
-    own : curves of the nominal device
-    bare : curves without the least operator; None if the problem has none
-    others : curves of the other devices that the search evaluates (`vctune.design.prepared.pose`): the vertices of the
-        box of uncertain devices, with responses on the edge of the disc; empty without uncertainty
-    """
-
-    own: Llewellyn
-    bare: Llewellyn | None
+    own: Llewellyn  # curves of the nominal device
+    bare: Llewellyn | None  # curves without the least operator; None if the problem has none
     others: list[Llewellyn]
 
 
 def demanded(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Demanded:
-    """Return the curves that `draw_required` and `draw_ratio` draw.
-
-    Parameters
-    ----------
-    problem : problem of an admittance display
-    gains, coupling : the design
-    """
+    """Return the curves that `draw_required` and `draw_ratio` draw."""
     virtual, bare = series_coupling(coupling), None
     if problem.device.operator is not None:
         bare = llewellyn(replace(problem, device=problem.device.bare), gains, virtual)
@@ -127,10 +113,7 @@ def _on_band(axes: Axes, problem: Problem, curves: Llewellyn) -> None:
 
 
 def _asymptotes(axes: Axes, problem: Problem, gains: Gains, coupling: Coupling) -> None:
-    """Draw the finite limits of R: for omega -> 0 if K_p > 0, and for omega -> inf with hold "lag".
-
-    The second limit needs a device without delay and parts, with b > 0 and K_v > 0. See model/README.md, section 6.
-    """
+    """Draw the finite limits of R: for omega -> 0 if K_p > 0, and for omega -> inf with hold "lag"."""
     device = problem.device
     if gains.position > 0:
         limit = low_frequency_limit(device, gains, coupling).required
@@ -142,10 +125,7 @@ def _asymptotes(axes: Axes, problem: Problem, gains: Gains, coupling: Coupling) 
 
 
 def least_view(problem: Problem) -> tuple[float, float, float]:
-    """Return the left edge, the right edge and half the height of the area that a Nyquist plot shows.
-
-    The area contains the unit circle and the circle around -1 in which |S| exceeds its limit.
-    """
+    """Return the left edge, the right edge and half the height of the area that a Nyquist plot shows."""
     return -1.2 - 1 / problem.stability.max_sensitivity, 1.1, 1.1
 
 
@@ -207,20 +187,11 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
     return axes
 
 
-Cases = dict[str, tuple[Transparency, str, float]]
-"""Curves by name, each with its line style and width."""
+Cases = dict[str, tuple[Transparency, str, float]]  # Curves by name, each with its line style and width
 
 
 def compared(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Cases:
-    """Return the transparency of a design and, for an admittance display, of the two cases to compare it with.
-
-    These cases are no coupling, and neither coupling nor loop.
-
-    Parameters
-    ----------
-    problem : problem with the device and its band
-    gains, coupling : the design
-    """
+    """Return the transparency of a design and, for an admittance display, of the two cases to compare it with."""
     cases: Cases = {"designed": (transparency(problem, gains, coupling), "-", 1.8)}
     if problem.device.kind.banded:
         nothing = Coupling(1e-18, 1e-18, 0.0)
@@ -232,15 +203,7 @@ def compared(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Cases:
 
 
 def draw_part(axes: Axes, problem: Problem, cases: Cases, part: str) -> None:
-    """Draw one part of the transparency for several cases. A curve that is 0 everywhere is left out.
-
-    Parameters
-    ----------
-    axes : axes of Matplotlib, or a panel
-    problem : problem whose band the function shades
-    cases : curves to draw
-    part : "error", or the name of a term
-    """
+    """Draw one part of the transparency for several cases. A curve that is 0 everywhere is left out."""
     for name, (curves, line, width) in cases.items():
         values, colour = getattr(curves, part), BLUE if name == "designed" else GREY
         if values.max() > 1e-12:

@@ -35,22 +35,13 @@ from vctune.study.region import Kind, Region
 from vctune.study.region_check import Recheck
 from vctune.study.region_record import Design
 
+# Number of nodes along each axis of the mesh for contours, and number of parts between which the code checks the time
+# limit
 MESH, STEPS = 48, 8
-"""Number of nodes along each axis of the mesh for contours, and number of parts between which the code checks the time
-limit."""
 
 
 def region_figure(problem: Problem, region: Region, designs: Sequence[Design], marked: Design | None = None) -> Figure:
-    """Return the figure of a region in the optimiser's coordinates, in which the areas of cells are measured.
-
-    Parameters
-    ----------
-    problem : problem. If the axes are K_v and K_p, the figure shows where the velocity loop is idle; for an admittance
-        display also contours of the error and, with any passive hand, the limit of K_p
-    region : the cells and their verdicts; the title states if the computation was interrupted
-    designs : optimal designs to mark
-    marked : a given design, which the figure marks if it lies in the plane
-    """
+    """Return the figure of a region in the optimiser's coordinates, in which the areas of cells are measured."""
     plane = region.plane
     with rc_context(STYLE):
         interrupted = INTERRUPTED * region.interrupted
@@ -182,10 +173,7 @@ def _feasible(region: Region) -> NDArray[np.bool_]:
 
 def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
     """Draw tau K_p = b + K_v, beyond which Re G_hh < 0 at low frequencies. tau is the lag of the drive: T/2, the delay
-    and the actuator's lag.
-
-    The line is exact for a device without the damping of a structure and of the least operator.
-    """
+    and the actuator's lag."""
     device, swapped = problem.device, plane.axes == (1, 0)
     K_v = plane.edges[1 if swapped else 0]
     K_p = (device.damping + K_v) / float(lags(device, FLOATS).drive)

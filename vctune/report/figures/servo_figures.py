@@ -18,20 +18,12 @@ from vctune.report.figures.style import WIDTH, decades, frequency_axis, in_prefi
 from vctune.report.figures.with_matplotlib import canvas, legend_above
 from vctune.report.svg.elements import BLUE, GREEN, GREY, ORANGE
 
-WINDOW = 200
-"""Number of rows of the part of a log that the figure enlarges."""
-MOST_POINTS = 2000
-"""Greatest number of drawn points of a log, up to a factor of 2."""
+WINDOW = 200  # Number of rows of the part of a log that the figure enlarges
+MOST_POINTS = 2000  # Greatest number of drawn points of a log, up to a factor of 2
 
 
 def following(studies: list[RecordStudy], units: Units) -> Figure:
-    """Return the figure of the commanded, measured and fitted motion, and of the residual.
-
-    Parameters
-    ----------
-    studies : studies of servos
-    units : units of the parameters
-    """
+    """Return the figure of the commanded, measured and fitted motion, and of the residual."""
     figure = canvas(WIDTH, 3.7 * len(studies), left=0.75, top=0.35, gaps=(0.0, 0.62))
     axes = np.atleast_1d(figure.subplots(2 * len(studies), 1))
     for (close, whole), study in zip(axes.reshape(-1, 2), studies, strict=True):
@@ -65,13 +57,7 @@ def _made(servo: ServoStudy) -> Floats:
 
 
 def servo_response(found: Identified, studies: list[RecordStudy]) -> Figure:
-    """Return the figure of the response's magnitude and phase: measured in bands, of the fits, and of the box.
-
-    Parameters
-    ----------
-    found : device and box
-    studies : studies of servos with a measurable response
-    """
+    """Return the figure of the response's magnitude and phase: measured in bands, of the fits, and of the box."""
     figure = canvas(WIDTH, 4.2, left=0.75, top=0.35, gaps=(0.0, 0.12))
     size, phase = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     hertz = np.concatenate([study.measured_hz for study in studies])

@@ -14,21 +14,12 @@ from vctune.report.svg.panel import Axes
 from vctune.report.svg.scales import decades_between
 from vctune.report.typography import prefixed, quantity, tick
 
-LEAST_SPAN = 0.1
-"""Least span of ratios that sets the limits of the axis. Smaller spans give the same limits."""
-WIDTH = 4.2
-"""Width of a design's figure, inches. Two figures fit side by side on a desktop screen. One figure remains legible on a
-telephone and in a column of 8 cm."""
+LEAST_SPAN = 0.1  # Least span of ratios that sets the limits of the axis
+WIDTH = 4.2  # Width of a design's figure, inches
 
 
 def frequency_axis(axes: Axes, low: float, high: float) -> None:
-    """Turn the x axis into a frequency axis with plain decimals.
-
-    Parameters
-    ----------
-    axes : axes to change
-    low, high : ends, Hz
-    """
+    """Turn the x axis into a frequency axis with plain decimals."""
     axes.set(xscale="log", xlim=(low, high), xlabel="frequency, Hz")
     marked = decades_between(low, high)
     axes.set_xticks(marked, [tick(value) for value in marked])
@@ -38,13 +29,7 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
 
 
 def in_prefixed(values: Floats, unit: str) -> tuple[Floats, str]:
-    """Return values in a unit whose prefix suits the greatest value, and this unit.
-
-    Parameters
-    ----------
-    values : values to draw
-    unit : their unit without a prefix
-    """
+    """Return values in a unit whose prefix suits the greatest value, and this unit."""
     power, named = prefixed(float(np.max(np.abs(values), initial=0.0)), unit)
     return values / 10.0**power, named
 
@@ -58,15 +43,7 @@ def decades(axes: Axes) -> None:
 
 
 def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float | None, where: str = "") -> None:
-    """Draw the limit, the safety factor and the least ratio on a linear axis around them.
-
-    Parameters
-    ----------
-    axes : axes of a ratio
-    factor : the safety factor
-    least, worst_hz : the least ratio and its frequency, Hz; None for inf
-    where : description of the hand with the least ratio
-    """
+    """Draw the limit, the safety factor and the least ratio on a linear axis around them."""
     axes.axhline(1.0, color=RED, linewidth=1.2, linestyle="-.", label="1: the limit")
     axes.axhline(factor, color=INK, linewidth=1, linestyle=(0, (1, 1)), label=f"safety factor {factor:g}")
     if worst_hz and least:
@@ -78,13 +55,7 @@ def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float |
 
 
 def stamp(drawing: Drawing, words: str) -> None:
-    """Write across a figure why its design is not for use. The text remains visible in print and in grey.
-
-    Parameters
-    ----------
-    drawing : figure with these panels
-    words : the text; longer texts are smaller
-    """
+    """Write across a figure why its design is not for use. The text remains visible in print and in grey."""
     for panel in drawing.panels:
         left, top, width, height = panel.box
         place, size = (left + width / 2, top + height / 2), min(21.0, 1.6 * width / len(words))
@@ -94,15 +65,7 @@ def stamp(drawing: Drawing, words: str) -> None:
 
 
 def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> None:
-    """Shade the part of a band that lies on the axis.
-
-    Parameters
-    ----------
-    axes : axes whose limits are set, Hz
-    band : band to shade, rad/s
-    colour, label : colour of the shade and its label in the legend
-    hatch : hatching over the shade; "" for none
-    """
+    """Shade the part of a band that lies on the axis."""
     low, high = axes.get_xlim()
     ends = max(band.min / (2 * pi), low), min(band.max / (2 * pi), high)
     axes.axvspan(*ends, facecolor=colour, alpha=0.13, label=label, hatch=hatch, edgecolor=colour, linewidth=0)

@@ -16,23 +16,13 @@ from vctune.report.figures.with_matplotlib import STYLE, canvas
 from vctune.report.svg.elements import BLUE, GREY, RED
 from vctune.study.study_table import Table
 
-WIDE = 10.0
-"""Positive values that span more than this ratio are drawn on a logarithmic axis."""
+WIDE = 10.0  # Positive values that span more than this ratio are drawn on a logarithmic axis
 COLOURS = "viridis_r"
-FEW = 40
-"""Greatest number of points with large markers."""
+FEW = 40  # Greatest number of points with large markers
 
 
 def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
-    """Return the figure of the error over the axes that vary; None unless one or two axes vary.
-
-    Points with an infinite value on an axis are left out.
-
-    Parameters
-    ----------
-    table : table of the sweep
-    grid : whether the points are every combination of the axes' values
-    """
+    """Return the figure of the error over the axes that vary; None unless one or two axes vary."""
     finite = np.logical_and.reduce([np.isfinite(column) for column in table.axes.values()])
     table = table.subset(np.flatnonzero(finite))
     varied = {key: column for key, column in table.axes.items() if np.unique(column).size > 1}
@@ -109,13 +99,7 @@ def terms_figure(front: Table) -> Figure:
 
 
 def band_figure(front: Table, transparency_edge_hz: float) -> Figure:
-    """Return the front of the error against the upper edge of the stability band.
-
-    Parameters
-    ----------
-    front : the designs that no other design dominates, by the upper edge, Hz
-    transparency_edge_hz : upper edge of the transparency band, Hz, which the figure marks
-    """
+    """Return the front of the error against the upper edge of the stability band."""
     with rc_context(STYLE):
         figure, axes = _frame()
         edge = front.axes["stability.band_hz[1]"]

@@ -42,6 +42,7 @@ STYLE: Any = {
 }
 
 
+# Superfluous text in Matplotlib's SVG files, and its replacement
 SUPERFLUOUS = {
     r"<metadata>.*?</metadata>\n": "",
     r"; font-family: [^;\"]*": "",
@@ -49,7 +50,6 @@ SUPERFLUOUS = {
     r'<g id="[^"]*">': "<g>",
     r' transform="rotate\(-0 [^"]*\)"': "",
 }
-"""Superfluous text in Matplotlib's SVG files, and its replacement."""
 
 
 def canvas(
@@ -62,14 +62,7 @@ def canvas(
     top: float = 0.15,
     gaps: tuple[float, float] = (0.0, 0.0),
 ) -> Figure:
-    """Return a figure whose axes keep their position for any texts around them.
-
-    Parameters
-    ----------
-    width, height : size of the figure, inches
-    left, right, bottom, top : margins, inches
-    gaps : gaps between columns and between rows, as shares of the axes' size
-    """
+    """Return a figure whose axes keep their position for any texts around them."""
     figure = Figure(figsize=(width, height))
     figure.subplots_adjust(
         left / width, bottom / height, 1 - right / width, 1 - top / height, wspace=gaps[0], hspace=gaps[1]
@@ -78,14 +71,7 @@ def canvas(
 
 
 def legend_above(axes: Axes, columns: int, **options: Any) -> None:
-    """Put the legend above the axes, where it covers no curve.
-
-    Parameters
-    ----------
-    axes : axes with labelled lines
-    columns : columns of the legend
-    options : options of `Axes.legend`
-    """
+    """Put the legend above the axes, where it covers no curve."""
     close: dict[str, Any] = {
         "borderaxespad": 0.2,
         "columnspacing": 1.1,
@@ -97,16 +83,7 @@ def legend_above(axes: Axes, columns: int, **options: Any) -> None:
 
 
 def svg(figure: Figure, name: str) -> str:
-    """Return a figure as SVG.
-
-    The same figure always gives the same bytes. The function rounds coordinates to a hundredth of a point, and those of
-    polylines to a tenth. It also removes superfluous text and groups.
-
-    Parameters
-    ----------
-    figure : the drawn figure
-    name : prefix of the identifiers in the file, so that several figures can be on one page
-    """
+    """Return a figure as SVG."""
     check_time()
     stream = BytesIO()
     with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
@@ -163,17 +140,5 @@ def _rounded(value: float, decimals: int) -> str:
 
 
 def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:
-    """Return a figure as an SVG file.
-
-    Parameters
-    ----------
-    figure : the drawn figure
-    folder : folder for the file
-    stem : stem of the file's name
-
-    Returns
-    -------
-    dict
-        The file's text by its path.
-    """
+    """Return a figure as an SVG file."""
     return {folder / f"{stem}.svg": svg(figure, stem)}

@@ -18,26 +18,19 @@ from vctune.report.typography import tick
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
 
+# Colours and hatchings that remain distinct in grey and for readers with a colour deficiency
 GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "--")
-"""Colours and hatchings that remain distinct in grey and for readers with a colour deficiency."""
 FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
 LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
 WORLD_LABELS = {Kind.FEASIBLE: "may be rendered", Kind.INFEASIBLE: "refused in some hand", Kind.UNDECIDED: "undecided"}
+# Height of the strip for the line K_p = 0, and distance of the strip from the plane, as shares of the plane
 STRIP, GAP = 0.03, 0.008
-"""Height of the strip for the line K_p = 0, and distance of the strip from the plane, as shares of the plane."""
 INTERRUPTED = "interrupted: some undecided cells were not examined"
-APART = (0.07, 0.035)
-"""Least distance between the ticks on x and on y, as a share of the axis."""
+APART = (0.07, 0.035)  # Least distance between the ticks on x and on y, as a share of the axis
 
 
 def world_figure(problem: Problem, region: Region) -> Drawing:
-    """Return the map of environments with which given gains are stable: the Z-width of the device with these gains.
-
-    Parameters
-    ----------
-    problem : problem; the figure shows its box of environments if it has one
-    region : cells of environments
-    """
+    """Return the map of environments with which given gains are stable: the Z-width of the device with these gains."""
     plane, drawing = region.plane, Drawing(WIDTH, 3.8, left=0.78, top=0.6)
     (panel,) = drawing.divide()
     panel.grid = False
@@ -64,17 +57,7 @@ def world_figure(problem: Problem, region: Region) -> Drawing:
 
 
 def marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
-    """Return the values of the ticks on an axis and their positions.
-
-    The values are powers of ten. If the axis has fewer than three of them, the values are 1, 2 and 5 times powers of
-    ten; on an axis shorter than half a decade, they are round numbers. 0 is added if the axis starts at 0. Ticks that
-    are too close to a higher one are left out.
-
-    Parameters
-    ----------
-    plane : the plane
-    k : 0 for x, 1 for y
-    """
+    """Return the values of the ticks on an axis and their positions."""
     edges = plane.edges[k]
     low = edges[edges > 0][0]
     values = 10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(edges[-1])) + 1)
@@ -93,38 +76,18 @@ def marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
 
 
 def lowest(plane: Plane, k: int) -> float:
-    """Return the lower end of an axis, or of its strip if the axis has one.
-
-    Parameters
-    ----------
-    plane : the plane
-    k : 0 for x, 1 for y
-    """
+    """Return the lower end of an axis, or of its strip if the axis has one."""
     return -STRIP if plane.has_line(k) else 0.0
 
 
 def place(plane: Plane, k: int, values: Floats) -> Floats:
-    """Return the positions of values on an axis, between 0 and 1; nan for values outside the axis.
-
-    Parameters
-    ----------
-    plane : the plane
-    k : 0 for x, 1 for y
-    values : values in the units of the axis
-    """
+    """Return the positions of values on an axis, between 0 and 1; nan for values outside the axis."""
     edges = plane.edges[k]
     return np.interp(values, edges, np.linspace(0, 1, len(edges)), left=np.nan, right=np.nan)
 
 
 def spot(plane: Plane, k: int, value: float) -> float:
-    """Return the position of a design or of an environment on an axis; K_p = 0 lies on the strip.
-
-    Parameters
-    ----------
-    plane : the plane
-    k : 0 for x, 1 for y
-    value : its value on this axis, in the units of the axis
-    """
+    """Return the position of a design or of an environment on an axis; K_p = 0 lies on the strip."""
     on_line = value == 0 and plane.has_line(k)
     return -(STRIP + GAP) / 2 if on_line else float(place(plane, k, np.array([value]))[0])
 
@@ -142,15 +105,7 @@ def _joined(squares: Squares, along: int) -> Squares:
 
 
 def cells(plane: Plane, squares: Squares) -> Floats:
-    """Return the corners of joined cells, shape (joined cells, 5, 2); the last corner repeats the first.
-
-    The function joins adjacent cells, so that the figure has no seams. Cells of the line K_p = 0 lie on the strip.
-
-    Parameters
-    ----------
-    plane : the plane
-    squares : indices of the edges of each cell
-    """
+    """Return the corners of joined cells, shape (joined cells, 5, 2); the last corner repeats the first."""
     lines = (squares[[0, 2]] == squares[[1, 3]]).any(axis=0)
     squares = np.concatenate([_joined(_joined(part, 1), 0) for part in (squares[:, lines], squares[:, ~lines])], axis=1)
     low, high = squares[[0, 2]] / (len(plane.edges[0]) - 1), squares[[1, 3]] / (len(plane.edges[0]) - 1)

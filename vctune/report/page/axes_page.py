@@ -11,18 +11,11 @@ from vctune.report.page.contents import REPORT
 from vctune.report.page.templates import templates
 
 HEADINGS = ("axis", "status", "mass", "drag", "least ratio", "error")
-VERDICTS = {"certified": "proved", "undecided": "undecided"}
-"""Verdict that the page shows for a status. It shows every other status as refuted."""
+VERDICTS = {"certified": "proved", "undecided": "undecided"}  # Verdict that the page shows for a status
 
 
 def axis_row(name: str, record: DesignRecord) -> tuple[str, ...]:
-    """Return the cells of an axis, in the order of `HEADINGS`.
-
-    Parameters
-    ----------
-    name : name of the axis
-    record : record of the axis's design, or of the reason why there is none
-    """
+    """Return the cells of an axis, in the order of `HEADINGS`."""
     units, coupling, certificate = record.units, record.coupling, record.certificate
     mass, drag = getattr(coupling, "mass", None), getattr(coupling, "drag", None)
     hands = None if certificate is None else certificate.hands
@@ -38,12 +31,7 @@ def axis_row(name: str, record: DesignRecord) -> tuple[str, ...]:
 
 
 def promises(designs: Mapping[str, DesignRecord]) -> list[str]:
-    """Return the proved claims of the axes. Each sentence occurs once, after the names of its axes.
-
-    Parameters
-    ----------
-    designs : designs by the name of the axis
-    """
+    """Return the proved claims of the axes. Each sentence occurs once, after the names of its axes."""
     proved: dict[str, list[str]] = {}
     for axis, record in designs.items():
         if record.promise:
@@ -52,14 +40,7 @@ def promises(designs: Mapping[str, DesignRecord]) -> list[str]:
 
 
 def axes_page(name: str, designs: Mapping[str, DesignRecord], *, reported: bool) -> str:
-    """Return the HTML of the axes of a problem.
-
-    Parameters
-    ----------
-    name : name of the problem
-    designs : designs by the name of the axis
-    reported : whether each axis has a report; its name is then a link to the report
-    """
+    """Return the HTML of the axes of a problem."""
     rows = {axis: axis_row(axis, record) for axis, record in designs.items()}
     axes = [
         {

@@ -10,16 +10,7 @@ ASK = "stability.changing = “damping” requests a longer proof."
 
 
 def changing_lines(record: DesignRecord, problem: Problem) -> list[str]:
-    """Return a sentence on whether the damping of the hand may change.
-
-    The list is empty if a claim of the design states it, if no box of hands is required, or if the design is not
-    certified.
-
-    Parameters
-    ----------
-    record : record of a design
-    problem : problem of the record
-    """
+    """Return a sentence on whether the damping of the hand may change."""
     if problem.hands_met is None or problem.changing_hands is not None or record.status != "certified":
         return []
     found = record.changing

@@ -1,8 +1,4 @@
-"""The constants of a device at each frequency, from which the page's script computes responses for any gains.
-
-Every response of a velocity loop is a quotient of expressions that are affine in the gains (README.md, section 1). The
-responses of a servo do not depend on gains. The script does not know the device.
-"""
+"""The constants of a device at each frequency, from which the page's script computes responses for any gains."""
 
 from __future__ import annotations
 
@@ -33,39 +29,16 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.transparency import log_quadrature
 from vctune.report.figures.curves import frequencies
 
-INTERVALS = 8
-"""Number of intervals of the transparency band with Gauss's nodes in each. The error of this quadrature agrees with the
-design's to 1e-6 or better. Half as many intervals miss a resonance in the band. Twice as many make the page longer."""
-CURVE_POINTS = 100
-"""Least number of frequencies of the curves in addition to the nodes. With half as many, the curves show corners. Twice
-as many make the page longer."""
+INTERVALS = 8  # Number of intervals of the transparency band with Gauss's nodes in each
+CURVE_POINTS = 100  # Least number of frequencies of the curves in addition to the nodes
+# Number of angles of the sampled loop up to Nyquist, and number of additional angles for each sample of delay and for
+# four more samples
 LOOP_ANGLES, PER_SAMPLE = 120, 16
-"""Number of angles of the sampled loop up to Nyquist, and number of additional angles for each sample of delay and for
-four more samples. Between adjacent angles the curve turns by less than half a turn. With half as many angles, the
-Nyquist plot shows corners."""
-HAND_ANGLES, LOWEST = 128, 1e-3
-"""Number of angles of the grid in each hand, and its smallest angle, rad. Half as many angles miss the narrow minima of
-stiff hands. Twice as many make the page longer."""
+HAND_ANGLES, LOWEST = 128, 1e-3  # Number of angles of the grid in each hand, and its smallest angle, rad
 
 
 def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
-    """Return the constants of the frequency model, and the weights of the error's quadrature.
-
-    The weight of a frequency that is no node of the quadrature is 0. The constants of a servo are its responses C and
-    1 - G_he; `_force_model` returns those of an impedance display.
-
-    Parameters
-    ----------
-    problem : problem of the design
-    record : record of the design, whose bands the page shows
-
-    Returns
-    -------
-    dict
-        The numbers as texts of `_numbers`. For an admittance display they are the parts of `LoopConstants`: "miss" is
-        D - C_0; "C" is null if it equals the controller C_0, and "numerator" is null if it is 1. "sensor_im" is
-        Im F_s, from which the script computes Im(C conj D) without a subtraction of nearly equal numbers.
-    """
+    """Return the constants of the frequency model, and the weights of the error's quadrature."""
     band, axis = problem.transparency.band, frequencies(problem)
     nodes, weights = log_quadrature(band.min, band.max, INTERVALS)
     places = [2 * pi * axis[:: max(1, axis.size // CURVE_POINTS)], [band.min, band.max]]
@@ -98,11 +71,7 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
 
 def _force_model(device: Device, known: LoopConstants, omega: Floats) -> dict[str, Any]:
     """Return the constants of an impedance display. Its factors of k_c replace the factors of K_p of an admittance
-    display.
-
-    At a rigid wall b_c acts as K_v does. k_c acts as a damping of k_c times the quotient of the factors of k_c and b_c
-    in Z_c.
-    """
+    display."""
     theta = omega * device.sample_time
     low_pass, drive = firmware_filter(device, theta, FLOATS), known.controller.velocity
     damper, spring = (
@@ -131,15 +100,7 @@ def _complex(pair: Pair) -> Complex:
 
 
 def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any] | None:
-    """Return the parts of the sampled loop's return difference; None for a servo, which has no loop of its own.
-
-    The return difference is `open` + K_v `velocity` + K_p `position`.
-
-    Parameters
-    ----------
-    device : device without a hand
-    record : record of the design, whose frequencies the page shows
-    """
+    """Return the parts of the sampled loop's return difference; None for a servo, which has no loop of its own."""
     if not device.kind.own_loop:
         return None
     theta, loop = np.geomspace(1e-5 * pi, pi, LOOP_ANGLES), record.inner_loop
@@ -159,17 +120,7 @@ def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any] | None:
 
 
 def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict[str, Any]:
-    """Return the parts of the loop in each of several hands, at angles up to Nyquist and at the worst frequencies.
-
-    For a servo, R in each hand replaces these parts, because it does not depend on the design. For an impedance
-    display, the coefficients of Re Z_c and s^2 |Z_c|^2 (`spring_forms`) and of R (`_required`) replace them.
-
-    Parameters
-    ----------
-    device : device of the design
-    met : the hands; None, only for an impedance display, means any passive hand
-    worst : frequencies of the least ratios, rad/s
-    """
+    """Return the parts of the loop in each of several hands, at angles up to Nyquist and at the worst frequencies."""
     theta = np.geomspace(LOWEST, pi, HAND_ANGLES)
     theta = np.unique(np.concatenate([[0.0], theta, [min(each * device.sample_time, pi) for each in worst]]))
     delays = delays_of(device)
@@ -192,11 +143,7 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
 
 
 def _felt(loop: LoopInHand, sample_time: float, theta: Floats) -> EvenOdd:
-    """Return the factor f in P = f (2 j s K_v + T c K_p), with s and c the sine and cosine of theta/2.
-
-    P is the numerator of what the environment meets (model/README.md, section 14). The code divides by the factor of
-    K_v or K_p that does not vanish.
-    """
+    """Return the factor f in P = f (2 j s K_v + T c K_p), with s and c the sine and cosine of theta/2."""
     square, cos = np.sin(theta / 2) ** 2, np.cos(theta / 2)
     with np.errstate(all="ignore"):
         odd = np.where(
@@ -206,11 +153,7 @@ def _felt(loop: LoopInHand, sample_time: float, theta: Floats) -> EvenOdd:
 
 
 def _required(device: Device, hand: Hand | None, theta: Floats) -> str:
-    """Return R/s^2 in a hand, or in any passive hand, as five coefficients at each angle.
-
-    The numerator is affine in K_v, and the denominator is quadratic in K_v. The coefficients of each begin with the
-    constant. The function computes them from numerator and denominator at three values of K_v.
-    """
+    """Return R/s^2 in a hand, or in any passive hand, as five coefficients at each angle."""
     delays, unit = delays_of(device), device.mass / device.sample_time
 
     def at(K_v: float) -> tuple[Floats, Floats]:
@@ -228,13 +171,7 @@ def _required(device: Device, hand: Hand | None, theta: Floats) -> str:
 
 
 def numbered(constants: Any, numbers: dict[str, int]) -> Any:
-    """Return constants in which each array, a text of `_numbers`, is replaced by its number.
-
-    Parameters
-    ----------
-    constants : constants as the functions of this module return them
-    numbers : number of each different text; the function adds new texts to it
-    """
+    """Return constants in which each array, a text of `_numbers`, is replaced by its number."""
     if isinstance(constants, str):
         return numbers.setdefault(constants, len(numbers))
     if isinstance(constants, dict):
@@ -253,19 +190,13 @@ def _pair(number: Pair, like: Floats) -> str:
 
 
 def _even_odd(number: EvenOdd, shape: tuple[int, int]) -> list[str]:
-    """Return a text for each hand, in which the even and the odd parts at the angles alternate.
-
-    Five bytes a number are precise enough for curves in hands, and keep the page short.
-    """
+    """Return a text for each hand, in which the even and the odd parts at the angles alternate."""
     parts = np.stack([np.broadcast_to(part, shape) for part in (number.even, number.odd)], axis=-1)
     return [_numbers(each, 5) for each in parts]
 
 
 def _numbers(values: Floats, size: int = 6) -> str:
     """Return the number of bytes for each double, and then the highest bytes of the rounded doubles, the least
-    significant first, in base 64.
-
-    This text is half as long as decimals. Six bytes contain 36 bits of mantissa, five contain 28.
-    """
+    significant first, in base 64."""
     whole = np.ascontiguousarray(values, dtype="<f8").view("<u8").ravel() + np.uint64(1 << (63 - 8 * size))
     return f"{size}{b64encode(whole.astype('<u8').view('u1').reshape(-1, 8)[:, 8 - size :].tobytes()).decode()}"

@@ -7,8 +7,9 @@ from pathlib import Path
 from vctune.model.worlds import Worlds
 
 REPORT = "report.html"
+# The terms of the error in words
 IN_WORDS = {"admittance": "does not yield", "tracking": "does not follow", "coupling": "gives way"}
-"""The terms of the error in words."""
+# Title of each figure and a text that explains it, by the name of the figure
 READINGS = {
     "hands": (
         "Coupling against the requirement of the worst hand",
@@ -69,7 +70,7 @@ READINGS = {
         "environment.",
     ),
 }
-"""Title of each figure and a text that explains it, by the name of the figure."""
+# Texts that differ for a kind of display, by the names of the display and of the figure
 OF_DISPLAY: dict[str, dict[str, str]] = {
     "servo": {
         "loop": "The diagram leads from the hand's force to the motion of the arm. vctune designs the blue parts. The "
@@ -83,29 +84,22 @@ OF_DISPLAY: dict[str, dict[str, str]] = {
         "No environment feels lighter than the free arm, whose drag the contacts require.",
     }
 }
-"""Texts that differ for a kind of display, by the names of the display and of the figure."""
 
 
+# Addition to the text about curves in hands if the problem states its environments
 IN_WORLDS = (
     " The curves are for any passive environment, which is more than the claim covers. Where the ratio is below 1, the "
     "loop is stable only because the problem limits its environments."
 )
-"""Addition to the text about curves in hands if the problem states its environments."""
+# The same addition if the stated environments run late or step by explicit Euler
 IN_ACTIVE_WORLDS = (
     " The environments of the problem are not passive as they run, so these curves do not show whether the loop is "
     "stable with them. The claim shows it, because its ratio above includes them."
 )
-"""The same addition if the stated environments run late or step by explicit Euler."""
 
 
 def reading(figure: str, display: str, worlds: Worlds | None) -> str:
-    """Return the text that explains a figure for a kind of display.
-
-    Parameters
-    ----------
-    figure, display : name of the figure and of the kind of display
-    worlds : the environments that the problem states; None if it states none
-    """
+    """Return the text that explains a figure for a kind of display."""
     own = OF_DISPLAY.get(display, {}).get(figure, READINGS[figure][1])
     if worlds is None or figure != "hands":
         return own
@@ -117,6 +111,7 @@ def report_paths(folder: Path) -> list[Path]:
     return [folder / REPORT, *(folder / f"{name}.svg" for name in READINGS)]
 
 
+# Title of each figure of an identification and a text that explains it, by the name of the figure
 IDENTIFICATION_READINGS = {
     "time-fit": (
         "Force in time",
@@ -146,7 +141,6 @@ IDENTIFICATION_READINGS = {
         "its middle.",
     ),
 }
-"""Title of each figure of an identification and a text that explains it, by the name of the figure."""
 
 
 def identification_paths(folder: Path) -> list[Path]:

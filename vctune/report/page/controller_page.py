@@ -11,25 +11,19 @@ from vctune.report.figures.diagram import loop_figure
 from vctune.report.page.page import inline_svg
 from vctune.report.page.templates import templates
 
+# Titles of a controller's blocks, in the order in which the firmware executes them
 BLOCKS = {
     "estimate": "Velocity estimate",
     "drive": "Coupling, before the environment",
     "environment": "Environment, built in",
     "law": "Coupling, and control law of the velocity error",
 }
-"""Titles of a controller's blocks, in the order in which the firmware executes them."""
+# Titles for a servo, whose motion the vendor's loop controls
 FOLLOWED = BLOCKS | {"law": "Coupling, and the command that the servo follows"}
-"""Titles for a servo, whose motion the vendor's loop controls."""
 
 
 def controller_page(controller: dict[str, Any], device: Device, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the HTML of a controller, one page without external files.
-
-    Parameters
-    ----------
-    controller : the object of controller.json
-    device, gains, coupling : device and design that the block diagram shows
-    """
+    """Return the HTML of a controller, one page without external files."""
     titles, written = BLOCKS if device.kind.own_loop else FOLLOWED, controller["equations"]
     blocks = {title: [one for one in written if one["block"] == block] for block, title in titles.items()}
     read = [name.removeprefix("measured_") for name in controller["inputs"]]

@@ -9,11 +9,10 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.model.problem import Problem
 from vctune.report.typography import quantity
 
-MOST = 3
-"""Greatest number of active constraints on the first screen. The table of all values contains every active
-constraint."""
+MOST = 3  # Greatest number of active constraints on the first screen
 
 
+# Names of active constraints, by a part of the formula
 NAMES = {
     "|S|": "Robustness of the velocity loop",
     "|1 - S|": "Robustness against unmodelled dynamics",
@@ -21,8 +20,6 @@ NAMES = {
     "in a hand": "Stability in the stated hands",
     " R": "Stability in any passive hand",
 }
-"""Names of active constraints, by a part of the formula. A constraint has the first name whose part its formula
-contains."""
 
 
 class Limit(NamedTuple):
@@ -34,15 +31,8 @@ class Limit(NamedTuple):
 
 
 def limits(record: DesignRecord) -> list[Limit]:
-    """Return the active constraints, the most expensive first, then the worst hand and the best change of the device.
-
-    The list has up to `MOST` constraints. The worst hand is left out if there is no active constraint or no box of
-    hands. The change is left out if it makes no difference.
-
-    Parameters
-    ----------
-    record : record of a design
-    """
+    """Return the active constraints, the most expensive first, then the worst hand and the best change of the
+    device."""
     prices: dict[str, float] = {}
     for each in record.active:
         prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
@@ -74,15 +64,7 @@ def _binding(record: DesignRecord) -> str:
 
 
 def findings(record: DesignRecord, problem: Problem) -> dict[str, str]:
-    """Return a sentence about each figure of a design, by the figure's name; empty without a design.
-
-    The block diagram and the simulation have none. Some names may have no figure.
-
-    Parameters
-    ----------
-    record : record of the design
-    problem : problem that the record states
-    """
+    """Return a sentence about each figure of a design, by the figure's name; empty without a design."""
     proof, design, terms = record.certificate, record.design, record.transparency
     if proof is None or design is None or terms is None:
         return {}

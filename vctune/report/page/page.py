@@ -34,19 +34,7 @@ def design_page(
     simulation: SimulationRecord | None = None,
     least_ratios: Sequence[RatioInHand | RatioInAnyHand] = (),
 ) -> str:
-    """Return the HTML of the page about a design, or about the reason why a problem has no design.
-
-    Parameters
-    ----------
-    record : record of the design, which the page embeds as the object of design.json
-    problem : the problem that the record's text states
-    svg_files : content of each figure's SVG file, by the figure's name; the names are keys of `READINGS`
-    overlays : panels in which the page's script draws the curves of tried gains, by the figure's name, as
-        `vctune.report.page.sliders.overlays` returns them
-    simulation : simulation of this design; None without one
-    least_ratios : local minima of the ratio in the problem's hands (`vctune.analysis.in_hands.least_ratios`),
-        whose hands and frequencies the sliders use; empty without a design, or if the problem has no claim in hands
-    """
+    """Return the HTML of the page about a design, or about the reason why a problem has no design."""
     first_screen, slider_data = summary(record, problem), None
     if record.design is not None:
         shipped = {"kind": first_screen.kind, "word": first_screen.word}
@@ -96,10 +84,7 @@ def _figure_entries(
 
 
 def _with_stated_numbers(text: str, problem: Problem) -> str:
-    """Return a text with the problem's numbers in place of the words `safety_factor` and `max_sensitivity`.
-
-    Keys with their table, such as `stability.safety_factor`, stay as they are.
-    """
+    """Return a text with the problem's numbers in place of the words `safety_factor` and `max_sensitivity`."""
     for key in ("safety_factor", "max_sensitivity"):
         text = re.sub(rf"(?<![.\w]){key}\b", f"{getattr(problem.stability, key):g}", text)
     return text
@@ -107,10 +92,7 @@ def _with_stated_numbers(text: str, problem: Problem) -> str:
 
 def _error_terms(record: DesignRecord) -> list[Row]:
     """Return a row for each term of the error: its formula, its value with few digits, and its words in place of the
-    unit.
-
-    Terms that are always 0 for the kind of display are left out. The list is empty without a design.
-    """
+    unit."""
     terms = record.transparency
     if terms is None:
         return []
@@ -145,17 +127,7 @@ def _script_json(data: dict[str, Any]) -> str:
 
 
 def inline_svg(svg: str, description: str) -> str:
-    """Return the content of an SVG file as an element for an HTML page.
-
-    The element starts at the tag `<svg`. It has the page's text colour in place of `INK`, and no colour in place of
-    `PAPER`.
-
-    Parameters
-    ----------
-    svg : content of the file
-    description : description of the figure for readers who cannot see it: text with mathematics as in the records, not
-        yet escaped
-    """
+    """Return the content of an SVG file as an element for an HTML page."""
     svg = re.sub(r"^.*?(?=<svg)", "", svg, flags=re.DOTALL)
     svg = svg.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(description))}" ', 1)
     return svg.replace("xlink:href", "href").replace(INK, "currentColor").replace(PAPER, "none")

@@ -13,38 +13,22 @@ from vctune.model.numbers.frequency import hertz
 from vctune.model.problem import Problem
 from vctune.report.typography import quantity
 
+# Number of frequencies at which the code averages |1 - F_s|: the midpoints of logarithmically equal intervals
 POINTS = 200
-"""Number of frequencies at which the code averages |1 - F_s|: the midpoints of logarithmically equal intervals. Half or
-twice this number gives the same digits."""
 
 
 @dataclass(frozen=True, slots=True)
 class PhaseTable:
-    """The phases of a design's parts, as texts.
+    """The phases of a design's parts, as texts."""
 
-    Attributes
-    ----------
-    headings : headings of the columns
-    rows : name of each part, and its phase in each column; the last row contains the sums. Empty without columns
-    remark : sentence about the force sensor's loss; empty without a sensor
-    """
-
-    headings: tuple[str, ...]
-    rows: list[tuple[str, ...]]
-    remark: str
+    headings: tuple[str, ...]  # headings of the columns
+    rows: list[tuple[str, ...]]  # name of each part, and its phase in each column
+    remark: str  # sentence about the force sensor's loss; empty without a sensor
 
 
 def phase_table(problem: Problem, gains: Gains) -> PhaseTable:
     """Return the phases of the loop and of the force path at the loop's crossover, and of the force path at the band's
-    upper edge.
-
-    A loop without a crossover has only the last column, and a device without gains has none.
-
-    Parameters
-    ----------
-    problem : problem with the device and the transparency band
-    gains : gains of the design
-    """
+    upper edge."""
     device, edge, force_name = problem.device, problem.transparency.band.max, problem.units.force_name
     cross = crossover(device, gains)
     columns: list[tuple[str, Phases]] = []

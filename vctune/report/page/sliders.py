@@ -17,8 +17,8 @@ from vctune.report.page.constants import frequency_model, in_hands, numbered, sa
 from vctune.report.svg.drawing import Drawing
 from vctune.report.svg.panel import Panel
 
-REACH = 10.0
-"""Factor between the shipped value and each end of a slider."""
+REACH = 10.0  # Factor between the shipped value and each end of a slider
+# Names of the curves that the script draws into a figure, in the order of the figure's axes
 PANELS_OF = {
     "llewellyn": ("resistance", "ratio"),
     "hands": ("in_hand", "hand_ratio"),
@@ -26,8 +26,6 @@ PANELS_OF = {
     "impedance": ("impedance",),
     "nyquist": ("nyquist",),
 }
-"""Names of the curves that the script draws into a figure, in the order of the figure's axes. In the figure of the
-transparency, the name of each panel is also the name of its curve."""
 
 
 def sliders(
@@ -37,15 +35,7 @@ def sliders(
     record: DesignRecord,
     worst: Sequence[RatioInHand | RatioInAnyHand],
 ) -> dict[str, Any]:
-    """Return the object that the page's script reads.
-
-    Parameters
-    ----------
-    problem : problem; the sliders show its nominal device
-    gains, coupling : the shipped design
-    record : record of the design; the sampled frequencies include the frequencies of its extrema
-    worst : the least ratios in the problem's hands
-    """
+    """Return the object that the page's script reads."""
     stability, transparency, operator = problem.stability, problem.transparency, problem.device.operator
     band, hands, numbers = problem.stability.band.hz, _hands(problem, worst), dict[str, int]()
     constants = {
@@ -83,12 +73,7 @@ def _hands(problem: Problem, worst: Sequence[RatioInHand | RatioInAnyHand]) -> l
 
 
 def overlays(drawn: dict[str, Drawing]) -> dict[str, list[dict[str, Any]]]:
-    """Return the positions, in each figure's points, of the panels into which the script draws tried curves.
-
-    Parameters
-    ----------
-    drawn : figures by name
-    """
+    """Return the positions, in each figure's points, of the panels into which the script draws tried curves."""
     named = {name: tuple(panel.name for panel in drawn[name].panels) for name in ("transparency",) if name in drawn}
     return {
         name: [_panel(panel, curve) for curve, panel in zip(curves, drawn[name].panels, strict=False)]
@@ -107,10 +92,7 @@ def _panel(panel: Panel, curve: str) -> dict[str, Any]:
 
 
 def _variables(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[dict[str, Any]]:
-    """Return the name, unit, shipped value and ends of each slider. A b_c of infinity has no slider.
-
-    A slider for a value of 0 runs from 0 to the last number of `named`, a typical size of this variable.
-    """
+    """Return the name, unit, shipped value and ends of each slider. A b_c of infinity has no slider."""
     bounds, device, damping, units = problem.bounds, problem.device, coupling.damping, problem.units
     named: list[tuple[str, str, str, float, Range, float]]
     coupled: list[tuple[str, str, str, float, Range, float]]

@@ -17,54 +17,31 @@ from vctune.model.problem import Problem
 from vctune.proof.claims.registry import CLAIMS
 from vctune.report.typography import quantity
 
-LITTLE_USE = 0.75
-"""Share of the error without a loop at or above which a design is of little use. Such a design removes at most a
-quarter of that error and hardly justifies a force sensor. With half this share, designs that halve the error would
-count as of little use. With twice this share, even some designs that are worse than no loop would not count."""
-LINEAR_UP_TO = 10.0
-"""Greatest error on a linear scale; a greater error needs a logarithmic scale. Half this limit would make the scale
-logarithmic for typical devices without a loop. With twice this limit, 0.1 and 0.4 would look alike."""
-MARGIN = 1.08
-"""Ratio of a linear scale's end to its greatest error."""
-NOTHING = Coupling(1e-18, 1e-18, 0.0)
-"""A coupling that is practically absent, without drag. Its damping and mass are not 0, because formulas divide by
-them."""
+LITTLE_USE = 0.75  # Share of the error without a loop at or above which a design is of little use
+LINEAR_UP_TO = 10.0  # Greatest error on a linear scale; a greater error needs a logarithmic scale
+MARGIN = 1.08  # Ratio of a linear scale's end to its greatest error
+NOTHING = Coupling(1e-18, 1e-18, 0.0)  # A coupling that is practically absent, without drag
 
 Kind = Literal["good", "doubtful", "bad"]
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A mark on the error's scale.
+    """A mark on the error's scale."""
 
-    Attributes
-    ----------
-    label : name of the mark, or text of a tick
-    share : position as a share of the scale's length
-    value : the error as text; "" for a tick
-    """
-
-    label: str
-    share: float
-    value: str = ""
+    label: str  # name of the mark, or text of a tick
+    share: float  # position as a share of the scale's length
+    value: str = ""  # the error as text; "" for a tick
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """The error on its yardstick.
+    """The error on its yardstick."""
 
-    Attributes
-    ----------
-    marks : errors, this design first
-    ticks : ticks of the scale
-    little_use : position at or above which a design is of little use; 1 if there is no such position
-    logarithmic : whether the scale is logarithmic
-    """
-
-    marks: list[Mark]
-    ticks: list[Mark]
-    little_use: float
-    logarithmic: bool
+    marks: list[Mark]  # errors, this design first
+    ticks: list[Mark]  # ticks of the scale
+    little_use: float  # position at or above which a design is of little use; 1 if there is no such position
+    logarithmic: bool  # whether the scale is logarithmic
 
     @property
     def said(self) -> str:
@@ -78,39 +55,22 @@ class Scale:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """The summary of a design for the first screen.
+    """The summary of a design for the first screen."""
 
-    Attributes
-    ----------
-    kind : good, doubtful or bad
-    sign : the kind as one character
-    word : the verdict
-    sentence : the proved claim, or the reason why nothing is proved
-    measure : quality of the design; "" without a design
-    next : advice on the next step
-    scale : the error on its yardstick; None without a design
-    """
-
-    kind: Kind
-    sign: str
-    word: str
-    sentence: str
-    measure: str
-    next: str
-    scale: Scale | None
+    kind: Kind  # good, doubtful or bad
+    sign: str  # the kind as one character
+    word: str  # the verdict
+    sentence: str  # the proved claim, or the reason why nothing is proved
+    measure: str  # quality of the design; "" without a design
+    next: str  # advice on the next step
+    scale: Scale | None  # the error on its yardstick; None without a design
 
 
 SIGNS: dict[Kind, str] = {"good": "✓", "doubtful": "!", "bad": "✗"}
 
 
 def summary(record: DesignRecord, problem: Problem) -> Summary:
-    """Return the summary of a design.
-
-    Parameters
-    ----------
-    record : record of the design, or of the reason why there is none
-    problem : problem that the record states
-    """
+    """Return the summary of a design."""
     kind, word, sentence = _verdict(record, problem)
     measure, scale = _measure(record, problem), _scale(record, problem)
     return Summary(kind, SIGNS[kind], word, sentence, measure, _next(record, problem, kind), scale)
@@ -132,13 +92,7 @@ def _next(record: DesignRecord, problem: Problem, kind: Kind) -> str:
 
 
 def doubt(record: DesignRecord, problem: Problem) -> str:
-    """Return the text across each figure of a design; empty for a design that is certified and useful.
-
-    Parameters
-    ----------
-    record : record of the design
-    problem : problem that the record states
-    """
+    """Return the text across each figure of a design; empty for a design that is certified and useful."""
     if record.status != "certified":
         return f"{record.status}: not for use"
     return "of little use" if _little_use(record, problem) else ""
@@ -151,11 +105,7 @@ def _little_use(record: DesignRecord, problem: Problem) -> bool:
 
 
 def _useless_from(problem: Problem) -> float:
-    """Return the error at or above which a design is of little use.
-
-    Only an admittance display is compared with the same device without a velocity loop. For an impedance display, with
-    or without K_v, and for a servo, the function returns infinity.
-    """
+    """Return the error at or above which a design is of little use."""
     if not problem.device.kind.banded:
         return inf
     return LITTLE_USE * _without_loop(problem)
@@ -227,10 +177,7 @@ def _measure(record: DesignRecord, problem: Problem) -> str:
 
 
 def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
-    """Return the first claim with a given verdict and where it fails; if no claim has it, the certificate's verdict.
-
-    If the claim `passive` fails, the certificate may prove it with a factor of 1. Only this claim gets the remark.
-    """
+    """Return the first claim with a given verdict and where it fails; if no claim has it, the certificate's verdict."""
     claim = next((claim for claim in proof.claims if claim.verdict == verdict), None)
     if claim is None:
         return f"the certificate is {proof.verdict}"

@@ -33,10 +33,7 @@ class Line(NamedTuple):
 
 
 class ClaimLine(NamedTuple):
-    """A claim in a table: its label, its sentence, its verdict, the computed value and the limit of this value.
-
-    Both values are "" for a claim that limits no number.
-    """
+    """A claim in a table: its label, its sentence, its verdict, the computed value and the limit of this value."""
 
     label: str
     claim: str
@@ -46,10 +43,7 @@ class ClaimLine(NamedTuple):
 
 
 class FeelLine(NamedTuple):
-    """A quantity that describes how the design feels, with its unit, and the same quantity of the bare device.
-
-    The latter is "" for a servo, and "no loop" for a latency.
-    """
+    """A quantity that describes how the design feels, with its unit, and the same quantity of the bare device."""
 
     label: str
     design: str
@@ -131,19 +125,12 @@ def _band(band: Band) -> Quantity:
 
 @dataclass(frozen=True, slots=True)
 class ClaimData:
-    """The data for the rows of the claims.
+    """The data for the rows of the claims."""
 
-    Attributes
-    ----------
-    proof, loop : records of the certificate and of the velocity loop; `loop` is None for a servo
-    problem : problem that the record states
-    gains, coupling : the design
-    """
-
-    proof: CertificateRecord
+    proof: CertificateRecord  # records of the certificate and of the velocity loop; `loop` is None for a servo
     loop: InnerLoopRecord | None
-    problem: Problem
-    gains: Gains
+    problem: Problem  # problem that the record states
+    gains: Gains  # the design
     coupling: AnyCoupling
 
     @property
@@ -153,13 +140,7 @@ class ClaimData:
 
 
 def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
-    """Return each claim of a design with its computed value and limit; an empty list without a design.
-
-    Parameters
-    ----------
-    record : record of the design
-    problem : problem that the record states
-    """
+    """Return each claim of a design with its computed value and limit; an empty list without a design."""
     proof, loop, design = record.certificate, record.inner_loop, record.design
     if proof is None or design is None:
         return []
@@ -224,11 +205,7 @@ def _peak_unmodelled(known: ClaimData) -> tuple[str, str]:
 
 
 def _least_in_any_hand(known: ClaimData) -> tuple[str, str]:
-    """Return the least ratio in any passive hand; for an admittance display, the least ratio on the band.
-
-    If the record contains only the ratio in the hands of a box, the function computes this ratio for the nominal
-    device.
-    """
+    """Return the least ratio in any passive hand; for an admittance display, the least ratio on the band."""
     proof, problem = known.proof, known.problem
     if proof.any_hand is not None:
         return f"least ratio {_at(proof.any_hand.min_ratio, proof.any_hand.worst_hz)}", known.factor
@@ -239,6 +216,7 @@ def _least_in_any_hand(known: ClaimData) -> tuple[str, str]:
     return f"least ratio {_at(float(least.value[0]), hertz(float(least.omega[0])))}{which}", known.factor
 
 
+# Functions that return a claim's computed value and its limit as texts, by the identifier of the claim
 VALUE_AND_LIMIT: dict[ClaimId, Callable[[ClaimData], tuple[str, str]]] = {
     "passive": _least_in_any_hand,
     "sensitivity": _peak_sensitivity,
@@ -249,8 +227,6 @@ VALUE_AND_LIMIT: dict[ClaimId, Callable[[ClaimData], tuple[str, str]]] = {
     "worlds": _least_in_hands,
     "walls": _least_at_walls,
 }
-"""Functions that return a claim's computed value and its limit as texts, by the identifier of the claim. Other claims
-limit no number."""
 
 
 def _at(value: float | None, hz: float | None) -> str:
@@ -342,15 +318,7 @@ def _parts(device: Device) -> list[str]:
 
 
 def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[FeelLine]:
-    """Return the rows that compare how a design and the bare device feel (analysis/README.md, section 1).
-
-    For a servo, the rows describe only the design.
-
-    Parameters
-    ----------
-    problem : problem with the device
-    gains, coupling : the design
-    """
+    """Return the rows that compare how a design and the bare device feel (analysis/README.md, section 1)."""
     here, units = feel(problem.device, gains, coupling), problem.units
     if problem.device.servo is not None:
         return _feel_of_servo(here, units)

@@ -11,15 +11,7 @@ from vctune.report.typography import DIGITS, html, quantity
 
 
 def templates(put: Callable[[str], str] = lambda text: text) -> Environment:
-    """Return Jinja's environment of the pages' templates.
-
-    The environment has two filters: `math` converts a sentence to HTML (`vctune.report.typography.html`), and `amount`
-    formats a number with its unit.
-
-    Parameters
-    ----------
-    put : function that is applied to sentences before the filter `math`
-    """
+    """Return Jinja's environment of the pages' templates."""
     folder = PackageLoader("vctune", "report")
     found = Environment(loader=folder, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     found.filters["math"] = lambda text: Markup(html(put(text)))

@@ -1,9 +1,4 @@
-"""Write a figure as SVG: panels, lines, areas and texts, in points (1/72 inch).
-
-The import of Matplotlib takes as long as solving a problem. The figures of a design therefore do not use
-Matplotlib. A `Panel` has the methods of Matplotlib's Axes that `panels.py` calls (`vctune.report.svg.panel.Axes`), so
-`panels.py` can draw on either.
-"""
+"""Write a figure as SVG: panels, lines, areas and texts, in points (1/72 inch)."""
 
 from __future__ import annotations
 
@@ -18,19 +13,7 @@ from vctune.running import check_time
 
 
 class Drawing:
-    """A figure.
-
-    Parameters
-    ----------
-    width, height : size of the figure, inches
-    left, right, bottom, top : margins around the panels, inches
-
-    Attributes
-    ----------
-    width, height : size of the figure, points
-    panels : panels, row by row
-    over : SVG elements above the panels
-    """
+    """A figure."""
 
     def __init__(
         self,
@@ -50,14 +33,7 @@ class Drawing:
     def divide(
         self, rows: int = 1, columns: int = 1, gaps: tuple[float, float] = (0.0, 0.0), ratios: Sequence[float] = ()
     ) -> list[Panel]:
-        """Divide the figure within its margins into panels, and return them row by row.
-
-        Parameters
-        ----------
-        rows, columns : number of rows and columns
-        gaps : gaps between columns and between rows, as shares of the mean size of a panel
-        ratios : heights of the rows relative to one another; empty for equal heights
-        """
+        """Divide the figure within its margins into panels, and return them row by row."""
         left, top, width, height = self._inner
         heights = np.array(ratios or [1.0] * rows, float)
         wide, tall = width / (columns + gaps[0] * (columns - 1)), height / (rows + gaps[1] * (rows - 1))
@@ -71,12 +47,7 @@ class Drawing:
         return self.panels
 
     def svg(self, name: str) -> str:
-        """Return the text of the SVG file.
-
-        Parameters
-        ----------
-        name : prefix of the identifiers in the file, so that a page can contain several figures
-        """
+        """Return the text of the SVG file."""
         check_time()
         size = f"{number(self.width)} {number(self.height)}"
         wide, high = size.split()

@@ -1,7 +1,4 @@
-"""Write the elements of an SVG file: texts with subscripts, and short paths.
-
-Positions are in points from the upper left corner.
-"""
+"""Write the elements of an SVG file: texts with subscripts, and short paths."""
 
 from __future__ import annotations
 
@@ -13,27 +10,20 @@ from numpy.typing import NDArray
 from vctune.analysis.extrema import Floats
 from vctune.report.typography import svg_text
 
+# Colours of text and background
 INK, PAPER = "#010203", "#fefdfc"
-"""Colours of text and background. The page replaces them with its own colours."""
+# Colours of curves
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
-"""Colours of curves. No two curves differ only in colour: their line styles or markers differ, too."""
-SIZE = 9.0
-"""Default size of a text, points."""
-LETTER, LINE = 0.54, 1.2
-"""Width of a letter and height of a line, as multiples of the font size. Both are slightly larger than in most
-fonts."""
-STRAIGHT = 0.05
-"""Greatest distance, in points, between the curve and a point that one of `PASSES` passes omits. This distance is a
-tenth of a screen's resolution."""
+SIZE = 9.0  # Default size of a text, points
+LETTER, LINE = 0.54, 1.2  # Width of a letter and height of a line, as multiples of the font size
+STRAIGHT = 0.05  # Greatest distance, in points, between the curve and a point that one of `PASSES` passes omits
 PASSES = 4
-BEYOND = 5e3
-"""Greatest distance of a point from the middle of its panel. A line to a point that is farther away keeps its
-direction."""
+BEYOND = 5e3  # Greatest distance of a point from the middle of its panel
+# Distance of the baseline below the stated position, as a multiple of the size
 BASELINE = {"center": 0.36, "top": 0.8, "bottom": -0.2, "baseline": 0.0}
-"""Distance of the baseline below the stated position, as a multiple of the size."""
 ANCHORS = {"left": "", "center": ' text-anchor="middle"', "right": ' text-anchor="end"'}
+# Lengths of strokes and gaps, as multiples of the line's width
 DASHES = {"-": (), "--": (3.7, 1.6), ":": (1.0, 1.65), "-.": (6.4, 1.6, 1.0, 1.6)}
-"""Lengths of strokes and gaps, as multiples of the line's width."""
 
 
 def number(value: float) -> str:
@@ -55,20 +45,7 @@ def text(
     bold: bool = False,
     opacity: float = 1.0,
 ) -> str:
-    """Return a text of one or more lines.
-
-    Parameters
-    ----------
-    x, y : position, points
-    words : the text, set by `vctune.report.typography`
-    size : size of the letters, points
-    ha, va : "left", "center" or "right", and "top", "center", "bottom" or "baseline": the part of the text that
-        is at the position
-    colour : colour; "" for the colour of text
-    rotation : angle, degrees, counterclockwise
-    bold : whether the text is bold
-    opacity : 1 for an opaque text
-    """
+    """Return a text of one or more lines."""
     lines = words.split("\n")
     above = {"center": (len(lines) - 1) / 2, "bottom": len(lines) - 1}.get(va, 0.0)
     style = ANCHORS[ha] + (f' font-size="{number(size)}"' if size != SIZE else "")
@@ -86,15 +63,7 @@ def text(
 def path(
     data: str, *, stroke: str = "", width: float = 1.0, dashes: tuple[float, ...] = (), **style: str | float
 ) -> str:
-    """Return a path.
-
-    Parameters
-    ----------
-    data : data of the path, as in the SVG attribute `d`
-    stroke, width : colour of the line ("" for no line), and its width, points
-    dashes : lengths of strokes and gaps, as multiples of the line's width
-    style : other attributes, with _ instead of -; without `fill` the path is not filled
-    """
+    """Return a path."""
     given = {"fill": "none"} | {key: value for key, value in style.items() if value != 1.0}
     if stroke:
         given |= {"stroke": stroke, "stroke-width": f"{width:g}"}
@@ -104,12 +73,7 @@ def path(
 
 
 def polyline(points: Floats) -> str:
-    """Return the data of a path through points, in steps of tenths. The path has a gap where a point is not finite.
-
-    Parameters
-    ----------
-    points : points of the curve, shape (n, 2)
-    """
+    """Return the data of a path through points, in steps of tenths. The path has a gap where a point is not finite."""
     seen = np.isfinite(points).all(axis=1)
     runs = np.split(points, np.flatnonzero(np.diff(seen)) + 1) if len(points) else []
     return "".join(_run(_thinned(run)) for run in runs if np.isfinite(run[0]).all())
@@ -130,10 +94,7 @@ def _tenths(step: int) -> str:
 
 
 def _thinned(points: Floats) -> Floats:
-    """Return the points of a curve except those that lie on the line between their neighbours, up to `STRAIGHT`.
-
-    Each of `PASSES` passes omits at most every other point.
-    """
+    """Return the points of a curve except those that lie on the line between their neighbours, up to `STRAIGHT`."""
     for _ in range(PASSES):
         if len(points) < 3:
             break

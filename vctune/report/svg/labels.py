@@ -1,9 +1,4 @@
-"""Labels beside the curves that they name, if there is room. A legend names the other curves.
-
-The code divides the axes into a raster of points (1/72 inch); row 0 is the lower edge. It marks the cells that curves
-and labels take. A table of sums over the raster then gives, for every position at once, how far a label's box can grow
-before it meets a taken cell (`_room`).
-"""
+"""Labels beside the curves that they name, if there is room. A legend names the other curves."""
 
 from __future__ import annotations
 
@@ -20,29 +15,18 @@ from vctune.report.svg.marks import Mark, area, marked
 from vctune.report.svg.panel import Panel
 
 Mask = NDArray[np.bool_]
-SMALL = 7.8
-"""Size of a label's letters, points."""
-ROOM, ENOUGH = 2, 12
-"""Least distance from a label to a curve, and distance beyond which more room is no better, points."""
+SMALL = 7.8  # Size of a label's letters, points
+ROOM, ENOUGH = 2, 12  # Least distance from a label to a curve, and distance beyond which more room is no better, points
+# Greatest distance from a label to its curve, and least distance from a label to the single point that it names, points
 NEAR = 6.0
-"""Greatest distance from a label to its curve, and least distance from a label to the single point that it names,
-points. A label at more than twice this distance from its point gets a line to it."""
+# Weight of the distance from the label to the named point, relative to the weight of the room around the label
 FAR = 0.15
-"""Weight of the distance from the label to the named point, relative to the weight of the room around the label."""
+# Length of a curve in a legend, and space between its columns, as multiples of the letters' size
 HANDLE, SPACE = 1.7, 1.0
-"""Length of a curve in a legend, and space between its columns, as multiples of the letters' size."""
 
 
 def label_curves(panel: Panel, columns: int = 2) -> None:
-    """Write the name of each curve and point beside it, and the name of each area within it.
-
-    A legend above the panel contains the names for which there is no room.
-
-    Parameters
-    ----------
-    panel : panel with named marks and final limits
-    columns : number of columns of the legend
-    """
+    """Write the name of each curve and point beside it, and the name of each area within it."""
     width, height = panel.box[2:]
     shape, scale = (int(height) + 1, int(width) + 1), np.array([width, height])
     # plain areas and bands are pale, so a label may lie on them
@@ -78,14 +62,7 @@ def label_curves(panel: Panel, columns: int = 2) -> None:
 
 
 def legend(marks: Sequence[Mark], columns: int, size: float = 8.0) -> tuple[str, float, float]:
-    """Return a legend from its upper left corner, and its width and height.
-
-    Parameters
-    ----------
-    marks : marks with names
-    columns : number of columns, which the function fills one after another
-    size : size of the letters, points
-    """
+    """Return a legend from its upper left corner, and its width and height."""
     if not marks:
         return "", 0.0, 0.0
     rows, x, parts = -(-len(marks) // columns), 0.0, []
@@ -151,10 +128,7 @@ def _room(taken: Mask, box: tuple[int, int]) -> Floats:
 
 
 def _beside(taken: Mask, own: Mask, box: tuple[int, int], *, alone: bool) -> tuple[int, int] | None:
-    """Return the middle of the box with the most room beside a line, or around a single point (`alone`).
-
-    The result is (row, column) of the raster; None if no box fits.
-    """
+    """Return the middle of the box with the most room beside a line, or around a single point (`alone`)."""
     if not own.any():
         return None
     if alone:
@@ -168,10 +142,7 @@ def _beside(taken: Mask, own: Mask, box: tuple[int, int], *, alone: bool) -> tup
 
 
 def _within(taken: Mask, corners: Floats, box: tuple[int, int]) -> tuple[int, int] | None:
-    """Return the middle of the box with the most room between the leftmost and the rightmost corner of an area.
-
-    The result is (row, column) of the raster; None if no box fits. `corners` has the shape (n, 2), x first.
-    """
+    """Return the middle of the box with the most room between the leftmost and the rightmost corner of an area."""
     room = _room(taken, box)
     x = np.arange(taken.shape[1])
     inside = (x - box[1] / 2 >= corners[:, 0].min() - 1) & (x + box[1] / 2 <= corners[:, 0].max() + 1)

@@ -9,6 +9,7 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.report.svg.elements import number, path
 
+# Path of each marker from its middle; {r} stands for half its width, {d} for its width
 MARKERS = {
     "o": "m-{r} 0a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0-{d} 0z",
     "s": "m-{r}-{r}h{d}v{d}h-{d}z",
@@ -16,46 +17,28 @@ MARKERS = {
     "D": "m0-{r}l{r} {r}l-{r} {r}l-{r}-{r}z",
     "+": "m-{r} 0h{d}m-{r}-{r}v{d}",
 }
-"""Path of each marker from its middle; {r} stands for half its width, {d} for its width."""
-MARKER = 6.0
-"""Width of a marker, points."""
+MARKER = 6.0  # Width of a marker, points
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A line, points or an area.
+    """A line, points or an area."""
 
-    Attributes
-    ----------
-    x, y : points; with `edges`, an infinite coordinate is at an edge of the panel
-    label : name; the figure does not show an empty name or a name that begins with _
-    colour, width, dashes : style of the line; a width of 0 for no line
-    marker, across : marker ("" for no marker), and its width, points
-    every : distances along the curve to the first marker and between markers, as shares of the panel's diagonal; None
-        for a marker at each point
-    ground : fill of an area, or colour of a marker's edge
-    opacity : opacity of the fill
-    hatch : hatching of an area as in Matplotlib, "/" or "-"; "" for none
-    edges : whether the mark extends to the panel's edges
-    closed : whether the mark is an area
-    clipped : whether the mark ends at the panel's edges
-    """
-
-    x: Floats
+    x: Floats  # points; with `edges`, an infinite coordinate is at an edge of the panel
     y: Floats
-    label: str
-    colour: str
+    label: str  # name; the figure does not show an empty name or a name that begins with _
+    colour: str  # style of the line; a width of 0 for no line
     width: float = 1.6
     dashes: tuple[float, ...] = ()
-    marker: str = ""
+    marker: str = ""  # marker ("" for no marker), and its width, points
     across: float = MARKER
     every: tuple[float, float] | None = None
-    ground: str = "none"
-    opacity: float = 1.0
-    hatch: str = ""
-    edges: bool = False
-    closed: bool = False
-    clipped: bool = True
+    ground: str = "none"  # fill of an area, or colour of a marker's edge
+    opacity: float = 1.0  # opacity of the fill
+    hatch: str = ""  # hatching of an area as in Matplotlib, "/" or "-"; "" for none
+    edges: bool = False  # whether the mark extends to the panel's edges
+    closed: bool = False  # whether the mark is an area
+    clipped: bool = True  # whether the mark ends at the panel's edges
 
     @property
     def alone(self) -> bool:
@@ -69,13 +52,7 @@ class Mark:
 
 
 def marked(points: Floats, mark: Mark) -> str:
-    """Return the markers at points.
-
-    Parameters
-    ----------
-    points : positions in the drawing
-    mark : mark with the marker and its colours
-    """
+    """Return the markers at points."""
     half = mark.across / 2
     one = MARKERS[mark.marker].format(r=number(half), d=number(2 * half))
     data = "".join(f"M{number(x)} {number(y)}{one}" for x, y in points)
@@ -85,14 +62,7 @@ def marked(points: Floats, mark: Mark) -> str:
 
 
 def area(data: str, mark: Mark, name: str) -> str:
-    """Return an area, filled and hatched.
-
-    Parameters
-    ----------
-    data : outline of the area
-    mark : mark with the style
-    name : identifier of the hatching
-    """
+    """Return an area, filled and hatched."""
     filled = path(
         data, stroke=mark.colour if mark.width else "", width=mark.width, fill=mark.ground, fill_opacity=mark.opacity
     )
@@ -106,13 +76,6 @@ def area(data: str, mark: Mark, name: str) -> str:
 
 
 def spread(points: Floats, every: tuple[float, float], diagonal: float) -> list[int]:
-    """Return the indices of the points of a curve that are nearest to positions at equal distances along it.
-
-    Parameters
-    ----------
-    points : the curve in the drawing
-    every : first position, and distance between positions, as shares of the diagonal
-    diagonal : diagonal of the panel
-    """
+    """Return the indices of the points of a curve that are nearest to positions at equal distances along it."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))]) / diagonal
     return sorted({int(np.abs(along - at).argmin()) for at in np.arange(every[0], along[-1], every[1])})

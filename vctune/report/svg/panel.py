@@ -14,12 +14,10 @@ from vctune.report.svg.elements import BEYOND, DASHES, GREY, INK, LETTER, SIZE, 
 from vctune.report.svg.marks import MARKER, MARKERS, Mark, area, marked, spread
 from vctune.report.svg.scales import Scale, around, ticks_of
 
-TICK = 3.5
-"""Length of a tick, and distance between a tick and its number, points."""
+TICK = 3.5  # Length of a tick, and distance between a tick and its number, points
 
 
-APART = (38.0, 20.0)
-"""Least distance between the round numbers of x and of y, points."""
+APART = (38.0, 20.0)  # Least distance between the round numbers of x and of y, points
 
 
 class Axes(Protocol):
@@ -40,37 +38,19 @@ class Axes(Protocol):
 
 @dataclass(slots=True)
 class Panel:
-    """A rectangle with two scales.
+    """A rectangle with two scales."""
 
-    Attributes
-    ----------
-    box : left, top, width and height in the drawing, points
-    name : name of the panel in the code
-    title : text above the panel
-    x, y : scales
-    marks : lines, points and areas, in data coordinates
-    over : elements of SVG above the marks, in points of the drawing
-    grid : whether the panel has grid lines at its ticks
-    """
-
-    box: tuple[float, float, float, float]
-    name: str = ""
-    title: str = ""
-    x: Scale = field(default_factory=Scale)
+    box: tuple[float, float, float, float]  # left, top, width and height in the drawing, points
+    name: str = ""  # name of the panel in the code
+    title: str = ""  # text above the panel
+    x: Scale = field(default_factory=Scale)  # scales
     y: Scale = field(default_factory=Scale)
-    marks: list[Mark] = field(default_factory=list)
-    over: list[str] = field(default_factory=list)
-    grid: bool = True
+    marks: list[Mark] = field(default_factory=list)  # lines, points and areas, in data coordinates
+    over: list[str] = field(default_factory=list)  # elements of SVG above the marks, in points of the drawing
+    grid: bool = True  # whether the panel has grid lines at its ticks
 
     def plot(self, x: Any, y: Any, form: str = "", **style: Any) -> None:
-        """Add a line or points.
-
-        Parameters
-        ----------
-        x, y : data coordinates
-        form : a line style such as "--", or a marker such as "o" for points without a line
-        style : `color`, `linewidth`, `linestyle`, `marker` and so on, as in Matplotlib
-        """
+        """Add a line or points."""
         across, up = np.broadcast_arrays(np.atleast_1d(np.asarray(x, float)), np.atleast_1d(np.asarray(y, float)))
         self._line(across, up, form, style)
 
@@ -94,54 +74,24 @@ class Panel:
         )
 
     def semilogy(self, *args: Any, **style: Any) -> None:
-        """Add a line, and make the y scale logarithmic.
-
-        Parameters
-        ----------
-        args : see `plot`
-        style : `color`, `linewidth`, `linestyle`, `marker` and so on, as in Matplotlib
-        """
+        """Add a line, and make the y scale logarithmic."""
         self.y.logarithmic = True
         self.plot(*args, **style)
 
     def fill(self, x: Any, y: Any, **style: Any) -> None:
-        """Add an area.
-
-        Parameters
-        ----------
-        x, y : corners of the area
-        style : `facecolor`, `edgecolor`, `hatch` and so on, as in Matplotlib
-        """
+        """Add an area."""
         self._area(np.asarray(x, float), np.asarray(y, float), False, style)
 
     def axhline(self, y: float, **style: Any) -> None:
-        """Add a horizontal line.
-
-        Parameters
-        ----------
-        y : position of the line
-        style : `color`, `linewidth`, `linestyle`, `marker` and so on, as in Matplotlib
-        """
+        """Add a horizontal line."""
         self._line(np.array([-inf, inf]), np.array([y, y]), "", style, edges=True)
 
     def axvline(self, x: float, **style: Any) -> None:
-        """Add a vertical line.
-
-        Parameters
-        ----------
-        x : position of the line
-        style : `color`, `linewidth`, `linestyle`, `marker` and so on, as in Matplotlib
-        """
+        """Add a vertical line."""
         self._line(np.array([x, x]), np.array([-inf, inf]), "", style, edges=True)
 
     def axvspan(self, low: float, high: float, **style: Any) -> None:
-        """Add a band between two values of x.
-
-        Parameters
-        ----------
-        low, high : both ends of the band
-        style : `facecolor`, `edgecolor`, `hatch` and so on, as in Matplotlib
-        """
+        """Add a band between two values of x."""
         self._area(np.array([low, high, high, low]), np.array([-inf, -inf, inf, inf]), True, style)
 
     def _area(self, x: Floats, y: Floats, edges: bool, style: Any) -> None:
@@ -161,13 +111,7 @@ class Panel:
         )
 
     def set(self, **given: Any) -> None:
-        """Set properties of the scales.
-
-        Parameters
-        ----------
-        given : `xscale`, `xlim`, `xlabel`, the same for y, and `title`. Other properties of Matplotlib, such as
-            `aspect`, have no effect
-        """
+        """Set properties of the scales."""
         for key, value in given.items():
             scale, what = (self.x if key[0] == "x" else self.y), key[1:]
             if what == "scale":
@@ -180,23 +124,11 @@ class Panel:
                 self.title = value
 
     def set_xticks(self, ticks: Sequence[float], labels: Sequence[str] | None = None, *, minor: bool = False) -> None:
-        """Set the ticks on x.
-
-        Parameters
-        ----------
-        ticks : positions
-        labels : texts at the ticks; None to show the positions
-        minor : whether these are minor ticks
-        """
+        """Set the ticks on x."""
         _set_ticks(self.x, ticks, labels, minor)
 
     def set_yticks(self, ticks: Sequence[float], labels: Sequence[str] | None = None, *, minor: bool = False) -> None:
-        """Set the ticks on y.
-
-        Parameters
-        ----------
-        ticks, labels, minor : see `set_xticks`
-        """
+        """Set the ticks on y."""
         _set_ticks(self.y, ticks, labels, minor)
 
     def get_xlim(self) -> tuple[float, float]:
@@ -208,10 +140,7 @@ class Panel:
         return self.y.limits or around(self.y, [mark.y for mark in self.marks])
 
     def shares(self, mark: Mark) -> Floats:
-        """Return the points of a mark as shares of the panel from its lower left corner, shape (n, 2).
-
-        A share is nan where a logarithmic scale cannot show the point.
-        """
+        """Return the points of a mark as shares of the panel from its lower left corner, shape (n, 2)."""
         shares = np.stack([self.x.shares(mark.x, self.get_xlim()), self.y.shares(mark.y, self.get_ylim())], axis=1)
         if mark.edges:
             across = np.stack([mark.x, mark.y], axis=1)
@@ -219,22 +148,14 @@ class Panel:
         return np.where(np.isinf(shares), np.nan, shares)
 
     def points(self, mark: Mark) -> Floats:
-        """Return the points of a mark in the drawing, shape (n, 2).
-
-        A point that is farther than `BEYOND` from the middle of the panel moves towards the middle, to this distance.
-        """
+        """Return the points of a mark in the drawing, shape (n, 2)."""
         left, top, width, height = self.box
         out = (self.shares(mark) - 0.5) * (width, -height)
         far = np.maximum(np.hypot(*out.T) / BEYOND, 1.0)
         return np.asarray(out / far[:, None] + (left + width / 2, top + height / 2))
 
     def svg(self, name: str) -> Iterator[str]:
-        """Yield the panel's elements.
-
-        Parameters
-        ----------
-        name : prefix of the panel's identifiers
-        """
+        """Yield the panel's elements."""
         left, top, width, height = self.box
         frame = f"M{number(left)} {number(top)}h{number(width)}v{number(height)}h-{number(width)}z"
         ends = self.get_xlim(), self.get_ylim()

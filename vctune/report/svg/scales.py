@@ -11,38 +11,22 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.report.typography import tick
 
-MARGIN = 0.05
-"""Margin beyond the outermost points if a scale has no limits, as a share of the scale."""
+MARGIN = 0.05  # Margin beyond the outermost points if a scale has no limits, as a share of the scale
 
 
 @dataclass(slots=True)
 class Scale:
-    """A scale of a panel.
+    """A scale of a panel."""
 
-    Attributes
-    ----------
-    logarithmic : whether the scale is logarithmic
-    limits : both ends of the scale; None for the ends of its points, with `MARGIN`
-    label : name of the scale
-    ticks, words : positions of the ticks and their texts; None for round numbers
-    minor : positions of the minor ticks
-    """
-
-    logarithmic: bool = False
-    limits: tuple[float, float] | None = None
-    label: str = ""
-    ticks: Sequence[float] | None = None
+    logarithmic: bool = False  # whether the scale is logarithmic
+    limits: tuple[float, float] | None = None  # both ends of the scale; None for the ends of its points, with `MARGIN`
+    label: str = ""  # name of the scale
+    ticks: Sequence[float] | None = None  # positions of the ticks and their texts; None for round numbers
     words: Sequence[str] | None = None
-    minor: Sequence[float] = ()
+    minor: Sequence[float] = ()  # positions of the minor ticks
 
     def shares(self, values: Floats, limits: tuple[float, float]) -> Floats:
-        """Return values as shares of the scale; nan for values that a logarithmic scale cannot show.
-
-        Parameters
-        ----------
-        values : values in data coordinates
-        limits : both ends of the scale
-        """
+        """Return values as shares of the scale; nan for values that a logarithmic scale cannot show."""
         with np.errstate(all="ignore"):
             if self.logarithmic:
                 low, high = np.log(limits)
@@ -51,13 +35,7 @@ class Scale:
 
 
 def around(scale: Scale, given: list[Floats]) -> tuple[float, float]:
-    """Return limits that contain the points of a scale, with a margin.
-
-    Parameters
-    ----------
-    scale : the scale
-    given : the points of each mark
-    """
+    """Return limits that contain the points of a scale, with a margin."""
     every = np.concatenate([np.zeros(0), *given])
     every = every[np.isfinite(every) & ((every > 0) | (not scale.logarithmic))]
     if not every.size:
@@ -71,14 +49,7 @@ def around(scale: Scale, given: list[Floats]) -> tuple[float, float]:
 
 
 def ticks_of(scale: Scale, low: float, high: float, most: int = 7) -> list[tuple[float, str]]:
-    """Return the ticks of a scale between its limits, and their texts.
-
-    Parameters
-    ----------
-    scale : the scale, with or without its own ticks
-    low, high : both ends of the scale
-    most : greatest number of steps between round numbers
-    """
+    """Return the ticks of a scale between its limits, and their texts."""
     ticks = scale.ticks
     if ticks is None:
         ticks = decades_between(low, high) if scale.logarithmic else round_numbers(low, high, most)
@@ -89,13 +60,7 @@ def ticks_of(scale: Scale, low: float, high: float, most: int = 7) -> list[tuple
 
 
 def round_numbers(low: float, high: float, most: int = 7) -> list[float]:
-    """Return round numbers between two numbers.
-
-    Parameters
-    ----------
-    low, high : the two numbers
-    most : greatest number of steps
-    """
+    """Return round numbers between two numbers."""
     if not low < high:
         return [low]
     power = 10.0 ** floor(log10((high - low) / most))
@@ -104,15 +69,7 @@ def round_numbers(low: float, high: float, most: int = 7) -> list[float]:
 
 
 def decades_between(low: float, high: float, most: int = 8) -> list[float]:
-    """Return powers of ten between two numbers, or 1, 2 and 5 times these powers if there are few of them.
-
-    If fewer than two of these lie between the numbers, return round numbers.
-
-    Parameters
-    ----------
-    low, high : the two numbers, > 0
-    most : greatest number of decades for which every decade has a tick
-    """
+    """Return powers of ten between two numbers, or 1, 2 and 5 times these powers if there are few of them."""
     first, last = floor(log10(low)), ceil(log10(high))
     every = max(ceil((log10(high) - log10(low)) / most), 1)
     steps = (1.0,) if high > 100 * low else (1.0, 2.0, 5.0)

@@ -1,7 +1,4 @@
-"""Compute the coefficients of a firmware, those of the coupling in exact fractions of the design's decimals.
-
-The coefficients of the coupling are rounded once. Those of environment and limit are computed in floating point.
-"""
+"""Compute the coefficients of a firmware, those of the coupling in exact fractions of the design's decimals."""
 
 from __future__ import annotations
 
@@ -22,24 +19,7 @@ def coupling_coefficients(
     coupling: AnyCoupling | None, sample_time: float, smoothing: float | None = None, low_passes: int = 0
 ) -> dict[str, float]:
     """Return the coefficients of a coupling. The coupling of an admittance display or servo follows the trapezoidal
-    rule.
-
-    `coupling_of` is the inverse of this function.
-
-    Parameters
-    ----------
-    coupling : damping b_c and mass m_c in series with drag b_0 in parallel; or stiffness and damping; None without a
-        coupling
-    sample_time : T, s
-    smoothing, low_passes : coefficient and number of the low-passes of the velocity on which an impedance display's
-        damping acts
-
-    Returns
-    -------
-    dict
-        The coefficients coupling_step and resistance, N s/m, and coupling_decay. For an impedance display
-        coupling_stiffness, N/m, coupling_damping and resistance, N s/m. Without a coupling only resistance, which is 0.
-    """
+    rule."""
     if coupling is None:
         return {"resistance": 0.0}
     if isinstance(coupling, SpringDamper):
@@ -60,13 +40,7 @@ def coupling_coefficients(
 
 
 def coupling_of(coefficients: dict[str, float], sample_time: float) -> AnyCoupling:
-    """Return the coupling that has given coefficients, up to the rounding of its parameters.
-
-    Parameters
-    ----------
-    coefficients : coefficients of a coupling, see `coupling_coefficients`; they may be rounded
-    sample_time : T, s
-    """
+    """Return the coupling that has given coefficients, up to the rounding of its parameters."""
     if "coupling_stiffness" in coefficients:
         return SpringDamper(coefficients["coupling_damping"], coefficients["coupling_stiffness"])
     step, decay = Fraction(coefficients["coupling_step"]), Fraction(coefficients["coupling_decay"])
@@ -81,13 +55,7 @@ def coupling_of(coefficients: dict[str, float], sample_time: float) -> AnyCoupli
 
 
 def environment_coefficients(environment: Environment, sample_time: float) -> dict[str, float]:
-    """Return the coefficients of an environment. They do not contain its lateness.
-
-    Parameters
-    ----------
-    environment : the rendered environment
-    sample_time : T, s
-    """
+    """Return the coefficients of an environment. They do not contain its lateness."""
     lossless = environment.rule == "trapezoid"
     reach = {"trapezoid": sample_time / 2, "explicit": 0.0, "backward": sample_time}[environment.rule]
     return {
@@ -101,13 +69,7 @@ def environment_coefficients(environment: Environment, sample_time: float) -> di
 
 
 def limit_coefficients(limit: float | None, position: float, integral: float) -> dict[str, float]:
-    """Return the coefficients of the limit on the force; none without a limit.
-
-    Parameters
-    ----------
-    limit : greatest force, N; None without a limit
-    position, integral : K_p and K_i, N/m, N/(m s); a gain of 0 has an infinite reach
-    """
+    """Return the coefficients of the limit on the force; none without a limit."""
     if limit is None:
         return {}
     return {

@@ -1,7 +1,4 @@
-"""Run the firmware as one pure function from (state, measurement) to (state, command).
-
-The module `equations` describes this function. `vctune export` makes C from the same equations.
-"""
+"""Run the firmware as one pure function from (state, measurement) to (state, command)."""
 
 from __future__ import annotations
 
@@ -26,49 +23,27 @@ from vctune.simulation.firmware.operations import Arithmetic
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """The parameters of the firmware.
+    """The parameters of the firmware."""
 
-    Attributes
-    ----------
-    sample_time : T, s
-    velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s). An impedance
-        display uses only K_v, the damping of its handle. A servo uses none of them
-    coupling : damping b_c and mass m_c in series with the drag b_0 in parallel; for an impedance display a stiffness in
-        parallel with a damping; None without a coupling
-    virtual_mass, virtual_damping : mass and damping in parallel with the environment, kg, N s/m
-    environment : the rendered environment
-    position_resolution : resolution of the encoder, m; 0 for an ideal encoder
-    difference : True if the velocity is the backward difference of the measured position; False for a velocity sensor
-    smoothing : a of the low-passes y += a (x - y) of the velocity; None without low-passes
-    low_passes : number of these low-passes, up to 2
-    limit : greatest force, N; None without a limit. At the limit, the integral terms of the law do not wind up
-    command : kind of command; a firmware that does not command a force has neither a law nor a limit
-    """
-
-    sample_time: float
-    velocity: float
+    sample_time: float  # T, s
+    velocity: float  # K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
     position: float
     integral: float
-    coupling: AnyCoupling | None
-    virtual_mass: float
+    coupling: AnyCoupling | None  # damping b_c and mass m_c in series with the drag b_0 in parallel
+    virtual_mass: float  # mass and damping in parallel with the environment, kg, N s/m
     virtual_damping: float
-    environment: Environment
-    position_resolution: float
-    difference: bool
-    smoothing: float | None
-    low_passes: int
-    limit: float | None
-    command: Commanded = "force"
+    environment: Environment  # the rendered environment
+    position_resolution: float  # resolution of the encoder, m; 0 for an ideal encoder
+    difference: bool  # True if the velocity is the backward difference of the measured position
+    smoothing: float | None  # a of the low-passes y += a (x - y) of the velocity; None without low-passes
+    low_passes: int  # number of these low-passes, up to 2
+    limit: float | None  # greatest force, N
+    command: Commanded = "force"  # kind of command
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """The measurement at a sample: position [m] and velocity [m/s] of the motor, and force of the hand [N].
-
-    The position is not yet rounded to the encoder's steps. For a servo, the force is the filtered force plus the force
-    of the servo's own spring. A firmware ignores the values that it does not need: a servo reads only the force, and an
-    impedance display does not read it.
-    """
+    """The measurement at a sample: position [m] and velocity [m/s] of the motor, and force of the hand [N]."""
 
     position: Number
     velocity: Number
@@ -77,32 +52,19 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """The state of the firmware.
+    """The state of the firmware."""
 
-    Attributes
-    ----------
-    reference, desired : x_e and v_e, position and velocity of the rendered environment, m, m/s
-    coupling : force of the coupling's damper and mass, N; not for an impedance display
-    integral : integral of the position error, m s; for a regular PID
-    measured : position at the previous sample, rounded to the encoder's steps, m
-    filtered, twice_filtered : velocity after the first and after the second low-pass, m/s
-    inertia : force of the environment's mass, N; only the trapezoidal rule needs this force
-    smoothed, twice_smoothed : v_e after the first and after the second low-pass, m/s; for an impedance display
-    ahead : v_e of the next sample, m/s; for a mass that explicit Euler integrates in an environment that is not late
-    late_1 to late_10 : forces of the environment, N, that act 1 to 10 samples later; for a late environment
-    """
-
-    reference: Number
+    reference: Number  # x_e and v_e, position and velocity of the rendered environment, m, m/s
     desired: Number
-    coupling: Number
-    integral: Number
-    measured: Number
-    filtered: Number
+    coupling: Number  # force of the coupling's damper and mass, N; not for an impedance display
+    integral: Number  # integral of the position error, m s; for a regular PID
+    measured: Number  # position at the previous sample, rounded to the encoder's steps, m
+    filtered: Number  # velocity after the first and after the second low-pass, m/s
     twice_filtered: Number
-    inertia: Number = 0.0
-    smoothed: Number = 0.0
+    inertia: Number = 0.0  # force of the environment's mass, N; only the trapezoidal rule needs this force
+    smoothed: Number = 0.0  # v_e after the first and after the second low-pass, m/s; for an impedance display
     twice_smoothed: Number = 0.0
-    ahead: Number = 0.0
+    ahead: Number = 0.0  # v_e of the next sample, m/s
     late_1: Number = 0.0
     late_2: Number = 0.0
     late_3: Number = 0.0
@@ -125,25 +87,7 @@ class Command:
 
 
 def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -> tuple[State, Command]:
-    """Run the firmware for one sample.
-
-    The hand's force drives coupling and environment, which share the velocity v_e: f_h = (Z_c + Z_e) v_e (paper eqs. 15
-    to 18). A regular PID has its virtual mass and damping instead of Z_c. For an impedance display, the coupling's
-    force drives the environment. v_e solves this equation at the end of the sample, so the stiff parts are implicit. An
-    explicit or late environment contributes the force of earlier samples.
-
-    Parameters
-    ----------
-    law : the parameters of the firmware
-    state : state of the firmware after the previous sample
-    measurement : measurement at this sample
-    ops : arithmetic of state and measurement
-
-    Returns
-    -------
-    state : state after this sample
-    command : command for the motor
-    """
+    """Run the firmware for one sample."""
     equations_of_law, coefficients = _written(law)
     values = dict(coefficients)
     values |= {Symbol(name, before=True): getattr(state, name) for name in _REMEMBERED}
@@ -224,14 +168,7 @@ def _blocks(parts: Parts) -> Iterator[Equation]:
 
 
 def encoded(law: Law, position: Number, ops: Arithmetic) -> Number:
-    """Return a position rounded to the encoder's steps, m; the position itself with an ideal encoder.
-
-    Parameters
-    ----------
-    law : law with the encoder's resolution, m
-    position : position, m
-    ops : arithmetic of the position
-    """
+    """Return a position rounded to the encoder's steps, m; the position itself with an ideal encoder."""
     return value(
         equations.encoded_position(parts_of(law)),
         {Symbol("measured_position"): position, Symbol("resolution"): law.position_resolution},

@@ -1,8 +1,4 @@
-"""State the firmware as difference equations with named coefficients, in the order of execution.
-
-The simulated controller (`controller.py`) and the exported C with its coefficients (`vctune/firmware/`) both come from
-this description.
-"""
+"""State the firmware as difference equations with named coefficients, in the order of execution."""
 
 from __future__ import annotations
 
@@ -18,19 +14,12 @@ from vctune.simulation.firmware.expression import Expression, Symbol, Term, choi
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A quantity of the firmware: its name, symbol, unit and meaning.
+    """A quantity of the firmware: its name, symbol, unit and meaning."""
 
-    Attributes
-    ----------
-    name, symbol : name in code, and symbol in formulas
-    of : kind of quantity, which determines the unit (`vctune.model.numbers.units`); "" if dimensionless
-    meaning : meaning, in the words of a linear device
-    """
-
-    name: str
+    name: str  # name in code, and symbol in formulas
     symbol: str
-    of: str
-    meaning: str
+    of: str  # kind of quantity, which determines the unit (`vctune.model.numbers.units`); "" if dimensionless
+    meaning: str  # meaning, in the words of a linear device
 
     def unit(self, units: Units) -> str:
         """Return the unit of the quantity; "1" if it is dimensionless."""
@@ -47,44 +36,23 @@ class Equation:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """The parts of a firmware.
+    """The parts of a firmware."""
 
-    Attributes
-    ----------
-    quantised : whether the equations round the position to the encoder's steps; False with an ideal encoder, and with a
-        real encoder, which rounds the position itself
-    difference : True if the velocity is the backward difference of the position; False for a velocity sensor
-    low_passes : number of low-passes of the velocity, 0 to 2
-    coupling : whether there is a virtual coupling
-    virtual : whether there is a virtual mass and damping in parallel with the environment
-    mass, trapezoid : whether the environment has a mass, and whether this mass may follow the trapezoidal rule
-    contact : whether the environment has stiffness or damping
-    explicit : whether the firmware integrates the environment by explicit Euler
-    late : number of samples by which the environment's force is late
-    wall : whether stiffness and damping may be one-sided
-    integral : whether the law also integrates the position error
-    limit : whether the firmware limits the force, and with the force also the integral terms of the law
-    spring : whether the coupling is a spring and a damper, as for an impedance display; of the law, the firmware then
-        has only the damping K_v
-    command : kind of command: a force, or the velocity or the position that a servo follows. A servo's firmware reads
-        the force only, and has neither a law nor a limit
-    """
-
-    quantised: bool = False
-    difference: bool = False
-    low_passes: int = 0
-    coupling: bool = True
-    virtual: bool = False
-    mass: bool = True
+    quantised: bool = False  # whether the equations round the position to the encoder's steps
+    difference: bool = False  # True if the velocity is the backward difference of the position
+    low_passes: int = 0  # number of low-passes of the velocity, 0 to 2
+    coupling: bool = True  # whether there is a virtual coupling
+    virtual: bool = False  # whether there is a virtual mass and damping in parallel with the environment
+    mass: bool = True  # whether the environment has a mass, and whether this mass may follow the trapezoidal rule
     trapezoid: bool = True
-    contact: bool = True
-    explicit: bool = False
-    late: int = 0
-    wall: bool = True
-    integral: bool = False
-    limit: bool = True
-    spring: bool = False
-    command: Commanded = "force"
+    contact: bool = True  # whether the environment has stiffness or damping
+    explicit: bool = False  # whether the firmware integrates the environment by explicit Euler
+    late: int = 0  # number of samples by which the environment's force is late
+    wall: bool = True  # whether stiffness and damping may be one-sided
+    integral: bool = False  # whether the law also integrates the position error
+    limit: bool = True  # whether the firmware limits the force, and with the force also the integral terms of the law
+    spring: bool = False  # whether the coupling is a spring and a damper, as for an impedance display
+    command: Commanded = "force"  # kind of command: a force, or the velocity or the position that a servo follows
 
     @property
     def ahead(self) -> bool:
@@ -133,6 +101,7 @@ COEFFICIENTS = {
         "least_contact": ("f_min", "force", "least force of spring and damper: 0 at a wall, else none"),
     }.items()
 }
+# All quantities that may belong to the state of a firmware
 STATE = {
     name: Quantity(name, *fields)
     for name, fields in {
@@ -153,7 +122,6 @@ STATE = {
         },
     }.items()
 }
-"""All quantities that may belong to the state of a firmware."""
 
 
 def remembered(parts: Parts) -> tuple[str, ...]:
@@ -198,10 +166,7 @@ def encoded_position(parts: Parts) -> Term:
 
 
 def estimate(parts: Parts) -> Iterator[Equation]:
-    """Yield the estimates of the motion: position, and the velocity for the law.
-
-    A servo has no such equations, because the vendor's loop controls its motion.
-    """
+    """Yield the estimates of the motion: position, and the velocity for the law."""
     if parts.command != "force":
         return
     yield _kept("measured", encoded_position(parts))
@@ -217,11 +182,7 @@ def estimate(parts: Parts) -> Iterator[Equation]:
 
 
 def drive(parts: Parts) -> Iterator[Equation]:
-    """Yield the force that drives the environment, and x_e, both without the share of the new v_e.
-
-    The force is the part of f_h = (Z_c + Z_e) v_e that does not depend on the new v_e. For an impedance display, the
-    coupling's force drives the environment: f_c = Z_c (y - v_e) = Z_e v_e, where y is the velocity of the handle.
-    """
+    """Yield the force that drives the environment, and x_e, both without the share of the new v_e."""
     if parts.spring:
         yield from _pulled(parts)
         return
@@ -240,11 +201,7 @@ def _middle() -> Equation:
 
 
 def _pulled(parts: Parts) -> Iterator[Equation]:
-    """Yield the force of spring and damper between handle and tool, without the part that depends on the new v_e.
-
-    The spring acts between positions, because a sum of velocities would drift. The position that determines the
-    spring's force is T/2 v_e ahead of x_e.
-    """
+    """Yield the force of spring and damper between handle and tool, without the part that depends on the new v_e."""
     yield _middle()
     apart: Expression = _now("velocity")
     for name in ("smoothed", "twice_smoothed")[: parts.low_passes]:
@@ -260,12 +217,7 @@ def _pulled(parts: Parts) -> Iterator[Equation]:
 
 
 def environment(parts: Parts) -> Iterator[Equation]:
-    """Yield the environment: f_e, and the v_e that solves resistance v_e + f_e = drive.
-
-    Mass and spring of a built-in environment follow backward Euler, or the lossless trapezoidal rule. Backward Euler
-    keeps the environment passive and damps motions that are too fast for the sample time. A wall may therefore be
-    arbitrarily stiff. Other equations state an environment that is late, or whose mass follows explicit Euler.
-    """
+    """Yield the environment: f_e, and the v_e that solves resistance v_e + f_e = drive."""
     if parts.late or parts.ahead:
         yield from _late_environment(parts) if parts.late else _explicit_environment()
         return
@@ -310,12 +262,7 @@ def _explicit_environment() -> Iterator[Equation]:
 
 
 def _late_environment(parts: Parts) -> Iterator[Equation]:
-    """Yield an environment whose force acts some samples later.
-
-    By explicit Euler, the velocity of the next sample gives the force of the mass. The firmware therefore computes this
-    force one sample later, and delays it by one sample less. If the environment is late by one sample, this force acts
-    at once.
-    """
+    """Yield an environment whose force acts some samples later."""
     inertia_delay = parts.late - 1 if parts.explicit else parts.late
     inertia_acts_at_once = parts.mass and inertia_delay == 0
     total: Term = _now("resistance")
@@ -356,16 +303,7 @@ def _force(right: Term) -> Equation:
 
 
 def law(parts: Parts) -> Iterator[Equation]:
-    """Yield the coupling, the reference, and the law K_v + K_p/s + K_i/s^2 on the velocity error, with its limit.
-
-    x_e and the coupling follow the trapezoidal rule. An impedance at omega then equals the continuous impedance at
-    (2/T) tan(omega T/2). The rule therefore does not reduce Re Z_c, on which the certificate depends. While the limit
-    acts, x_e stays as near to the handle as the limit permits, and the integral stays within its range. Neither
-    integrator therefore winds up.
-
-    An impedance display has no such law. Its command is the coupling's force plus the damping force of K_v. The command
-    of a servo is v_e or x_e.
-    """
+    """Yield the coupling, the reference, and the law K_v + K_p/s + K_i/s^2 on the velocity error, with its limit."""
     if parts.spring:
         yield from _rendered(parts)
         return

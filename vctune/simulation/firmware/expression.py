@@ -1,8 +1,4 @@
-"""Represent the right-hand sides of the firmware's equations as data.
-
-Expressions run on plain floats, on NumPy's single precision, on CasADi's symbols, and in C. The order of the operations
-is always the same. Results in the same precision therefore agree to the last bit.
-"""
+"""Represent the right-hand sides of the firmware's equations as data."""
 
 from __future__ import annotations
 
@@ -13,8 +9,7 @@ from typing import Literal
 from vctune.model.numbers.arithmetic import Number
 from vctune.simulation.firmware.operations import Arithmetic
 
-Operator = Literal["+", "-", "*", "/", "negative", "minimum", "maximum", "floor", "choice"]
-"""Operators. `choice` of (a, b, c, d) is c if a > b, else d."""
+Operator = Literal["+", "-", "*", "/", "negative", "minimum", "maximum", "floor", "choice"]  # Operators
 
 
 class Expression:
@@ -50,8 +45,7 @@ class Expression:
         return Operation("negative", (self,))
 
 
-Term = Expression | float
-"""An operand: an expression or a number."""
+Term = Expression | float  # An operand: an expression or a number
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,22 +65,12 @@ class Operation(Expression):
 
 
 def minimum(a: Term, b: Term) -> Operation:
-    """Return the lesser of two terms.
-
-    Parameters
-    ----------
-    a, b : terms
-    """
+    """Return the lesser of two terms."""
     return Operation("minimum", (a, b))
 
 
 def maximum(a: Term, b: Term) -> Operation:
-    """Return the greater of two terms.
-
-    Parameters
-    ----------
-    a, b : terms
-    """
+    """Return the greater of two terms."""
     return Operation("maximum", (a, b))
 
 
@@ -96,26 +80,12 @@ def floor(a: Term) -> Operation:
 
 
 def choice(above: Term, limit: Term, yes: Term, no: Term) -> Operation:
-    """Return the term `yes` if `above` exceeds `limit`, and the term `no` otherwise.
-
-    Parameters
-    ----------
-    above, limit : the compared terms
-    yes : result if `above` exceeds `limit`
-    no : result otherwise
-    """
+    """Return the term `yes` if `above` exceeds `limit`, and the term `no` otherwise."""
     return Operation("choice", (above, limit, yes, no))
 
 
 def value(term: Term, values: Mapping[Symbol, Number], ops: Arithmetic) -> Number:
-    """Return the value of a term.
-
-    Parameters
-    ----------
-    term : a number, a symbol or an operation on terms
-    values : value of every symbol in the term
-    ops : arithmetic of these values
-    """
+    """Return the value of a term."""
     if isinstance(term, Symbol):
         return values[term]
     if isinstance(term, Operation):

@@ -21,13 +21,10 @@ from vctune.simulation.mechanics.step_inputs import INTENDED, held_at
 from vctune.simulation.run import Traces, has_diverged, motion_inputs, traces_of
 from vctune.simulation.scene import Scene, equilibrium
 
-REWRITTEN = 1e-9
-"""Greatest permitted difference of a firmware in double precision, as a share of the greatest command. Another order of
-the operations changes the command by about 1e-12. A constant with only seven correct digits changes the command by
-about 1e-7."""
+REWRITTEN = 1e-9  # Greatest permitted difference of a firmware in double precision, as a share of the greatest command
+# Factor by which the difference of a firmware in single precision may exceed the effect of single precision on the
+# design's own commands. replay.c uses the same factor
 ROUNDED = 2.0
-"""Factor by which the difference of a firmware in single precision may exceed the effect of single precision on the
-design's own commands. replay.c uses the same factor."""
 
 
 class Controller(Protocol):
@@ -47,20 +44,12 @@ class Controller(Protocol):
 @dataclass(frozen=True, slots=True)
 class Difference:
     """The difference between a firmware's commands and the design's commands for the same measurements, in the
-    firmware's precision.
+    firmware's precision."""
 
-    Attributes
-    ----------
-    force : greatest difference, in the unit of the command
-    time : time of the sample with the greatest difference, s
-    tolerance : greatest permitted difference, in the unit of the command
-    precision : precision of the firmware
-    """
-
-    force: float
-    time: float
-    tolerance: float
-    precision: Precision
+    force: float  # greatest difference, in the unit of the command
+    time: float  # time of the sample with the greatest difference, s
+    tolerance: float  # greatest permitted difference, in the unit of the command
+    precision: Precision  # precision of the firmware
 
     @property
     def passes(self) -> bool:
@@ -75,21 +64,7 @@ def run_in_the_loop(
     progress: Callable[[float], None] = lambda share: None,
     tolerance: float | None = None,
 ) -> tuple[Traces, Difference]:
-    """Simulate a scene with a firmware instead of the scene's law.
-
-    Parameters
-    ----------
-    scene : device, operator, friction and the design's own firmware
-    controller : the firmware
-    progress : function that receives the share of the finished samples
-    tolerance : greatest permitted difference of a command, in the unit of the command; None to permit the effect of
-        rounding
-
-    Returns
-    -------
-    traces : the recorded samples; the traces of a run that diverges end where the divergence begins
-    difference : difference from the design's own commands
-    """
+    """Simulate a scene with a firmware instead of the scene's law."""
     samples, T = sample_count(scene.operator, scene.device.sample_time), scene.device.sample_time
     with interrupt_deferred():
         steps = steps_of_hands(scene, lambda now, then: build_open(now, then=then))
@@ -128,10 +103,7 @@ def run_in_the_loop(
 def _sample(
     step: OpenStep, controller: Controller, state: Floats, inputs: Floats, grip: float, *, regrips: bool
 ) -> tuple[Floats, Floats, float, Floats, float]:
-    """Return the state and the hand's grip after a sample, and the sample's record, measurement and command.
-
-    The order is: state, record, grip, measurement, command.
-    """
+    """Return the state and the hand's grip after a sample, and the sample's record, measurement and command."""
     with interrupt_deferred():
         measured = np.asarray(step.sense(state, held_at(inputs, grip))).ravel()
         answer = controller.step(measured)

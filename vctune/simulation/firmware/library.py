@@ -16,36 +16,16 @@ from vctune.simulation.firmware.stepped import Precision
 from vctune.simulation.scene import Scene, equilibrium
 
 LIBRARY = "vctune_controller.so"
-MOST_BYTES = 1_000_000
-"""Greatest memory of a controller in bytes. A library that requires more memory is not a controller."""
+MOST_BYTES = 1_000_000  # Greatest memory of a controller in bytes
 
-PRECISIONS: dict[int, Precision] = {4: "single", 8: "double"}
-"""Precision of numbers, by their size in bytes."""
+PRECISIONS: dict[int, Precision] = {4: "single", 8: "double"}  # Precision of numbers, by their size in bytes
 
 
 class CompiledController:
-    """A controller in a shared library.
-
-    Attributes
-    ----------
-    path : path of the library
-    problem_sha256 : digest of the problem for which the controller was made
-    precision : precision of the controller's arithmetic
-    """
+    """A controller in a shared library."""
 
     def __init__(self, path: Path) -> None:
-        """Load a library.
-
-        Parameters
-        ----------
-        path : path of the library, or of the folder in which `make shared` built it
-
-        Raises
-        ------
-        InputError
-            If there is no library, if it cannot be loaded, if it lacks functions of vctune_bridge.c, or if it states an
-            impossible size of its memory or of its numbers.
-        """
+        """Load a library."""
         place = path / LIBRARY if path.is_dir() else path
         if not place.is_file():
             raise InputError.of(

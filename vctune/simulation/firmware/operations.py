@@ -1,7 +1,4 @@
-"""Define the operations of controller and friction on plain floats.
-
-`vctune.simulation.mechanics.stretches` defines them on symbols.
-"""
+"""Define the operations of controller and friction on plain floats."""
 
 from __future__ import annotations
 
@@ -19,29 +16,13 @@ class Arithmetic(Protocol):
     def absolute(self, x: Number) -> Number: ...
     def floor(self, x: Number) -> Number: ...
     def minimum(self, a: Number, b: Number) -> Number:
-        """Return the lesser of two numbers.
-
-        Parameters
-        ----------
-        a, b : numbers in the same unit
-        """
+        """Return the lesser of two numbers."""
 
     def maximum(self, a: Number, b: Number) -> Number:
-        """Return the greater of two numbers.
-
-        Parameters
-        ----------
-        a, b : numbers in the same unit
-        """
+        """Return the greater of two numbers."""
 
     def where(self, condition: Number, yes: Number, no: Number) -> Number:
-        """Return `yes` if a condition is true, and `no` otherwise. The caller evaluates both numbers.
-
-        Parameters
-        ----------
-        condition : a comparison of numbers
-        yes, no : numbers in the same unit
-        """
+        """Return `yes` if a condition is true, and `no` otherwise. The caller evaluates both numbers."""
 
 
 class _FloatArithmetic:

@@ -1,7 +1,4 @@
-"""Step a design's own firmware sample by sample in one precision.
-
-The result equals the result of the exported C in this precision to the last bit.
-"""
+"""Step a design's own firmware sample by sample in one precision."""
 
 from __future__ import annotations
 
@@ -21,24 +18,17 @@ from vctune.simulation.firmware.expression import Symbol, value
 from vctune.simulation.firmware.operations import FLOATS
 
 Precision = Literal["double", "single"]
+# Functions that round a float to a precision
 NUMBERS: dict[Precision, Callable[[Any], Any]] = {"double": float, "single": np.float32}
-"""Functions that round a float to a precision."""
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The values with which a firmware starts.
+    """The values with which a firmware starts."""
 
-    Attributes
-    ----------
-    environment : the rendered environment
-    limit : greatest force, N; None without a limit, as for a servo
-    position, reference : position of the motor, rounded to the encoder's steps, and x_e, both m
-    """
-
-    environment: Environment
-    limit: float | None
-    position: float
+    environment: Environment  # the rendered environment
+    limit: float | None  # greatest force, N; None without a limit, as for a servo
+    position: float  # position of the motor, rounded to the encoder's steps, and x_e, both m
     reference: float
 
 
@@ -59,15 +49,7 @@ class SteppedFirmware:
     """A firmware with its state. The object rounds the result of every operation to one precision."""
 
     def __init__(self, parts: Parts, coefficients: Mapping[str, float], start: Start, precision: Precision) -> None:
-        """Set up the firmware before the first sample.
-
-        Parameters
-        ----------
-        parts : parts of the firmware, as `exported_parts` returns them
-        coefficients : coefficients of the controller, by their names in `equations.COEFFICIENTS`
-        start : environment and start values
-        precision : precision of the arithmetic; the function first rounds the coefficients to this precision
-        """
+        """Set up the firmware before the first sample."""
         self._number = number = NUMBERS[precision]
         blocks = (equations.estimate, equations.drive, equations.environment, equations.law)
         self._written = [equation for block in blocks for equation in block(parts)]
@@ -83,12 +65,7 @@ class SteppedFirmware:
         self._values[Symbol("measured", before=True)] = number(start.position)
 
     def command(self, measured: Sequence[float]) -> float:
-        """Return the command, N, or m/s or m for a servo, and update the state.
-
-        Parameters
-        ----------
-        measured : position [m], rounded to the encoder's steps, velocity [m/s] and force [N] of the next sample
-        """
+        """Return the command, N, or m/s or m for a servo, and update the state."""
         values = self._values
         for name, read in zip(("position", "velocity", "force"), measured, strict=True):
             values[Symbol(f"measured_{name}")] = self._number(read)

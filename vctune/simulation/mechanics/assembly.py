@@ -1,12 +1,4 @@
-"""Describe a device with its parts, and the hand on it, by linear rates.
-
-The parts are an actuator, a handle on a spring, a servo, and a force sensor with a low-pass or with a delay that is not
-a whole number of samples. Everything except friction is linear. Without friction, matrix exponentials give the exact
-motion (`transition`). With friction, the only approximation is that the friction's force is constant over a step
-(`assembly_friction`). The module `rigid_motion` treats a device that moves as one mass and whose sensor samples the
-force at the firmware's sample. A servo follows its command. The hand does not affect the servo's rates, and the hand's
-force follows from the motion.
-"""
+"""Describe a device with its parts, and the hand on it, by linear rates."""
 
 from __future__ import annotations
 
@@ -27,34 +19,23 @@ from vctune.simulation.mechanics.intended_motion import push_matrix
 from vctune.simulation.mechanics.rigid_motion import Transition, exponential_less_one, timing
 from vctune.simulation.scene import Scene
 
+# Inputs of the states. "command" is the held command that has arrived (a force, or a servo's velocity), and "friction"
+# is the force of the friction. "push" is the force, N, that the hand's spring and damper would exert on a handle at
+# rest at 0
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
-"""Inputs of the states. "command" is the held command that has arrived (a force, or a servo's velocity), and "friction"
-is the force of the friction. "push" is the force, N, that the hand's spring and damper would exert on a handle at rest
-at 0. The last three inputs are derivatives of "push"."""
 
 
 @dataclass(frozen=True, slots=True)
 class Assembly:
-    """Device and hand as d/dt (states, given) = rates @ (states, given), with `given` as in `GIVEN`.
+    """Device and hand as d/dt (states, given) = rates @ (states, given), with `given` as in `GIVEN`."""
 
-    Attributes
-    ----------
-    states : names of the states: position and velocity of the motor first; then, if the device has the part, bend and
-        handle_velocity, the states of the drive, the rate of a servo's velocity, and sensed with its rate
-    rates : matrix of the rates over states and given, shape (n, n) for n states and given
-    units : units of states and given, shape (n,), in which all rates are about as large as their effect on a sample
-    position, velocity : rows of the handle's position and velocity, m, m/s
-    force : row of f_h, the force of the hand on the handle, N
-    sensed : row of the sensor's force without its delay, N
-    """
-
-    states: tuple[str, ...]
-    rates: Floats
+    states: tuple[str, ...]  # names of the states: position and velocity of the motor first
+    rates: Floats  # matrix of the rates over states and given, shape (n, n) for n states and given
     units: Floats
-    position: Floats
+    position: Floats  # rows of the handle's position and velocity, m, m/s
     velocity: Floats
-    force: Floats
-    sensed: Floats
+    force: Floats  # row of f_h, the force of the hand on the handle, N
+    sensed: Floats  # row of the sensor's force without its delay, N
 
     @property
     def size(self) -> int:
@@ -62,34 +43,21 @@ class Assembly:
         return len(self.states)
 
     def changed(self, time: float) -> Floats:
-        """Return e^(rates t) - 1, the change of the states and of the given inputs over a time, s.
-
-        Command and friction are held.
-        """
+        """Return e^(rates t) - 1, the change of the states and of the given inputs over a time, s."""
         scaled = self.rates * self.units / self.units[:, None]
         return exponential_less_one(scaled * time) / self.units * self.units[:, None]
 
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """The time at which the sensor samples the force that the firmware reads.
+    """The time at which the sensor samples the force that the firmware reads."""
 
-    Attributes
-    ----------
-    whole_samples : number of whole samples in the sensor's delay
-    instant : time after a sample of the firmware at which the sensor samples the force, s; None if the sensor samples
-        the force at the firmware's sample
-    """
-
-    whole_samples: int
-    instant: float | None
+    whole_samples: int  # number of whole samples in the sensor's delay
+    instant: float | None  # time after a sample of the firmware at which the sensor samples the force, s
 
 
 def sensing(scene: Scene) -> Sensing:
-    """Return the time at which the sensor samples the force.
-
-    If a command arrives at this time, the sensor samples the force just before the command acts.
-    """
+    """Return the time at which the sensor samples the force."""
     T, early = scene.device.sample_time, timing(scene).early
     whole, fraction = split_delay(scene.device.sensing.delay, T)
     if fraction == 0:
@@ -99,11 +67,7 @@ def sensing(scene: Scene) -> Sensing:
 
 
 def assembly(scene: Scene) -> Assembly | None:
-    """Return the moving parts of a scene.
-
-    The result is None for a single mass without an actuator, whose sensor has no low-pass and samples the force at the
-    firmware's sample.
-    """
+    """Return the moving parts of a scene."""
     device, hand = scene.device, scene.operator
     if device.servo is not None:
         return _servo(device, device.servo, hand)
@@ -187,17 +151,7 @@ def _assembled(
     handle_rows: tuple[Floats, Floats, Floats],
     sensor: ForceSensor,
 ) -> Assembly:
-    """Return an assembly with its force sensor.
-
-    Parameters
-    ----------
-    states : names of the states, including the sensor's states
-    row_of : unit row of each state and each given input
-    rates : rows of the states that change
-    units : units of states and given
-    handle_rows : rows of the handle's position, its velocity, and f_h
-    sensor : sensor of f_h
-    """
+    """Return an assembly with its force sensor."""
     position, velocity, force = handle_rows
     if sensor.bandwidth_hz is not None:
         rates = rates | _low_pass("sensed", sensor.bandwidth_hz, sensor.order, force, row_of)
@@ -216,10 +170,7 @@ def _assembled(
 def _low_pass(
     name: str, bandwidth_hz: float, order: int, source: Floats, row_of: dict[str, Floats]
 ) -> dict[str, Floats]:
-    """Return the rates of the states of a low-pass.
-
-    The states are the output and, for order 2, the output's rate in units of the corner frequency.
-    """
+    """Return the rates of the states of a low-pass."""
     corner = float(2 * FLOATS.pi * bandwidth_hz)
     if order == 1:
         return {name: corner * (source - row_of[name])}
@@ -228,15 +179,7 @@ def _low_pass(
 
 
 def _units(names: tuple[str, ...], force: float, command: float, sample_time: float, bend_frequency: float) -> Floats:
-    """Return units: T for time, given units for forces and commands, and the size of the oscillation for a bend.
-
-    Parameters
-    ----------
-    names : names of states and given
-    force, command : units of force, N, and of the held command
-    sample_time : T, s
-    bend_frequency : angular frequency of the handle's oscillation on its spring, rad/s; 0 without a structure
-    """
+    """Return units: T for time, given units for forces and commands, and the size of the oscillation for a bend."""
     units = {"position": 1.0, "command": command, "bend": 1 / (1 + bend_frequency * sample_time)}
     units |= dict.fromkeys(("velocity", "handle_velocity", "velocity_rate"), 1 / sample_time)
     units |= {f"push_{k}": force / sample_time**k for k in (1, 2, 3)}
@@ -244,21 +187,7 @@ def _units(names: tuple[str, ...], force: float, command: float, sample_time: fl
 
 
 def transition(scene: Scene, moving: Assembly) -> Transition:
-    """Return the exact transition of an assembly without friction over one sample.
-
-    If the sensor samples the force between the firmware's samples, the sensed value is an additional element after the
-    states. This value does not affect the states.
-
-    Parameters
-    ----------
-    scene : scene without friction
-    moving : `assembly` of the scene
-
-    Returns
-    -------
-    Transition
-        The transition of the states and, if there is one, of the force that is sensed between samples.
-    """
+    """Return the exact transition of an assembly without friction over one sample."""
     command_timing, reading, n = timing(scene), sensing(scene), moving.size
     command, push = n + GIVEN.index("command"), slice(n + GIVEN.index("push"), None)
     identity, T = np.eye(len(moving.rates)), scene.device.sample_time
@@ -288,13 +217,7 @@ def transition(scene: Scene, moving: Assembly) -> Transition:
 
 
 def applied(row: Floats, values: list[Number]) -> Number:
-    """Return the product of a row and values. The function skips factors of 0.
-
-    Parameters
-    ----------
-    row : factors, shape (n,)
-    values : n numbers or symbols
-    """
+    """Return the product of a row and values. The function skips factors of 0."""
     total: Number = 0.0
     for factor, value in zip(row, values, strict=True):
         if factor != 0:

@@ -1,8 +1,4 @@
-"""Simulate a hand that changes during a run: its damping alternates, or it regrips the handle.
-
-The hand changes just after the firmware samples the force. A sample at a change still contains the force of the old
-hand. The new hand acts on the motion after this sample.
-"""
+"""Simulate a hand that changes during a run: its damping alternates, or it regrips the handle."""
 
 from __future__ import annotations
 
@@ -17,26 +13,18 @@ from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.mechanics.step_inputs import INTENDED, REGRIP, held_at
 from vctune.simulation.scene import Scene
 
+# Function that returns the state after a sample and the sample's record, given its inputs
 OneSample = Callable[[Floats], tuple[Floats, Floats]]
-"""Function that returns the state after a sample and the sample's record, given its inputs."""
 
 
 @dataclass(frozen=True, slots=True)
 class HandChanges:
-    """The times at which the hand of a scene changes, and the kinds of change.
+    """The times at which the hand of a scene changes, and the kinds of change."""
 
-    Attributes
-    ----------
-    every : number of samples from one change to the next; 0 if the hand does not change, or changes at given samples
-    changes_at : samples at which the hand changes, in ascending order; empty if the hand has a dwell time
-    alternates : whether the hand's damping changes
-    regrips : whether the hand regrips the handle at each change
-    """
-
-    every: int
-    changes_at: tuple[int, ...]
-    alternates: bool
-    regrips: bool
+    every: int  # number of samples from one change to the next
+    changes_at: tuple[int, ...]  # samples at which the hand changes, in ascending order
+    alternates: bool  # whether the hand's damping changes
+    regrips: bool  # whether the hand regrips the handle at each change
 
     def changes_after(self, sample: int) -> bool:
         """Return whether the hand changes just after a sample."""
@@ -78,27 +66,14 @@ def scenes_of_hands(scene: Scene) -> tuple[Scene, Scene]:
 
 
 def steps_of_hands(scene: Scene, build: Callable[[Scene, Scene], Any]) -> dict[tuple[int, int], Any]:
-    """Return the step of each pair of hands, by `HandChanges.pairs`.
-
-    Parameters
-    ----------
-    scene : scene of the run
-    build : function that builds the step from two scenes: with the hand before the sample, and with the hand after it
-    """
+    """Return the step of each pair of hands, by `HandChanges.pairs`."""
     hands = scenes_of_hands(scene)
     return {(now, then): build(hands[now], hands[then]) for now, then in hand_changes(scene).pairs}
 
 
 def after_sample(advance: OneSample, inputs: Floats, grip: float, *, regrips: bool) -> tuple[Floats, Floats, float]:
-    """Return the state after a sample, the sample's record, and the position at which the hand then holds the handle.
-
-    Parameters
-    ----------
-    advance : the step from the state before the sample; the function calls it a second time if the hand regrips
-    inputs : inputs of the step (`INPUT_NAMES`) for a hand that holds at 0
-    grip : position at which the hand holds the handle, m
-    regrips : whether the hand regrips the handle at this sample
-    """
+    """Return the state after a sample, the sample's record, and the position at which the hand then holds the
+    handle."""
     held_inputs = held_at(inputs, grip)
     state, record = advance(held_inputs)
     if not regrips:
@@ -110,13 +85,7 @@ def after_sample(advance: OneSample, inputs: Floats, grip: float, *, regrips: bo
 
 
 def from_state(step: Any, state: Floats) -> OneSample:
-    """Return a compiled step from a state, with arrays instead of CasADi's matrices.
-
-    Parameters
-    ----------
-    step : the compiled function
-    state : the state before
-    """
+    """Return a compiled step from a state, with arrays instead of CasADi's matrices."""
 
     def advance(inputs: Floats) -> tuple[Floats, Floats]:
         after, record = step(state, inputs)

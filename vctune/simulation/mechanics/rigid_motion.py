@@ -1,9 +1,5 @@
-"""Compute the motion of a rigid device and the hand between two samples, without friction (model/README.md, section 7).
-
-Matrix exponentials give the exact motion. The module `assembly` treats devices with an actuator, a handle on a spring,
-a low-pass of the force sensor or a sensor delay with a fraction of a sample, and servos. Timing, transitions and
-exponentials of this module serve all devices.
-"""
+"""Compute the motion of a rigid device and the hand between two samples, without friction (model/README.md, section
+7)."""
 
 from __future__ import annotations
 
@@ -20,16 +16,10 @@ from vctune.simulation.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """The commands that act after sample k, up to the next sample: u[k-N-1] for `early` seconds, then u[k-N].
+    """The commands that act after sample k, up to the next sample: u[k-N-1] for `early` seconds, then u[k-N]."""
 
-    Attributes
-    ----------
-    whole_samples : N, the number of whole samples in the delay
-    early, late : durations of the two commands, s; early is 0 if the delay is a whole number of samples
-    """
-
-    whole_samples: int
-    early: float
+    whole_samples: int  # N, the number of whole samples in the delay
+    early: float  # durations of the two commands, s; early is 0 if the delay is a whole number of samples
     late: float
 
 
@@ -42,11 +32,7 @@ def timing(scene: Scene) -> Timing:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """The state after a sample: state @ before + early u_early + late u_late + motion @ (x_i, v_i, x_i', v_i').
-
-    u_early and u_late are the commands of `Timing`. The prime marks the next sample. Position and velocity of the motor
-    are the first states.
-    """
+    """The state after a sample: state @ before + early u_early + late u_late + motion @ (x_i, v_i, x_i', v_i')."""
 
     state: Floats
     early: Floats

@@ -1,8 +1,5 @@
 """Decide whether a scene's sampled loop, with hand and environment, is stable, from the eigenvalues of its linear
-step.
-
-For a wall, the code examines contact and free motion separately. It does not examine the change between them.
-"""
+step."""
 
 from __future__ import annotations
 
@@ -27,18 +24,12 @@ from vctune.simulation.mechanics.step import build
 from vctune.simulation.mechanics.step_inputs import INPUT_NAMES
 from vctune.simulation.scene import Scene, baseline_scene
 
+# Distance from 1 within which an eigenvalue belongs to a position without a restoring force, not to an oscillation
 STANDING = 1e-6
-"""Distance from 1 within which an eigenvalue belongs to a position without a restoring force, not to an oscillation.
-The numerical error of a double eigenvalue is the square root of the rounding error, 1e-8. The results with half or
-twice this distance differ only for a mode that lasts a million samples, or a million periods of a hand that
-changes."""
+# Number of decades, up and down from the file's virtual mass and damping, in which the code searches for a stable
+# factor
 DECADES = 4
-"""Number of decades, up and down from the file's virtual mass and damping, in which the code searches for a stable
-factor. With half or twice as many decades, the result is the same, unless the loop changes its stability beyond the
-range."""
-BISECTIONS = 30
-"""Number of bisections of half a decade, down to 1e-9. Half as many bisections leave an error of 4e-5, which sometimes
-shows in the fourth digit. Twice as many bisections reach rounding errors."""
+BISECTIONS = 30  # Number of bisections of half a decade, down to 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +56,7 @@ def linear_scenes(scene: Scene) -> list[Scene]:
 
 
 def loop_matrix(scene: Scene) -> Floats:
-    """Return the matrix of a linear scene's step from state to state. The function applies the step to unit states.
-
-    The answer to the zero state is subtracted, because an environment's spring may be relaxed at a position other than
-    0.
-    """
+    """Return the matrix of a linear scene's step from state to state. The function applies the step to unit states."""
     with interrupt_deferred():  # an interrupt must not end the compilation of the step
         step = build(scene)
         size, no_input = len(step.start), np.zeros(len(INPUT_NAMES))
@@ -78,14 +65,7 @@ def loop_matrix(scene: Scene) -> Floats:
 
 
 def fastest_mode(scene: Scene) -> Mode:
-    """Return the mode that decides whether hand, device and environment oscillate together.
-
-    For a wall, the function compares the loops in contact and away from the wall, and returns the faster growing mode.
-    If the hand has a dwell time, the mode belongs to one period of the changes. The growth is still per sample. The
-    frequency is the frequency at which the mode repeats from period to period. If the damping changes at given times,
-    the function examines each of the two hands separately and returns the fastest growing mode. Re-grips at given times
-    do not affect the result.
-    """
+    """Return the mode that decides whether hand, device and environment oscillate together."""
     T, changes = scene.device.sample_time, hand_changes(scene)
     if changes.every == 0:
         scenes = scenes_of_hands(scene) if changes.alternates else (scene,)
@@ -98,10 +78,7 @@ def fastest_mode(scene: Scene) -> Mode:
 
 def _period_matrix(scene: Scene, changes: HandChanges) -> Floats:
     """Return the matrix over one period of the changes: up to the next change, or the one after that if the damping
-    alternates.
-
-    The matrix covers the state and, if the hand re-grips, the grip as the last element.
-    """
+    alternates."""
     with interrupt_deferred():
         steps = steps_of_hands(scene, lambda now, then: build(now, then=then))
 
@@ -137,22 +114,7 @@ def _fastest(matrix: Floats, sample_time: float, samples: int = 1) -> Mode:
 
 
 def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> float | None:
-    """Return the lower end of the uppermost range of factors with which a regular PID's loop is stable.
-
-    A factor multiplies the virtual mass and damping of the PID. The search covers 10^-`DECADES` to 10^`DECADES` times
-    the values of the file.
-
-    Parameters
-    ----------
-    device : device with plain numbers, SI units
-    experiment : the experiment of the run
-    pid : the regular PID, with the mass and the damping that the search varies
-
-    Returns
-    -------
-    float or None
-        The factor; 0 if the uppermost range reaches the least tried factor, None if no tried factor is stable.
-    """
+    """Return the lower end of the uppermost range of factors with which a regular PID's loop is stable."""
 
     def stable(factor: float) -> bool:
         scaled = replace(pid, mass=factor * pid.mass, damping=factor * pid.damping)

@@ -1,10 +1,4 @@
-"""Compile one sample of a scene into a function, assembled from the parts of the scene. This module imports casadi.
-
-`run` and `scene_stability` call the function with the scene's own firmware. `firmware/in_the_loop` calls it around an
-external firmware. In each sample, the firmware reads the sensors and computes a command. Then the device moves for one
-sample time under the forces that have arrived. Friction, quantisation, saturation, filters, the coupling and a device's
-parts add operations to the function only if the scene has them.
-"""
+"""Compile one sample of a scene into a function, assembled from the parts of the scene. This module imports casadi."""
 
 from __future__ import annotations
 
@@ -36,29 +30,16 @@ from vctune.simulation.mechanics.step_symbols import SampleSymbols, acting, at_r
 from vctune.simulation.mechanics.stretches import SYMBOLS, Stretch, fixed_steps, push_at
 from vctune.simulation.scene import Scene
 
-SAMPLES_PER_CALL = 1024
-"""Number of samples per call of the compiled function, and between two checks for divergence. Progress and Ctrl-C wait
-for the end of these samples. The time per sample is equal with half or twice as many samples per call."""
+SAMPLES_PER_CALL = 1024  # Number of samples per call of the compiled function, and between two checks for divergence
+# Columns that a simulation records at each sample: x, v, f_h, x_e, v_e, f_e, u, f_s
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
-"""Columns that a simulation records at each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. In a record, x and v belong to
-the handle. f_s is the force that the firmware reads, which is the sensed f_h with noise. For a servo, f_s is this force
-after the servo's filter, plus the force of the servo's own spring. The firmware of an impedance display does not read
-f_s."""
-MOTOR_COLUMNS = ("motor_position", "motor_velocity")
-"""Additional recorded columns if motor and handle move differently."""
-FIRMWARE_OUTPUTS = ("reference", "desired", "environment_force", "motor")
-"""Columns that a firmware outputs. An open step takes these columns as inputs after `INPUT_NAMES`."""
+MOTOR_COLUMNS = ("motor_position", "motor_velocity")  # Additional recorded columns if motor and handle move differently
+FIRMWARE_OUTPUTS = ("reference", "desired", "environment_force", "motor")  # Columns that a firmware outputs
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A compiled step, advance(state, inputs) -> (state, record), and its state at the start of the motion.
-
-    The state contains, in this order: x and v of the motor, the states of the other moving parts, z if there is
-    friction, the force sensed within the last sample if the sensor samples it there, the firmware's state, the commands
-    and the sensed forces that are still delayed, and the force after a servo's filter if there is one. The record has
-    the columns of `columns`.
-    """
+    """A compiled step, advance(state, inputs) -> (state, record), and its state at the start of the motion."""
 
     advance: Any
     start: Floats
@@ -71,13 +52,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class OpenStep:
-    """A compiled step without its firmware.
-
-    The function sense(state, inputs) -> (position, velocity, force) returns the firmware's input as one column. Its
-    position is rounded to the encoder's steps. The function advance(state, inputs) -> (state, record) takes the
-    firmware's output, `FIRMWARE_OUTPUTS`, after its other inputs. The state equals the state of a `Step` without the
-    firmware's part. `start` is the state at the start of the motion.
-    """
+    """A compiled step without its firmware."""
 
     sense: Any
     advance: Any
@@ -85,20 +60,7 @@ class OpenStep:
 
 
 def build(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = None) -> Step:
-    """Assemble and compile the step of a scene; `stretch` integrates the friction.
-
-    Parameters
-    ----------
-    scene : the scene of the run
-    stretch : function that integrates the friction; not used without friction
-    then : the scene with the changed hand, which acts from this sample on, and whose force the sensor first samples
-        after this sample; None if the hand does not change
-
-    Returns
-    -------
-    Step
-        The step in SI units. Its inputs are `INPUT_NAMES`, and its record has the columns of `columns`.
-    """
+    """Assemble and compile the step of a scene; `stretch` integrates the friction."""
     wired = sample_symbols(scene, len(INPUT_NAMES))
     memory = {field.name: ca.SX.sym(field.name) for field in fields(State)}
     remembered, command = control(scene.law, State(**memory), wired.measurement, SYMBOLS)
@@ -114,20 +76,7 @@ def build(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = Non
 
 
 def build_open(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = None) -> OpenStep:
-    """Assemble and compile the step of a scene without its firmware.
-
-    Parameters
-    ----------
-    scene : the scene of the run; of its law, the function uses only the encoder, the kind of command and the
-        equilibrium at the start
-    stretch : function that integrates the friction; not used without friction
-    then : as in `build`
-
-    Returns
-    -------
-    OpenStep
-        Two compiled functions: the firmware's measurement, and a sample with the firmware's output.
-    """
+    """Assemble and compile the step of a scene without its firmware."""
     count = len(INPUT_NAMES)
     wired = sample_symbols(scene, count + len(FIRMWARE_OUTPUTS))
     answer = [wired.inputs[count + k] for k in range(len(FIRMWARE_OUTPUTS))]
@@ -184,11 +133,7 @@ def columns(scene: Scene) -> tuple[str, ...]:
 
 
 def _sensed_at(scene: Scene, mechanism: Assembly, time: float) -> Any:
-    """Return the function (body, motor, push) -> sensed force [N], at a given time [s] after the sample.
-
-    The body has shape (size + 1,), the states of the mechanism and z. The motor's force is a scalar. The push has shape
-    (4,): the force at the sample and its three derivatives.
-    """
+    """Return the function (body, motor, push) -> sensed force [N], at a given time [s] after the sample."""
     body, motor, push = ca.SX.sym("body", mechanism.size + 1), ca.SX.sym("motor"), ca.SX.sym("push", 4)
     values = values_at(scene, ca.vertsplit(body), mechanism.size, motor, push_at(push, time))
     return ca.Function("felt", [body, motor, push], [applied(mechanism.sensed, values)])
@@ -218,12 +163,7 @@ def _motion(scene: Scene, inputs: Any) -> Any:
 
 
 def _with_friction(scene: Scene, mechanism: Assembly | None, friction: Friction, stretch: Stretch, outputs: Any) -> Any:
-    """Return the step of a device with friction.
-
-    The function `outputs` returns kept state, record, early command and late command from state and inputs. A step runs
-    the firmware, and then computes the motion over stretches of time with constant motor force. There are one or two
-    stretches, and one more if the sensor samples the force within a stretch.
-    """
+    """Return the step of a device with friction."""
     T, early_ends, force_taken = scene.device.sample_time, timing(scene).early, sensing(scene).instant
     derivatives = ca.DM(push_matrix(scene.operator, T))
     state, inputs = ca.MX.sym("state", outputs.size_in(0)), ca.MX.sym("inputs", outputs.size_in(1))

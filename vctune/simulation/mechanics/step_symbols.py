@@ -21,11 +21,7 @@ from vctune.simulation.scene import Equilibrium, Scene, equilibrium
 
 @dataclass(frozen=True, slots=True)
 class SampleValues:
-    """The values just before a sample: motion of motor and handle, f_h, and the newest force of the sensor, N.
-
-    If the handle moves differently from the motor, the deflection z of `handle` is 0, because friction acts on the
-    motor.
-    """
+    """The values just before a sample: motion of motor and handle, f_h, and the newest force of the sensor, N."""
 
     motor: Slide
     handle: Slide
@@ -35,47 +31,22 @@ class SampleValues:
 
 @dataclass(frozen=True, slots=True)
 class SampleSymbols:
-    """The symbols of a scene around its firmware.
+    """The symbols of a scene around its firmware."""
 
-    Attributes
-    ----------
-    begin : state of the scene at rest
-    mechanism : moving parts; None for a single mass
-    body : states of the moving parts (position and velocity of the motor first), then z if there is friction, then the
-        force sensed within the last sample if the sensor samples the force between the firmware's samples
-    inputs : inputs of the step
-    commands : past commands that act up to this sample or later, the newest first; for a position command also the one
-        before these
-    unread : past forces that the sensor has sampled and the firmware has not read, the newest first
-    filtered, filtered_after : force after the filter of the sensed samples, before and after this sample; empty without
-        a filter
-    motion : values at the sample
-    measurement : values that the firmware reads
-    """
-
-    begin: Equilibrium
-    mechanism: Assembly | None
+    begin: Equilibrium  # state of the scene at rest
+    mechanism: Assembly | None  # moving parts; None for a single mass
     body: Any
-    inputs: Any
-    commands: list[Any]
-    unread: list[Any]
-    filtered: list[Any]
+    inputs: Any  # inputs of the step
+    commands: list[Any]  # past commands that act up to this sample or later, the newest first
+    unread: list[Any]  # past forces that the sensor has sampled and the firmware has not read, the newest first
+    filtered: list[Any]  # force after the filter of the sensed samples, before and after this sample
     filtered_after: list[Any]
-    motion: SampleValues
-    measurement: Measurement
+    motion: SampleValues  # values at the sample
+    measurement: Measurement  # values that the firmware reads
 
 
 def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
-    """Return the symbols of a scene, and the firmware's input: motion of the motor, and the delayed, noisy force.
-
-    The filter y += a (x - y) of a servo acts on this force. A servo's own spring adds its force after the filter. This
-    spring is relaxed at the start.
-
-    Parameters
-    ----------
-    scene : the scene of the run
-    input_count : number of inputs of the step
-    """
+    """Return the symbols of a scene, and the firmware's input: motion of the motor, and the delayed, noisy force."""
     sensor, mechanism, begin = sensing(scene), assembly(scene), equilibrium(scene)
     body, inputs = ca.SX.sym("body", len(at_rest(scene, mechanism, begin))), ca.SX.sym("inputs", input_count)
     # past commands that still act: one for each whole sample of delay, and one that ends within a sample; a servo that
@@ -114,29 +85,14 @@ def _interpolates(scene: Scene) -> bool:
 
 
 def acting(scene: Scene, commands: list[Any]) -> list[Any]:
-    """Return the held values of commands, one for each sample, the newest first, like the commands.
-
-    A position command becomes the velocity from the previous position, so the oldest position has no value.
-
-    Parameters
-    ----------
-    scene : the scene of the run
-    commands : the firmware's commands, the newest first
-    """
+    """Return the held values of commands, one for each sample, the newest first, like the commands."""
     if not _interpolates(scene):
         return commands
     return [(newer - older) / scene.device.sample_time for newer, older in pairwise(commands)]
 
 
 def at_rest(scene: Scene, mechanism: Assembly | None, begin: Equilibrium) -> list[float]:
-    """Return the body's part of the state at the start of the motion.
-
-    Parameters
-    ----------
-    scene : the scene of the run
-    mechanism : moving parts of the scene; None for a single mass
-    begin : equilibrium of the scene
-    """
+    """Return the body's part of the state at the start of the motion."""
     not_zero = {"position": begin.position, "bend": begin.bend, "sensed": begin.hand}
     not_zero |= {name: share * begin.motor for name, share in drive_at_rest(scene.device).items()}
     states = mechanism.states if mechanism is not None else ("position", "velocity")
@@ -169,28 +125,14 @@ def _push(scene: Scene, inputs: Any) -> Any:
 
 
 def values_at(scene: Scene, body: list[Any], size: int, motor: Any, push: Any) -> list[Any]:
-    """Return states and inputs at a moment, as in `assembly.GIVEN`, with 0 for the derivatives of the push.
-
-    Parameters
-    ----------
-    scene : the scene of the run
-    body : states of the moving parts, then z if there is friction
-    size : number of states of the moving parts
-    motor : held command that acts
-    push : force of the hand's spring and damper on a handle at rest at 0, N
-    """
+    """Return states and inputs at a moment, as in `assembly.GIVEN`, with 0 for the derivatives of the push."""
     friction = 0.0 if scene.friction is None else friction_force(scene.friction, body[1], body[size], SYMBOLS)[0]
     return [*body[:size], motor, friction, push, 0.0, 0.0, 0.0]
 
 
 def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
-    """Return f_h just before the sample, N: spring, damper, and the hand's mass with the acceleration at that moment.
-
-    The function treats a device and a hand that move as one mass m.
-
-    Newton's law of hand and device, m dv/dt = push - pull + motor - resisting, eliminates dv/dt from Newton's law of
-    the hand, f_h = push - pull - m_h dv/dt. Hence f_h = (1 - m_h/m)(push - pull) - (m_h/m)(motor - resisting).
-    """
+    """Return f_h just before the sample, N: spring, damper, and the hand's mass with the acceleration at that
+    moment."""
     hand, carriage, push = scene.operator, scene.carriage, _push(scene, inputs)
     pull = hand.stiffness * at.x + hand.damping * at.v
     if hand.mass == 0:

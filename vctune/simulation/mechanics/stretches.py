@@ -1,8 +1,4 @@
-"""Integrate the motion with friction over a stretch of a sample, as a compiled function with fixed steps.
-
-A sample interval is cut into stretches where a command arrives or where the force sensor takes its sample. One held
-command therefore acts throughout a stretch. This module imports casadi.
-"""
+"""Integrate the motion with friction over a stretch of a sample, as a compiled function with fixed steps."""
 
 from __future__ import annotations
 
@@ -19,14 +15,8 @@ from vctune.simulation.mechanics.assembly_friction import AssemblyState, assembl
 from vctune.simulation.mechanics.friction import Slide, SlideStep, slide, slide_step
 from vctune.simulation.scene import Scene
 
-STEPS_PER_RADIAN = 64
-"""Number of fixed steps per radian of the bristles' oscillation with the moving mass. With half as many steps, the
-error is four times as large in half the time. With twice as many steps, the error is a quarter in twice the time
-(results/work-precision.csv)."""
-LEAST_STEPS, MOST_STEPS = 4, 256
-"""Least and greatest number of steps in a sample. The least number resolves a motion that crosses the Stribeck curve
-within a sample, even with soft bristles. Bristles that need more than the greatest number of steps are stiffer than a
-hand can feel. The simulation time is proportional to the number of steps."""
+STEPS_PER_RADIAN = 64  # Number of fixed steps per radian of the bristles' oscillation with the moving mass
+LEAST_STEPS, MOST_STEPS = 4, 256  # Least and greatest number of steps in a sample
 
 
 class _SymbolArithmetic:
@@ -41,32 +31,16 @@ class _SymbolArithmetic:
     where = staticmethod(ca.if_else)
 
 
-SYMBOLS: Arithmetic = _SymbolArithmetic()
-"""The arithmetic with which controller and friction run on CasADi symbols."""
+SYMBOLS: Arithmetic = _SymbolArithmetic()  # The arithmetic with which controller and friction run on CasADi symbols
 
+# Function that returns a CasADi function (body, command, push_and_derivatives) -> body, which integrates the motion
+# over part of a sample interval
 Stretch = Callable[[Scene, Friction, float, float], Any]
-"""Function that returns a CasADi function (body, command, push_and_derivatives) -> body, which integrates the motion
-over part of a sample interval. The arguments are a scene, the scene's friction, the start of that part after the
-sample, s, and the length of that part, s. `body` holds x, v and the deflection z of the bristles, or the states of the
-assembly and z. `command` is the held command that acts, N, which is the motor's force unless the device has an
-actuator's low-pass. `push_and_derivatives` holds the push of the hand at the sample and its first three derivatives, N
-to N/s^3 (`vctune.simulation.mechanics.intended_motion.push_matrix`)."""
-MIDPOINT = 0.5
-"""Point of a fixed step at which the forces are evaluated. With the midpoint, the rule is of second order
-(`friction.slide`)."""
+MIDPOINT = 0.5  # Point of a fixed step at which the forces are evaluated
 
 
 def default_substeps(scene: Scene, friction: Friction) -> int:
-    """Return the number of fixed steps per sample, from the bristles' oscillation with the moving mass.
-
-    The number is `LEAST_STEPS` to `MOST_STEPS`.
-
-    Parameters
-    ----------
-    scene : scene with the sample time and the mass on which the friction acts: the motor's part of a flexible device,
-        or otherwise device and hand
-    friction : friction with the bristles' stiffness, N/m
-    """
+    """Return the number of fixed steps per sample, from the bristles' oscillation with the moving mass."""
     mass = scene.carriage.mass if scene.device.structure is None else scene.device.motor_mass
     frequency = (friction.stiffness / mass) ** 0.5  # rad/s
     return ceil(min(max(frequency * scene.device.sample_time * STEPS_PER_RADIAN, LEAST_STEPS), MOST_STEPS))
@@ -81,18 +55,7 @@ def fixed_steps(
     theta: float = MIDPOINT,
 ) -> Any:
     """Return the CasADi function (body, command, push_and_derivatives) -> body that integrates the motion in fixed
-    steps.
-
-    The function covers a part of a sample interval, as `Stretch` describes.
-
-    Parameters
-    ----------
-    scene, friction : scene with the moving masses, and its friction
-    begin, length : start of the part after the sample, and its length, s
-    substeps : number of steps per sample, of which the part takes its share, rounded up; None for `default_substeps`
-    theta : point of a step at which the forces on a single mass are evaluated, see `friction.slide`; ignored for an
-        `assembly`, whose linear motion is exact
-    """
+    steps."""
     share = length / scene.device.sample_time
     # a rounding above a whole number must not add a step
     count = max(1, ceil((substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))
@@ -151,16 +114,6 @@ def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> Sli
 
 
 def push_at(push_and_derivatives: Any, time: Any) -> Any:
-    """Return the push of the hand at a time after the sample, N.
-
-    The push is the force of the hand's spring and damper on a handle that rests at 0
-    (`vctune.simulation.mechanics.intended_motion.push_matrix`). The model of the moving masses, `Carriage` or
-    `Assembly`, subtracts the spring's and the damper's share in the handle's own position and velocity.
-
-    Parameters
-    ----------
-    push_and_derivatives : push at the sample and its first three derivatives, N to N/s^3
-    time : time since the sample, s; at most T
-    """
+    """Return the push of the hand at a time after the sample, N."""
     push, first, second, third = (push_and_derivatives[order] for order in range(4))
     return push + time * (first + time / 2 * (second + time / 3 * third))

@@ -1,9 +1,5 @@
-"""Find the scales 1/k_c of an impedance display's coupling with which an environment of a box has a pole on the circle.
-
-With the scale x, the tool meets the admittance Y = s^2 (r + j i/s), where r = a x - R and i = v x - X. Some environment
-puts a pole on the unit circle if three quadratics in x have certain signs (model/README.md, section 18). The greatest
-of these x is therefore a zero of one of the quadratics.
-"""
+"""Find the scales 1/k_c of an impedance display's coupling with which an environment of a box has a pole on the
+circle."""
 
 from __future__ import annotations
 
@@ -22,29 +18,14 @@ from vctune.model.sampled.impedance_display import firmware_filter, offered_by_s
 from vctune.model.sampled.worlds.loop_in_worlds import Seen
 from vctune.model.worlds import Worlds, WorldsMet
 
-MOST = 1e100
-"""Number that replaces infinity in products."""
+MOST = 1e100  # Number that replaces infinity in products
 
 
 @np.errstate(all="ignore")
 def least_of_force(
     met: WorldsMet, places: Iterable[LoopsInHands], device: Device, gains: Gains, time_constant: Floats, drags: Floats
 ) -> Floats:
-    """Return the least scale 1/k_c above which no environment of a box forbids a scale, on a grid.
-
-    Parameters
-    ----------
-    met : the environments and the safety factor g
-    places : loops in hands
-    device : the impedance display
-    gains : dimensionless arrays that broadcast against each other
-    time_constant, drags : axes of the couplings
-
-    Returns
-    -------
-    array
-        An array with the axes of the gains, followed by the axes of the time constants and of the drags.
-    """
+    """Return the least scale 1/k_c above which no environment of a box forbids a scale, on a grid."""
     rows = []
     for held in places:
         seen = held.seen(Gains(gains.velocity[..., None, None], gains.position[..., None, None]))
@@ -61,16 +42,7 @@ def least_of_force(
 
 @np.errstate(all="ignore")
 def forbidden_scale(worlds: Worlds, device: Device, theta: Floats, seen: Seen, time_constant: float | Floats) -> Floats:
-    """Return the greatest scale 1/k_c that an environment of a box forbids at each place; 0 if it forbids none.
-
-    Parameters
-    ----------
-    worlds : the box of environments
-    device : the impedance display
-    theta : omega T, rad
-    seen : G/s^2 in hands, the admittance without the coupling
-    time_constant : b_c/k_c, which broadcasts against the places
-    """
+    """Return the greatest scale 1/k_c that an environment of a box forbids at each place; 0 if it forbids none."""
     T, sin, cos = device.sample_time, np.sin(theta / 2), np.cos(theta / 2)
     R, X = seen.lost / seen.size, seen.swing / seen.size
     inertia, compliance, low_pass = 2 / T * sin**2, T / 2 * cos**2, firmware_filter(device, theta, FLOATS)
@@ -101,31 +73,15 @@ class _Quadratic(NamedTuple):
     constant: Floats
 
     def times(self, factor: float | Floats) -> _Quadratic:
-        """Return the quadratic times a number.
-
-        Parameters
-        ----------
-        factor : the number
-        """
+        """Return the quadratic times a number."""
         return _Quadratic(factor * self.second, factor * self.first, factor * self.constant)
 
     def plus(self, factor: float | Floats, other: _Quadratic) -> _Quadratic:
-        """Return the sum of this quadratic and a multiple of another one.
-
-        Parameters
-        ----------
-        factor : factor of the other quadratic
-        other : the other quadratic
-        """
+        """Return the sum of this quadratic and a multiple of another one."""
         return _Quadratic(*(x + factor * y for x, y in zip(self, other, strict=True)))
 
     def at(self, x: Floats) -> Floats:
-        """Return the value of the quadratic.
-
-        Parameters
-        ----------
-        x : argument
-        """
+        """Return the value of the quadratic."""
         return (self.second * x + self.first) * x + self.constant
 
     def zeros(self) -> tuple[Floats, Floats]:
@@ -136,11 +92,5 @@ class _Quadratic(NamedTuple):
 
 
 def times(limit: float, number: Floats) -> Floats:
-    """Return a limit times a number >= 0; without a limit the product is infinite, even if the number is 0.
-
-    Parameters
-    ----------
-    limit : the limit, >= 0; inf without a limit
-    number : the number
-    """
+    """Return a limit times a number >= 0; without a limit the product is infinite, even if the number is 0."""
     return limit * number if limit < inf else np.full_like(number, inf)

@@ -1,8 +1,4 @@
-"""Find the stiffest coupling of a given shape with which an impedance display renders walls.
-
-With walls, the forbidden scales 1/k_c have no closed form. The code evaluates the reserve of increasing
-scales at known places, and refines the first scale that suffices.
-"""
+"""Find the stiffest coupling of a given shape with which an impedance display renders walls."""
 
 from __future__ import annotations
 
@@ -24,31 +20,21 @@ from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 
-PER_DECADE = 24
-"""Number of angles per decade in the hands at the corners of their box. Worse places join the known places later. With
-half as many angles, the search needs more rounds. With twice as many, it finds the same designs."""
+PER_DECADE = 24  # Number of angles per decade in the hands at the corners of their box
+# Angles at which the code evaluates a new place, relative to the angle of that place
 AROUND = np.exp(np.linspace(-0.1, 0.1, 21))
-"""Angles at which the code evaluates a new place, relative to the angle of that place. With half or twice this range,
-the search finds the same designs."""
+# Number of scales, number of halvings of the interval below the first scale that suffices, and greatest factor between
+# the scales
 TRIED, HALVINGS, SOFTEST = 24, 10, 1e4
-"""Number of scales, number of halvings of the interval below the first scale that suffices, and greatest factor between
-the scales. The last interval is 4e-4 of the scale. With half as many scales, the search may miss a narrow range of
-feasible scales."""
 
 
 @dataclass(slots=True)
 class KnownPlaces:
-    """A device in the hands and at the angles at which the search evaluates couplings.
+    """A device in the hands and at the angles at which the search evaluates couplings."""
 
-    Attributes
-    ----------
-    device, hands : the device, and the box of its hands
-    theta, loop : angles and loops at the known places, shape (n,)
-    """
-
-    device: Device
+    device: Device  # the device, and the box of its hands
     hands: Hands
-    theta: np.ndarray = field(init=False)
+    theta: np.ndarray = field(init=False)  # angles and loops at the known places, shape (n,)
     loop: AnyLoopInHand = field(init=False)
     _known: PlacesInHands = field(init=False)
 
@@ -62,46 +48,23 @@ class KnownPlaces:
         self.theta, self.loop, self._known = known.at, loop_in_hand(plant, known.at, FLOATS), known
 
     def add(self, places: Sequence[RatioInHand]) -> None:
-        """Add places with the angles around them.
-
-        Parameters
-        ----------
-        places : frequencies, rad/s, each with a hand
-        """
+        """Add places with the angles around them."""
         new = [(min(at.omega * self.device.sample_time * turn, np.pi), at.hand) for at in places for turn in AROUND]
         self._join(self._known.joined(PlacesInHands.of(new)))
 
     def suffices(self, gains: Gains, coupling: AnyCoupling, met: WorldsMet, reserve: float) -> bool:
-        """Return whether a design has a reserve at every known place.
-
-        Parameters
-        ----------
-        gains, coupling : the design
-        met : the environments
-        reserve : the least ratio that the design must have at every place
-        """
+        """Return whether a design has a reserve at every known place."""
         need = needs_in_hands(self.loop, self.device, gains, coupling, self.theta, met)
         return bool(np.nanmax(need) * reserve <= 1)
 
     def lacking(self, gains: Gains, coupling: AnyCoupling, met: WorldsMet, reserve: float) -> list[RatioInHand]:
-        """Return the places in all hands of the box at which a design lacks the reserve.
-
-        Parameters
-        ----------
-        gains, coupling, met, reserve : see `suffices`
-        """
+        """Return the places in all hands of the box at which a design lacks the reserve."""
         found = least_ratios_in_hands(self.device, self.hands, gains, coupling, met)
         return [at for at in found if at.ratio < reserve]
 
 
 def least_scale(suffices: Callable[[float], bool], low: float, high: float) -> float:
-    """Return about the least scale that suffices; inf if none of the evaluated scales does.
-
-    Parameters
-    ----------
-    suffices : function that returns whether a scale suffices
-    low, high : range of the scale, 0 < low
-    """
+    """Return about the least scale that suffices; inf if none of the evaluated scales does."""
     scales = np.geomspace(low, min(high, SOFTEST * low), TRIED) if high > low else np.array([low])
     first = next((k for k, scale in enumerate(scales) if suffices(float(scale))), None)
     if not first:

@@ -1,8 +1,4 @@
-"""Estimate the least scale of a coupling with which no environment of a box puts a pole on the unit circle.
-
-A scale is forbidden for an angle and a hand if, with this scale, some environment puts a pole at the angle. The
-forbidden scales form an interval, because the polygon of the environments is convex.
-"""
+"""Estimate the least scale of a coupling with which no environment of a box puts a pole on the unit circle."""
 
 from __future__ import annotations
 
@@ -24,28 +20,13 @@ from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
 from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen, offered_at, sum_of
 from vctune.model.worlds import WorldsMet
 
-LEAPS = 2
-"""Number of passes over the forbidden intervals. In each pass, the scan raises the scale to the greatest upper end of
-the intervals that it has reached. With half or twice this number, the starts are equally good."""
+LEAPS = 2  # Number of passes over the forbidden intervals
 
 
 def least_scale_in_worlds(
     met: WorldsMet, samples: Samples, gains: Gains, time_constant: Floats, drag: Floats
 ) -> Floats:
-    """Return an estimate of the least scale, b_c or 1/k_c, that no environment of a box forbids.
-
-    Parameters
-    ----------
-    met : the environments and the safety factor g
-    samples : samples of the scan, which include loops in hands
-    gains : dimensionless arrays that broadcast against each other
-    time_constant, drag : axes of the couplings
-
-    Returns
-    -------
-    array
-        An array with the axes of the gains, followed by the axes of the time constants and of the drags.
-    """
+    """Return an estimate of the least scale, b_c or 1/k_c, that no environment of a box forbids."""
     if samples.device.kind.inverse:
         return least_of_force(met, _places(samples), samples.device, gains, time_constant, drag)
     if met.worlds.lossless:
@@ -55,12 +36,8 @@ def least_scale_in_worlds(
 
 @np.errstate(divide="ignore", invalid="ignore")
 def _least_of_lossless(met: WorldsMet, samples: Samples, gains: Gains, time_constant: Floats, drags: Floats) -> Floats:
-    """Return the least b_c that no environment of a box forbids. The environments run on time by the trapezoidal rule.
-
-    At each angle and in each hand, the forbidden b_c form an interval. Below the interval, the reactance of the loop is
-    above that of every environment. Above this interval, the real part suffices or the reactance is below that of every
-    environment. The function starts at 0 and raises b_c to the end of each interval that it reaches.
-    """
+    """Return the least b_c that no environment of a box forbids. The environments run on time by the trapezoidal
+    rule."""
     rows = [_forbidding(met, samples.device.sample_time, there, gains) for there in _places(samples)]
     theta, missing, stiff, soft = (np.concatenate(parts, axis=-1) for parts in zip(*rows, strict=True))
     asked = (missing > 0).any(axis=tuple(range(missing.ndim - 1)))
@@ -82,13 +59,7 @@ def _least_of_lossless(met: WorldsMet, samples: Samples, gains: Gains, time_cons
 
 @np.errstate(divide="ignore", invalid="ignore")
 def _least_in_time(met: WorldsMet, samples: Samples, gains: Gains, time_constant: Floats, drags: Floats) -> Floats:
-    """Return the least b_c that no environment of a box forbids. The environments run late or by Euler's rules.
-
-    To leave a forbidden interval, the function raises b_c to the safety factor g times the end of the interval. Except
-    for masses by explicit Euler on time, the function uses only the margin of the real part. The few hands of the scan
-    estimate this margin well, but not the margins of the reactance. The function skips the angles at which the real
-    part suffices without a coupling.
-    """
+    """Return the least b_c that no environment of a box forbids. The environments run late or by Euler's rules."""
     met = replace(met, worlds=replace(met.worlds, resistive=not met.worlds.ahead))
     T, each = samples.device.sample_time, Gains(gains.velocity[..., None, None], gains.position[..., None, None])
     theta, alone, planes = _asked(met, samples, each)
@@ -113,13 +84,7 @@ def _least_in_time(met: WorldsMet, samples: Samples, gains: Gains, time_constant
 
 
 def _asked(met: WorldsMet, samples: Samples, each: Gains) -> tuple[Floats, list[Floats], list[HalfPlane]]:
-    """Return the angles at which the loop needs a coupling, and the margins there without a coupling.
-
-    Returns
-    -------
-    tuple
-        The angles, the margins of each side of the environments' polygon, and the sides.
-    """
+    """Return the angles at which the loop needs a coupling, and the margins there without a coupling."""
     found = []
     for there in _places(samples):
         theta, seen = np.tile(there.theta, there.hands.mass.size), there.seen(each)
@@ -142,18 +107,7 @@ def _places(samples: Samples) -> Iterator[LoopsInHands]:
 def _forbidding(
     met: WorldsMet, sample_time: float, held: LoopsInHands, gains: Gains
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return angles, and the limits of the forbidden region at each angle.
-
-    A coupling is forbidden if its resistance is below the first limit and its reactance, times s c with s =
-    sin(theta/2) and c = cos(theta/2), lies between the second limit and the third one.
-
-    Parameters
-    ----------
-    met : the environments and the safety factor
-    sample_time : sample time T
-    held : loops in hands
-    gains : arrays that broadcast against each other
-    """
+    """Return angles, and the limits of the forbidden region at each angle."""
     worlds, factor, half = met.worlds, met.factor, held.theta / 2
     inertia, compliance = 2 / sample_time * np.sin(half) ** 2, sample_time / 2 * np.cos(half) ** 2
     seen = held.seen(Gains(gains.velocity[..., None, None], gains.position[..., None, None]))

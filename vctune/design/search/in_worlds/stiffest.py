@@ -1,15 +1,5 @@
-"""Find the stiffest coupling of an impedance display with which no environment of a box puts a pole on the unit circle.
-
-In a given hand, a design may fail only in a window of frequencies with a relative width of 1e-4, because the reactance
-of a stiff coupling changes sign next to the frequency at which its resistance is too small. An NLP that imposes the
-constraint at single frequencies misses such windows. The scales 1/k_c that an environment forbids have a closed form,
-and the greatest of them covers all windows. This search therefore takes the scale from the closed form, and exchanges
-hands instead of frequencies. It minimises the error over b_c/k_c and K_v in a few hands, adds the hands that forbid
-more at the answer, and repeats.
-
-For walls there is no such closed form. The search then evaluates the reserve of increasing scales (`known_places`). In
-each round, the multiplier for walls has the corner that is best for the answer of the round before.
-"""
+"""Find the stiffest coupling of an impedance display with which no environment of a box puts a pole on the unit
+circle."""
 
 from __future__ import annotations
 
@@ -44,46 +34,29 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
-ROUNDS = 12
-"""Greatest number of rounds in which hands join the search. Two to five are usual."""
-RESERVE = 5e-4
-"""Least tightening. It covers the hands that the search misses and leaves the proof a reserve. With a fifth of
-this value, one of twenty random displays stays undecided. With twice this value, the compliance rises by a share of
-5e-4."""
+ROUNDS = 12  # Greatest number of rounds in which hands join the search
+RESERVE = 5e-4  # Least tightening
+# Share by which the scale that a hand forbids may exceed the scale of the known hands before the hand joins them
 ENOUGH = 2e-5
-"""Share by which the scale that a hand forbids may exceed the scale of the known hands before the hand joins them. With
-half or twice this share, the errors are the same to 1e-8."""
+# Number of angles per decade in each hand, number of angles in a window around the worst of them, and number of times
+# that the search narrows the window
 PER_DECADE, WINDOW, ZOOMS = 120, 17, 3
-"""Number of angles per decade in each hand, number of angles in a window around the worst of them, and number of times
-that the search narrows the window. With half as many angles the errors of two displays agree to 1e-4. With twice as
-many angles, one error is 0.5 % smaller. The error has kinks, at which the search over b_c/k_c may stop."""
+# Number of places from which the search for the worst hand starts, both on a grid and among the known hands; and number
+# of its steps
 SEARCHED, MOVES = 6, 16
-"""Number of places from which the search for the worst hand starts, both on a grid and among the known hands; and
-number of its steps. The first step is a fifth of the range. With half or twice as many steps, the errors are the same
-to 1e-8.
-"""
-AROUND = 41
-"""Number of angles around a place at which the search evaluates a neighbouring hand."""
+AROUND = 41  # Number of angles around a place at which the search evaluates a neighbouring hand
+# First step in log(b_c/k_c) and in the coordinate of K_v, first step of later rounds, and last step
 FIRST_STEP, NEXT_STEP, LAST_STEP = 0.4, 0.05, 2e-5
-"""First step in log(b_c/k_c) and in the coordinate of K_v, first step of later rounds, and last step."""
 
 
 @dataclass(slots=True)
 class _InHands:
-    """A device, the box of its hands, and the hands for which the search computes the coupling.
+    """A device, the box of its hands, and the hands for which the search computes the coupling."""
 
-    Attributes
-    ----------
-    problem : problem of the device
-    hands : the box
-    known : hands in which the search evaluates the closed form
-    at_walls : places at which the search evaluates walls; None without walls
-    """
-
-    problem: Problem
-    hands: Hands
-    known: list[Hand] = field(default_factory=list)
-    at_walls: KnownPlaces | None = None
+    problem: Problem  # problem of the device
+    hands: Hands  # the box
+    known: list[Hand] = field(default_factory=list)  # hands in which the search evaluates the closed form
+    at_walls: KnownPlaces | None = None  # places at which the search evaluates walls; None without walls
 
     @property
     def device(self) -> Device:
@@ -102,35 +75,20 @@ class _Law:
 
 @dataclass(frozen=True, slots=True)
 class Stiffest:
-    """The stiffest coupling that the search finds, dimensionless.
+    """The stiffest coupling that the search finds, dimensionless."""
 
-    Attributes
-    ----------
-    gains, coupling : the design
-    error : its error
-    places : frequencies and hands at which an environment forbids a stiffer coupling; the most limiting one comes first
-    """
-
-    gains: Gains
+    gains: Gains  # the design
     coupling: AnyCoupling
-    error: float
-    places: list[ConstraintPoint]
+    error: float  # its error
+    places: list[ConstraintPoint]  # frequencies and hands at which an environment forbids a stiffer coupling
 
 
 @np.errstate(all="ignore")
 def stiffest(
     posed: Posed, start: Start, incumbent: float, tightening: float, witnesses: Sequence[ConstraintPoint]
 ) -> Stiffest | None:
-    """Return the best coupling near a start; None if no coupling within the bounds has an error below the incumbent's.
-
-    Parameters
-    ----------
-    posed : prepared problem of an impedance display with a box of environments, dimensionless
-    start : start from the scan
-    incumbent : error above which the search ends, because more hands can only raise the error
-    tightening : relative tightening of the constraints
-    witnesses : points in hands at which a proof refuted a design
-    """
+    """Return the best coupling near a start; None if no coupling within the bounds has an error below the
+    incumbent's."""
     cases = {case.device.modelled: case for case in posed.hand_cases}
     for at in witnesses:
         cases.setdefault(at.device.modelled, with_device(posed.problem, at.device))
@@ -320,8 +278,7 @@ def _starts(one: _InHands, law: _Law) -> tuple[Hand, Floats]:
     return hands, np.append(theta[first], where.theta[1 + peaks])
 
 
-BINDING = 1e-3
-"""Share below the greatest forbidden scale up to which a place counts as limiting the design."""
+BINDING = 1e-3  # Share below the greatest forbidden scale up to which a place counts as limiting the design
 
 
 def _places(sets: Sequence[_InHands], law: _Law) -> list[ConstraintPoint]:

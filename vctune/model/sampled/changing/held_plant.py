@@ -1,8 +1,4 @@
-"""Sample a device in a hand as rows of named states, for hands whose damping changes between samples.
-
-Numbers are dimensionless, in units of the sample time and of the device's mass (1 kg for a servo). The hand's damping
-from this sample on may differ from the hand's damping at the time when the sensor sampled the force.
-"""
+"""Sample a device in a hand as rows of named states, for hands whose damping changes between samples."""
 
 from __future__ import annotations
 
@@ -19,54 +15,29 @@ from vctune.model.numbers.matrices import Vector, add, nothing, times
 from vctune.model.sampled.changing.named_rows import COMMAND, Chain, Row, late, low_passed, sensed, timing, total
 from vctune.model.sampled.plant_in_hand import mechanism_in_hand
 
-PULL = "K x"
-"""Name of the force of the hand's spring. If no other state depends on the position, this force replaces the position
-as a state."""
+PULL = "K x"  # Name of the force of the hand's spring
 
 
-FELT = ("felt", "felt rate")
-"""States of the force sensor's low-pass."""
+FELT = ("felt", "felt rate")  # States of the force sensor's low-pass
 
 
 class HeldPlant(NamedTuple):
-    """A device in a hand over one sample, as rows over the states and the command.
+    """A device in a hand over one sample, as rows over the states and the command."""
 
-    Attributes
-    ----------
-    change : change over a sample, for the states that hardly change
-    memory : next value, for all other states
-    position, velocity : position and velocity that the firmware reads or estimates. Both are empty for a servo, and the
-        position is empty for K_p = 0
-    moved : change of the position over a sample
-    felt : sensed force, with the force of a servo's firmware spring; a resisting force is positive
-    rest : states at rest for q = 1 and v_e = 0; a state that is 0 is absent; empty for a velocity loop with K_p = 0
-    spring : k_eq, the sensed force at rest for q = 1; 0 for a velocity loop with K_p = 0
-    """
-
-    change: dict[str, Row]
-    memory: dict[str, Row]
-    position: Row
+    change: dict[str, Row]  # change over a sample, for the states that hardly change
+    memory: dict[str, Row]  # next value, for all other states
+    position: Row  # position and velocity that the firmware reads or estimates
     velocity: Row
-    moved: Row
-    felt: Row
-    rest: Row
-    spring: Number
+    moved: Row  # change of the position over a sample
+    felt: Row  # sensed force, with the force of a servo's firmware spring; a resisting force is positive
+    rest: Row  # states at rest for q = 1 and v_e = 0
+    spring: Number  # k_eq, the sensed force at rest for q = 1; 0 for a velocity loop with K_p = 0
 
 
 def held_plant(
     plain: Device, device: Device, stiffness: Number | None, hand: Hand, before: Number, ops: Arithmetic
 ) -> HeldPlant:
-    """Return a device with a velocity loop in a hand.
-
-    Parameters
-    ----------
-    plain : device in plain numbers
-    device : the same device in any arithmetic; an admittance display that is not a servo
-    stiffness : K_p > 0, N/m; None for K_p = 0, so that the states do not include the position
-    hand : hand from this sample on
-    before : damping of the hand when the force is sampled, N s/m
-    ops : arithmetic of device and hands
-    """
+    """Return a device with a velocity loop in a hand."""
     body, sensing = (_body(device, each, ops) for each in (hand, replace(hand, damping=before)))
     if stiffness is None:
         one = replace(hand, stiffness=device.mass / (device.sample_time * device.sample_time))
@@ -94,16 +65,10 @@ def held_plant(
 
 
 class _Body(NamedTuple):
-    """A mechanism in a hand, x' = A x + b u, and its sensed force.
+    """A mechanism in a hand, x' = A x + b u, and its sensed force."""
 
-    Attributes
-    ----------
-    chain : A and b
-    weights, feed : coefficients of the states and of the acting command in the sensed force
-    """
-
-    chain: Chain
-    weights: Row
+    chain: Chain  # A and b
+    weights: Row  # coefficients of the states and of the acting command in the sensed force
     feed: Number
 
 
@@ -125,13 +90,7 @@ def _body(device: Device, hand: Hand, ops: Arithmetic) -> _Body:
 
 
 def _by_pull(own: _Body, unit: _Body, spring: Number) -> _Body:
-    """Return a body with the force of the hand's spring as a state, so that nothing depends on the position.
-
-    Parameters
-    ----------
-    own, unit : the body in the hand, and the body in a hand of stiffness 1
-    spring : K, dimensionless
-    """
+    """Return a body with the force of the hand's spring as a state, so that nothing depends on the position."""
     chain, at = own.chain, own.chain.names.index("position")
 
     def row(name: str, one: Vector, other: Vector) -> Vector:

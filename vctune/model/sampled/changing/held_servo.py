@@ -1,9 +1,4 @@
-"""Sample a servo in a hand as rows of named states, for hands whose damping changes between samples.
-
-The position is not a state. It follows from q and from the motion that earlier commands will still cause,
-
-    x = q - lag of the states - delayed commands.
-"""
+"""Sample a servo in a hand as rows of named states, for hands whose damping changes between samples."""
 
 from __future__ import annotations
 
@@ -30,18 +25,7 @@ MOVED = ("moved", "moving")
 
 
 def held_servo(plain: Device, device: Device, hand: Hand, before: Number, ops: Arithmetic) -> HeldPlant:
-    """Return a servo in a hand. The servo's command is v_e.
-
-    An interpolated position command acts like the mean of this v_e and the previous one, held over the sample.
-
-    Parameters
-    ----------
-    plain : servo in plain numbers
-    device : the same servo in any arithmetic
-    hand : hand from this sample on
-    before : damping of the hand when the force is sampled, N s/m
-    ops : arithmetic of device and hands
-    """
+    """Return a servo in a hand. The servo's command is v_e."""
     servo, memory, times_of = device.servo, dict[str, Row](), timing(plain, device)
     assert servo is not None
     command: Row = {COMMAND: 1}
@@ -69,10 +53,7 @@ def held_servo(plain: Device, device: Device, hand: Hand, before: Number, ops: A
 
 
 def _chain(device: Device, hand: Hand, before: Number, ops: Arithmetic) -> tuple[Chain, Row, Number]:
-    """Return position, servo and sensor, and the coefficients of states and command in the sensor's output.
-
-    All numbers are dimensionless, in units of T and of 1 kg. The damping `before` acts when the force is sampled.
-    """
+    """Return position, servo and sensor, and the coefficients of states and command in the sensor's output."""
     T, servo, sensor = device.sample_time, device.servo, device.sensing
     assert servo is not None
     moved = MOVED[: servo.order]

@@ -1,10 +1,4 @@
-"""Write, in state-space form, the sampled loop in a hand whose damping changes (model/README.md, section 21).
-
-All numbers are dimensionless, in units of the sample time T and of the device's mass m, 1 kg for a servo. The states
-are the states of the device in the hand, the delayed commands and sensed forces, the memory of the firmware's filters,
-the position q that v_e has reached, and the coupling's g. With v_e = 0 the loop can rest at any q. The states zeta are
-the deviations of the other states from this rest, and do not include q.
-"""
+"""Write, in state-space form, the sampled loop in a hand whose damping changes (model/README.md, section 21)."""
 
 from __future__ import annotations
 
@@ -26,24 +20,13 @@ DESIRED, REACHED, COUPLED = "v_e", "q", "g"
 
 class Pull(NamedTuple):
     """The hand's spring in a loop whose first state is the spring's force p. Over a sample, p grows by K d, where d is
-    the motion of the handle.
+    the motion of the handle."""
 
-    Attributes
-    ----------
-    stiffness : K
-    motion : d, as a row over zeta and v_e
-    """
-
-    stiffness: Number
-    motion: Vector
+    stiffness: Number  # K
+    motion: Vector  # d, as a row over zeta and v_e
 
     def grown(self, i: int, j: int) -> Number:
-        """Return an entry of the quadratic form 2 p d + K d^2 in zeta and v_e, by which p^2/K grows over a sample.
-
-        Parameters
-        ----------
-        i, j : row and column of the entry
-        """
+        """Return an entry of the quadratic form 2 p d + K d^2 in zeta and v_e, by which p^2/K grows over a sample."""
         d = self.motion
         found = times(times(self.stiffness, d[i]), d[j])
         for one, other in ((i, j), (j, i)):
@@ -52,64 +35,29 @@ class Pull(NamedTuple):
 
 
 class LoopStates(NamedTuple):
-    """The loop zeta[k+1] = change zeta[k] + push v_e[k], y = Z_c v_e - f = seen zeta + spring q + direct v_e.
+    """The loop zeta[k+1] = change zeta[k] + push v_e[k], y = Z_c v_e - f = seen zeta + spring q + direct v_e."""
 
-    The loop is that of an admittance display or a servo. For the leading states, the right-hand side also contains
-    zeta[k].
-
-    Attributes
-    ----------
-    names : names of the entries of zeta
-    staying : number of leading states that hardly change over a sample
-    change : coefficients of zeta[k] in zeta[k+1]; for the leading states, in zeta[k+1] - zeta[k]
-    push, seen : coefficients of v_e in zeta[k+1] and of zeta in y, n numbers each
-    direct : immediate response of y to v_e
-    spring : k_eq: hand's spring, structure and K_p in series; for a servo the hand's and the firmware's spring in
-        parallel; 0 for a velocity loop with K_p = 0
-    pull : the hand's spring, if its force is the first state, as with K_p = 0; None with K_p > 0 and for a servo
-    """
-
-    names: tuple[str, ...]
-    staying: int
-    change: Matrix
-    push: Vector
+    names: tuple[str, ...]  # names of the entries of zeta
+    staying: int  # number of leading states that hardly change over a sample
+    change: Matrix  # coefficients of zeta[k] in zeta[k+1]; for the leading states, in zeta[k+1] - zeta[k]
+    push: Vector  # coefficients of v_e in zeta[k+1] and of zeta in y, n numbers each
     seen: Vector
-    direct: Number
-    spring: Number
-    pull: Pull | None
+    direct: Number  # immediate response of y to v_e
+    spring: Number  # k_eq: hand's spring, structure and K_p in series
+    pull: Pull | None  # the hand's spring, if its force is the first state, as with K_p = 0
 
 
 class Law(NamedTuple):
-    """The law that runs on a device, in any arithmetic.
+    """The law that runs on a device, in any arithmetic."""
 
-    Attributes
-    ----------
-    gains : K_v and K_p; without effect for a servo
-    coupling : b_c, m_c and b_0
-    """
-
-    gains: Gains
-    coupling: Coupling
+    gains: Gains  # K_v and K_p; without effect for a servo
+    coupling: Coupling  # b_c, m_c and b_0
 
 
 def loop_states(
     plain: tuple[Device, Law], exact: tuple[Device, Law], hand: Hand, sensed: Number, ops: Arithmetic
 ) -> LoopStates:
-    """Sample a device in a hand exactly. The device has a velocity loop or is a servo.
-
-    Parameters
-    ----------
-    plain : device and law in plain numbers; they determine the states
-    exact : the same device and law in any arithmetic
-    hand : hand from this sample to the next
-    sensed : damping of the hand when the force is sampled, N s/m; it may differ from the damping of `hand`
-    ops : arithmetic of exact and hand
-
-    Returns
-    -------
-    LoopStates
-        Dimensionless.
-    """
+    """Sample a device in a hand exactly. The device has a velocity loop or is a servo."""
     (own, given), (device, law) = plain, exact
     T, unit = device.sample_time, device.sample_time / device.mass
     if own.servo is not None:
@@ -165,11 +113,6 @@ def _states(row: Row, rows: Iterable[str]) -> list[str]:
 
 
 def states_of(device: Device, law: Law) -> list[str]:
-    """Return the names of the states zeta of a loop.
-
-    Parameters
-    ----------
-    device, law : device and law in plain numbers
-    """
+    """Return the names of the states zeta of a loop."""
     one = Hand(device.mass, 0.0, device.mass / device.sample_time**2)
     return list(loop_states((device, law), (device, law), one, 0.0, FLOATS).names)

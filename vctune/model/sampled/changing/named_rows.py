@@ -1,8 +1,4 @@
-"""Compute weighted sums of named states and inputs in any arithmetic, and the exact motion of a chain of states.
-
-The module `vctune.analysis.responses.states` has the same sums in floats and SI units. In this module all numbers are
-dimensionless, with T = 1.
-"""
+"""Compute weighted sums of named states and inputs in any arithmetic, and the exact motion of a chain of states."""
 
 from __future__ import annotations
 
@@ -15,10 +11,8 @@ from vctune.model.numbers.matrices import Matrix, Vector, add, nothing, scaled, 
 from vctune.model.sampled.state_space import stepped
 from vctune.model.sampled.velocity_loop import split_delay
 
-Row = dict[str, Number]
-"""A weighted sum of states and inputs: coefficients by name."""
-COMMAND = "command"
-"""Name of the present command in a row."""
+Row = dict[str, Number]  # A weighted sum of states and inputs: coefficients by name
+COMMAND = "command"  # Name of the present command in a row
 
 
 def total(terms: Iterable[tuple[Number, Mapping[str, Number]]]) -> Row:
@@ -33,28 +27,13 @@ def total(terms: Iterable[tuple[Number, Mapping[str, Number]]]) -> Row:
 
 
 def substituted(row: Row, name: str, by: Row) -> Row:
-    """Return a row after replacing one state or input by a sum.
-
-    Parameters
-    ----------
-    row : a weighted sum of states and inputs
-    name : name of the state or input to replace
-    by : the sum that replaces this state or input
-    """
+    """Return a row after replacing one state or input by a sum."""
     rest = {other: x for other, x in row.items() if other != name}
     return total([(1, rest), (row.get(name, 0), by)])
 
 
 def late(memory: dict[str, Row], name: str, row: Row, samples: int) -> Row:
-    """Return a row delayed by some samples, and add the states that store the row to the memory.
-
-    Parameters
-    ----------
-    memory : next value of each state; the function adds to it
-    name : name of the stored row
-    row : a weighted sum of states and inputs
-    samples : number of samples of the delay, >= 0
-    """
+    """Return a row delayed by some samples, and add the states that store the row to the memory."""
     for ago in range(1, samples + 1):
         memory.setdefault(f"{name}[k-{ago}]", row)
         row = {f"{name}[k-{ago}]": 1}
@@ -62,16 +41,7 @@ def late(memory: dict[str, Row], name: str, row: Row, samples: int) -> Row:
 
 
 def low_passed(memory: dict[str, Row], name: str, row: Row, share: Number, order: int) -> Row:
-    """Return a row after the firmware's low-passes y += a (x - y), and add their states to the memory.
-
-    Parameters
-    ----------
-    memory : next value of each state; the function adds to it
-    name : name of the row
-    row : x, the sum that enters the low-passes
-    share : coefficient a of the low-passes
-    order : number of low-passes in series
-    """
+    """Return a row after the firmware's low-passes y += a (x - y), and add their states to the memory."""
     for number in range(1, order + 1):
         kept = f"{name} low-pass {number}[k-1]"
         row = memory[kept] = total([(share, row), (1 - share, {kept: 1})])
@@ -79,31 +49,17 @@ def low_passed(memory: dict[str, Row], name: str, row: Row, share: Number, order
 
 
 class Timing(NamedTuple):
-    """The times at which commands act and at which the sensor samples the force.
+    """The times at which commands act and at which the sensor samples the force."""
 
-    Attributes
-    ----------
-    whole, sensed : whole samples in the delay of the command and in the delay of the sensor alone
-    older : share of a sample in which the previous command acts; None if it does not act
-    within : share of a sample after which the sensor samples the force; None for the end of the sample
-    carried : whether the previous command acts at that time; only read if `within` is not None
-    """
-
-    whole: int
+    whole: int  # whole samples in the delay of the command and in the delay of the sensor alone
     sensed: int
-    older: Number | None
-    within: Number | None
-    carried: bool
+    older: Number | None  # share of a sample in which the previous command acts; None if it does not act
+    within: Number | None  # share of a sample after which the sensor samples the force; None for the end of the sample
+    carried: bool  # whether the previous command acts at that time; only read if `within` is not None
 
 
 def timing(plain: Device, device: Device) -> Timing:
-    """Return the timing of a device.
-
-    Parameters
-    ----------
-    plain : device in plain numbers, which determine the whole samples
-    device : the same device in any arithmetic
-    """
+    """Return the timing of a device."""
     T = plain.sample_time
     (whole, rest), (sensed, left) = (split_delay(delay, T) for delay in (plain.latency, plain.sensing.delay))
     together, _ = split_delay(plain.sensed_latency, T)
@@ -118,29 +74,14 @@ def timing(plain: Device, device: Device) -> Timing:
 
 
 class Chain(NamedTuple):
-    """The states x' = A x + b u, T = 1.
+    """The states x' = A x + b u, T = 1."""
 
-    Attributes
-    ----------
-    names : names of the states
-    rates : A
-    push : b
-    """
-
-    names: tuple[str, ...]
-    rates: Matrix
-    push: Vector
+    names: tuple[str, ...]  # names of the states
+    rates: Matrix  # A
+    push: Vector  # b
 
     def over(self, share: Number, older: Number | None, now: Row, before: Row, ops: Arithmetic) -> list[Row]:
-        """Return the change of the states over a share of a sample.
-
-        Parameters
-        ----------
-        share : share of the sample; the integer 1 for the whole sample
-        older : part of the sample in which the older input acts; None if it does not act
-        now, before : the newer and the older input
-        ops : arithmetic of the chain
-        """
+        """Return the change of the states over a share of a sample."""
         whole: Matrix = (
             *((*row, push) for row, push in zip(self.rates, self.push, strict=True)),
             (0,) * (len(self.names) + 1),
@@ -157,17 +98,7 @@ class Chain(NamedTuple):
 def sensed(
     memory: dict[str, Row], chain: Chain, at: Timing, inputs: tuple[Row, Row], felt: tuple[Row, Number], ops: Arithmetic
 ) -> Row:
-    """Return the sensor's sample of a sum of a chain's states and of the command that acts on the chain.
-
-    Parameters
-    ----------
-    memory : next value of each state; the function adds states for the sensor's delay
-    chain : the chain of states
-    at : timing of commands and sensor
-    inputs : the newer and the older command of a sample
-    felt : the weights of the states, and the weight of the command that acts
-    ops : arithmetic of the chain
-    """
+    """Return the sensor's sample of a sum of a chain's states and of the command that acts on the chain."""
     (now, before), (weights, feed) = inputs, felt
     if at.within is None:
         return late(memory, "sensed", total([(1, weights), (feed, before)]), at.sensed)

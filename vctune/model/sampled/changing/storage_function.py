@@ -13,10 +13,8 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Matrix, Vector, add, blocked, nothing, product, rows_of, times
 from vctune.model.sampled.changing.loop_states import LoopStates
 
+# Names of the functions of a hand that weight the matrices of a storage function (`weights`)
 OF_HAND = ("1", "mu", "nu", "sigma", "beta")
-"""Names of the functions of a hand that weight the matrices of a storage function (`weights`). Over a box, mu, sigma
-and beta run from -1 to 1, and nu lies between 0 and 2. Each uncertain parameter of the device also has such a function,
-which runs from -1 to 1 over the parameter's range."""
 BETA = OF_HAND.index("beta")
 
 
@@ -31,16 +29,10 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Holding:
-    """Every hand of a box on every device of a box.
+    """Every hand of a box on every device of a box."""
 
-    Attributes
-    ----------
-    hands : the hands
-    numbers : ranges of the device's uncertain parameters
-    """
-
-    hands: Hands
-    numbers: tuple[Range, ...] = ()
+    hands: Hands  # the hands
+    numbers: tuple[Range, ...] = ()  # ranges of the device's uncertain parameters
 
     @property
     def ends(self) -> list[tuple[float, float]]:
@@ -54,13 +46,7 @@ class Holding:
         return sorted({self.hands.low.damping, self.hands.high.damping})
 
     def on(self, device: Device, row: Sequence[Number]) -> tuple[Hand, Device]:
-        """Return hand and device of the box, from the numbers of `ends`.
-
-        Parameters
-        ----------
-        device : device in any arithmetic, with the numbers that are certain
-        row : mass, damping and stiffness of the hand, and then the parameters of the device
-        """
+        """Return hand and device of the box, from the numbers of `ends`."""
         known = dict(zip((each.key for each in self.numbers), row[3:], strict=True))
         return Hand(*row[:3]), device.with_numbers(known) if known else device
 
@@ -68,21 +54,10 @@ class Holding:
 @dataclass(frozen=True, slots=True)
 class Storage:
     """A storage function k_eq q^2 + zeta' Y zeta, where Y is a sum of matrices weighted by functions of the hand and of
-    the device's uncertain parameters.
+    the device's uncertain parameters."""
 
-    In a velocity loop with K_p = 0, the first state of zeta is the force p of the hand's spring, and the first entry of
-    Y stands for p^2/K.
-
-    Attributes
-    ----------
-    plain : device in plain numbers; zeta holds its states
-    box : box of hands and devices on which the functions are defined
-    terms : a symmetric matrix for each function of `terms_of`, dimensionless; the floats stand for the decimals that
-        they print as
-    """
-
-    plain: Device
-    box: Holding
+    plain: Device  # device in plain numbers; zeta holds its states
+    box: Holding  # box of hands and devices on which the functions are defined
     terms: tuple[tuple[tuple[float, ...], ...], ...]
 
 
@@ -97,24 +72,7 @@ def moved_mass(device: Device) -> Number:
 
 
 def weights(box: Holding, device: Device, hand: Hand, number: Callable[[float], Number]) -> Vector:
-    """Return the functions `terms_of` of a hand and a device.
-
-    mu, sigma and beta are mass, stiffness and damping, scaled linearly from their ranges to [-1, 1]. nu is 0 at both
-    ends of the range of masses and positive between them. 1/(m + M), where the mass m moves rigidly with the hand, is a
-    linear combination of 1, mu and nu.
-
-    Parameters
-    ----------
-    box : box, in plain numbers
-    device : device of the box, in any arithmetic
-    hand : the hand, with the damping of the last sample
-    number : function that returns a plain number in the arithmetic of device and hand
-
-    Returns
-    -------
-    Vector
-        The values of the functions. If a parameter is the same throughout the box, its function is the integer 0.
-    """
+    """Return the functions `terms_of` of a hand and a device."""
 
     def centred(value: Number, low: float, high: float) -> Number:
         return 0 if low == high else (2 * value - number(low) - number(high)) / (number(high) - number(low))
@@ -127,23 +85,8 @@ def weights(box: Holding, device: Device, hand: Hand, number: Callable[[float], 
 
 
 def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) -> Matrix:
-    """Return a matrix whose positive definiteness implies that the storage grows by less than 2 v_e y in every sample.
-
-    The term k_eq q^2 of the storage grows by k_eq (2 q + v_e) v_e. The part 2 k_eq q v_e cancels against the same part
-    of 2 v_e y, so q drops out.
-
-    Parameters
-    ----------
-    loop : the sampled loop, with n states, an admittance display or a servo
-    Y : matrix of the storage for the damping from now on, symmetric, n x n
-    more : the matrix for the damping at the time when the force was sampled, minus Y
-    ops : arithmetic of both
-
-    Returns
-    -------
-    Matrix
-        (n + 1) x (n + 1), of zeta and v_e.
-    """
+    """Return a matrix whose positive definiteness implies that the storage grows by less than 2 v_e y in every
+    sample."""
     n, staying, pull = len(Y), loop.staying, loop.pull
     moved = tuple((*row, push) for row, push in zip(loop.change, loop.push, strict=True))
     kept_apart = Y if pull is None else ((0, *Y[0][1:]), *Y[1:])

@@ -1,12 +1,5 @@
 """Compute, in doubles, the sides of the set of environments that run late or step by Euler's rules (model/README.md,
-section 20).
-
-The search uses a set that is larger than the polygon of the environments z^-n (m f_m + b + k f_k): the set also
-contains each of these environments with any additional damping, which acts on time. If -Y is never in this set, the
-loop is stable without further proof, because the loop is stable with infinite damping, v_e = 0. The sides of the set
-are the sides of the polygon whose normal has a positive real part, and two sides parallel to the real axis. Masses that
-step by explicit Euler on time do not tolerate any damping. For these masses, the search uses the polygon itself.
-"""
+section 20)."""
 
 from __future__ import annotations
 
@@ -21,27 +14,15 @@ from vctune.model.worlds import World, Worlds
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating[Any, Any]]
-SIDES = 8
-"""Number of half-planes from `open_sides`, the greatest number of sides. With masses that step by explicit Euler on
-time, two sides have normals perpendicular to each of the three factors, and two have normals along the real axis. Other
-boxes have fewer sides, and half-planes of `UNPOSED` take the place of the others."""
-LEAST = 1e-9
-"""Least distance of an angle from 0 and pi, rad, because factors may be infinite at 0 and pi. With half or twice this
-distance, the sides are the same."""
+SIDES = 8  # Number of half-planes from `open_sides`, the greatest number of sides
+LEAST = 1e-9  # Least distance of an angle from 0 and pi, rad, because factors may be infinite at 0 and pi
+# Value of `HalfPlane.room` for a side that the set does not have or that lies at infinity: no loop is beyond it
 UNPOSED = -1e30
-"""Value of `HalfPlane.room` for a side that the set does not have or that lies at infinity: no loop is beyond it."""
 
 
 @np.errstate(all="ignore")
 def open_sides(worlds: Worlds, sample_time: float, theta: Floats) -> list[HalfPlane]:
-    """Return `SIDES` half-planes. A loop has to be beyond one of them; the first belongs to the real part.
-
-    Parameters
-    ----------
-    worlds : the box of environments, in plain numbers; with `Worlds.resistive`, only the first half-plane counts
-    sample_time : T, s
-    theta : omega T, rad, in [0, pi]; the half-planes have its shape
-    """
+    """Return `SIDES` half-planes. A loop has to be beyond one of them; the first belongs to the real part."""
     theta = np.clip(theta, LEAST, np.pi - LEAST)
     each, across, along = _factors(worlds, sample_time, theta), 1 + 0j * theta, 1j + 0 * theta
     factors = each[:2] if worlds.rule == "trapezoid" else each  # by this rule, mass and spring have parallel factors

@@ -1,15 +1,4 @@
-"""Evaluate the sampled loop in a hand with every environment of a box that runs late or steps by Euler's rules.
-
-An environment z^-n (m f_m + b + k f_k) of the box holds a pole of the loop at the angle theta if -Y' is a point of the
-polygon of all m f_m + b + k f_k, with Y' = z^n (y Z_c + Z_seen) (model/README.md, section 20). The factors are
-
-    f_m = (2 j s/T) e^(j q theta/2),   f_k = T/(2 j s) e^(-j q theta/2),   s = sin(theta/2),
-
-with q = 1 for explicit Euler and q = -1 for implicit Euler. For the trapezoidal rule, f_m = (2 j s/T)/c and f_k = 1/f_m
-with c = cos(theta/2). A point is outside a polygon if and only if it is beyond one of the polygon's sides. Each side
-defines a half-plane, whose normal is perpendicular to 1, f_m or f_k. At theta = pi, 1, f_m and f_k are real or
-infinite, so that the real direction decides.
-"""
+"""Evaluate the sampled loop in a hand with every environment of a box that runs late or steps by Euler's rules."""
 
 from __future__ import annotations
 
@@ -22,24 +11,18 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen
 from vctune.model.worlds import World, WorldRule, Worlds
 
+# The direction of a normal: along 1, along j, or perpendicular to the factor of the mass or of the spring
 Normal = Literal["real", "imaginary", "to the mass", "to the spring"]
-"""The direction of a normal: along 1, along j, or perpendicular to the factor of the mass or of the spring."""
 
 
 class Side(NamedTuple):
-    """A side of the polygon, and the condition that -Y' is beyond it.
+    """A side of the polygon, and the condition that -Y' is beyond it."""
 
-    Attributes
-    ----------
-    normal : direction of the side's normal
-    sign : 1 if the condition is that Y' + Z_e has a positive component along the normal for every environment, -1 if it
-        is that the component is negative
-    """
-
-    normal: Normal
+    normal: Normal  # direction of the side's normal
     sign: int
 
 
+# The sides of the polygon, by the names of their margins
 SIDES: Mapping[str, Side] = MappingProxyType(
     {
         "resistive": Side("real", 1),
@@ -52,36 +35,19 @@ SIDES: Mapping[str, Side] = MappingProxyType(
         "driven_past_spring": Side("to the spring", -1),
     }
 )
-"""The sides of the polygon, by the names of their margins."""
-LEADING: Mapping[WorldRule, int] = MappingProxyType({"trapezoid": 0, "explicit": 1, "implicit": -1})
-"""q of each rule."""
+LEADING: Mapping[WorldRule, int] = MappingProxyType({"trapezoid": 0, "explicit": 1, "implicit": -1})  # q of each rule
 
 
 class HalfPlane(NamedTuple):
-    """A margin as a function of Y', regular at 0 and pi: the factors of the parts of Y', and the environment's part.
+    """A margin as a function of Y', regular at 0 and pi: the factors of the parts of Y', and the environment's part."""
 
-    Attributes
-    ----------
-    resistance : factor of |F|^2 Re Y
-    reactance : factor of |F|^2 c Im Z_c
-    swing : factor of the swing of Z_seen
-    room : factor of |F|^2, from the nearest environment
-    """
-
-    resistance: Number
-    reactance: Number
-    swing: Number
-    room: Number
+    resistance: Number  # factor of |F|^2 Re Y
+    reactance: Number  # factor of |F|^2 c Im Z_c
+    swing: Number  # factor of the swing of Z_seen
+    room: Number  # factor of |F|^2, from the nearest environment
 
     def terms(self, offered: Offered, seen: Seen, share: Number = 1.0) -> tuple[Number, ...]:
-        """Return the terms whose sum is the margin with a share of the coupling.
-
-        Parameters
-        ----------
-        offered : impedance Z_c of the coupling
-        seen : Z_seen of the loop in a hand
-        share : y, the share of the coupling, from 1/g to 1; 1 for an impedance display, whose loop contains the share
-        """
+        """Return the terms whose sum is the margin with a share of the coupling."""
         size = seen.size
         return (
             self.resistance * (share * offered.resistance * size),
@@ -93,12 +59,7 @@ class HalfPlane(NamedTuple):
 
 
 def sides_of(worlds: Worlds) -> tuple[str, ...]:
-    """Return the names of the sides that the polygons of a box have, without sides at infinity.
-
-    Parameters
-    ----------
-    worlds : the box of environments, in plain numbers
-    """
+    """Return the names of the sides that the polygons of a box have, without sides at infinity."""
     low, high, moved = worlds.low, worlds.high, LEADING[worlds.rule] != 0
     wanted: dict[Normal, Any] = {
         "real": True,
@@ -114,13 +75,7 @@ def sides_of(worlds: Worlds) -> tuple[str, ...]:
 
 
 def sides_at_nyquist(worlds: Worlds, *, rigid: bool) -> tuple[str, ...]:
-    """Return the names of the sides that decide at theta = pi. The margins of all other sides are 0 there.
-
-    Parameters
-    ----------
-    worlds : the box of environments, in plain numbers
-    rigid : whether the coupling is rigid
-    """
+    """Return the names of the sides that decide at theta = pi. The margins of all other sides are 0 there."""
     if worlds.rule != "trapezoid":
         return sides_of(worlds) if rigid else _only(worlds, "real")
     imaginary = _only(worlds, "imaginary")
@@ -134,17 +89,7 @@ def _only(worlds: Worlds, normal: Normal) -> tuple[str, ...]:
 def half_planes(
     worlds: Worlds, names: Sequence[str], sample_time: Number, theta: Number, ops: Arithmetic, *, rigid: bool
 ) -> dict[str, HalfPlane]:
-    """Return the sides of the polygon at an angle.
-
-    Parameters
-    ----------
-    worlds : the box of environments, in numbers of the arithmetic
-    names : names of the sides, from `sides_of`
-    sample_time : T, s
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
-    rigid : whether the coupling is rigid
-    """
+    """Return the sides of the polygon at an angle."""
     return {name: _half_plane(SIDES[name], worlds, sample_time, theta, ops, rigid=rigid) for name in names}
 
 
@@ -204,10 +149,7 @@ def _end(worlds: Worlds, *, nearest: int, name: str) -> Number:
 
 
 def _sizes(normal: Normal, rule: WorldRule, sin: Number, cos: Number, T: Number) -> dict[str, Number]:
-    """Return the sizes of the parts of f_m, 1 and f_k along a normal, times a factor that makes the margin regular.
-
-    The factor is s c for the imaginary direction and c for the perpendicular ones.
-    """
+    """Return the sizes of the parts of f_m, 1 and f_k along a normal, times a factor that makes the margin regular."""
     square, moved = cos * cos, sin * sin * (2 / T)
     if normal == "imaginary":
         return {"mass": moved if rule == "trapezoid" else moved * square, "stiffness": square * (T / 2)}

@@ -1,22 +1,4 @@
-"""Evaluate the sampled loop in a hand with every wall of a box of environments (model/README.md, section 19).
-
-The force of a wall is a function phi of the position x_e + l (T/2) v_e. This function does not change with time, and
-its slope is everywhere between k_1 and k_2. The wall acts in parallel with a mass and a damping of the box. The
-trapezoidal rule has l = 0, backward Euler l = 1. Let Y = y Z_c + Z_seen, s_d = j u, u = h t, h = 2/T, t = s/c, s =
-sin(theta/2), c = cos(theta/2), kappa = k_2 - k_1. With the multiplier (1 - z^-1)/(1 - a z^-1) of Zames and Falb, whose
-corner is w_c = h (1 - a)/(1 + a), let
-
-    p = k_1 - m u^2 - u Im Y,   f = n p + p^2/kappa + C,   n = 1 - l w_c/h,
-    r = Re Y + b,               g = w r + u^2 r^2/kappa,   w = w_c + l h t^2 (1 + 2 k_1/kappa),
-
-and C = l k_1 (w_c/h + t^2 (1 + k_1/kappa)). E = f(p) + g(r) must be positive for all masses and dampings of the box.
-Both terms are convex. E is therefore at least the sum of two tangents,
-
-    f >= tau/c^2 p - kappa/4 (tau/c^2 - n)^2 + C,   g >= (w + 2 u^2 r_0/kappa) r - u^2 r_0^2/kappa.
-
-The sum is least at the greatest mass if tau > 0, at the least mass if tau < 0, and at the least damping if the slope in
-r is not negative. With tangents at the minima of f and g, the sum is E; with other tangents, it is a lower bound.
-"""
+"""Evaluate the sampled loop in a hand with every wall of a box of environments (model/README.md, section 19)."""
 
 from __future__ import annotations
 
@@ -28,68 +10,37 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.sampled.worlds.loop_in_worlds import NOTHING, Disjuncts, Offered, Seen, sum_of
 from vctune.model.worlds import Worlds
 
-LEADS = (0.0, 1.0)
-"""l of the trapezoidal rule and l of backward Euler. The firmware may step a wall by either rule."""
+LEADS = (0.0, 1.0)  # l of the trapezoidal rule and l of backward Euler
 
 
 class Strip(NamedTuple):
-    """The ranges of p and r over the masses and dampings of a box, for one share y. Ends are terms of sums.
+    """The ranges of p and r over the masses and dampings of a box, for one share y. Ends are terms of sums."""
 
-    Attributes
-    ----------
-    low, high : c^2 |F|^2 p with the greatest and with the least mass; low is None if the mass has no upper limit
-    excess : |F|^2 r with the least damping
-    size : |F|^2
-    """
-
-    low: tuple[Number, ...] | None
+    low: tuple[Number, ...] | None  # c^2 |F|^2 p with the greatest and with the least mass
     high: tuple[Number, ...]
-    excess: tuple[Number, ...]
-    size: Number
+    excess: tuple[Number, ...]  # |F|^2 r with the least damping
+    size: Number  # |F|^2
 
 
 class Tangent(NamedTuple):
-    """The points at which f and g have their tangents. Any numbers with the right signs give a lower bound.
+    """The points at which f and g have their tangents. Any numbers with the right signs give a lower bound."""
 
-    Attributes
-    ----------
-    rising, falling : the positive part of tau, and the negative part of tau (tau if tau < 0, else 0)
-    excess : r_0, with w c^2 kappa + 2 h^2 s^2 r_0 >= 0
-    """
-
-    rising: Number
+    rising: Number  # the positive part of tau, and the negative part of tau (tau if tau < 0, else 0)
     falling: Number
-    excess: Number
+    excess: Number  # r_0, with w c^2 kappa + 2 h^2 s^2 r_0 >= 0
 
 
 class Shares(NamedTuple):
-    """The two terms of a lower bound of E times c^2 |F|^2.
+    """The two terms of a lower bound of E times c^2 |F|^2."""
 
-    Attributes
-    ----------
-    flat : c^2 times the bound of f
-    rest : the bound of g
-    """
-
-    flat: Number
-    rest: Number
+    flat: Number  # c^2 times the bound of f
+    rest: Number  # the bound of g
 
 
 def strip_in_walls(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, share: Number, theta: Number, ops: Arithmetic
 ) -> Strip:
-    """Return the ranges of p and r over the box.
-
-    Parameters
-    ----------
-    offered : impedance Z_c of the coupling; for an impedance display `UNCOUPLED`, or the first part of `met_in_hand`
-    worlds : the box of environments, in numbers of the arithmetic; an infinite limit is a plain float
-    sample_time : T, s
-    seen : impedance of the loop in a hand
-    share : y, the share of the coupling, from 1/g to 1; 1 for an impedance display, whose loop contains the share
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-    """
+    """Return the ranges of p and r over the box."""
     sin, cos, low, high = ops.sin(theta / 2), ops.cos(theta / 2), worlds.low, worlds.high
     h, size = 2 / sample_time, seen.size
     inertia = h * h * (sin * sin)
@@ -106,24 +57,14 @@ def strip_in_walls(
 
 @dataclass(frozen=True, slots=True)
 class _Condition:
-    """The numbers in c^2 f and c^2 g at one angle, which are regular at theta = pi.
+    """The numbers in c^2 f and c^2 g at one angle, which are regular at theta = pi."""
 
-    Attributes
-    ----------
-    width : kappa
-    inertia : h^2 s^2
-    square : c^2
-    flat : n
-    corner : c^2 w
-    kept : c^2 C
-    """
-
-    width: Number
-    inertia: Number
-    square: Number
-    flat: Number
-    corner: Number
-    kept: Number
+    width: Number  # kappa
+    inertia: Number  # h^2 s^2
+    square: Number  # c^2
+    flat: Number  # n
+    corner: Number  # c^2 w
+    kept: Number  # c^2 C
 
 
 def _condition(worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic) -> _Condition:
@@ -146,20 +87,7 @@ def _condition(worlds: Worlds, lead: Number, sample_time: Number, theta: Number,
 def disjuncts_in_walls(
     strip: Strip, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return margins as the terms of their sums. E is positive if and only if one of the margins is positive.
-
-    If the first margin is positive, E is positive for every p with this r. If one of the others is positive, p lies
-    above, or below, every value at which E could vanish with this r.
-
-    Parameters
-    ----------
-    strip : ranges of p and r over masses and dampings
-    worlds : the box of environments, with the corner frequency of the multiplier
-    lead : l of the integration rule, 0 or 1
-    sample_time : T, s
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments; its numbers must have a sign
-    """
+    """Return margins as the terms of their sums. E is positive if and only if one of the margins is positive."""
     at = _condition(worlds, lead, sample_time, theta, ops)
     u2, corner, half = at.inertia / at.square, at.corner / at.square * at.width / 2, at.flat * at.width / 2
     scale, excess = at.square * strip.size, sum_of(strip.excess) / strip.size
@@ -192,18 +120,7 @@ def shares_of(
     theta: Number,
     ops: Arithmetic,
 ) -> Shares:
-    """Return a lower bound of E from tangents of f and g.
-
-    Parameters
-    ----------
-    strip : ranges of p and r over masses and dampings
-    tangent : points of the tangents
-    worlds : the box of environments, with the corner frequency of the multiplier
-    lead : l of the integration rule, 0 or 1
-    sample_time : T, s
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-    """
+    """Return a lower bound of E from tangents of f and g."""
     at = _condition(worlds, lead, sample_time, theta, ops)
     off = tangent.rising + tangent.falling - at.flat * at.square
     flat = tangent.falling * sum_of(strip.high) - strip.size * (at.width * 0.25) * (off * off)
@@ -217,13 +134,7 @@ def shares_of(
 def flattest(
     strip: Strip, rest: Number, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
 ) -> Number:
-    """Return the lower bound of E times c^2 |F|^2 with f at its minimum. The bound is regular at theta = pi.
-
-    Parameters
-    ----------
-    strip, worlds, lead, sample_time, theta, ops : see `shares_of`
-    rest : the bound of g from `shares_of`
-    """
+    """Return the lower bound of E times c^2 |F|^2 with f at its minimum. The bound is regular at theta = pi."""
     at = _condition(worlds, lead, sample_time, theta, ops)
     return rest + strip.size * (at.kept - at.width * 0.25 * (at.flat * at.flat) * at.square)
 
@@ -231,12 +142,7 @@ def flattest(
 def tangent_at(
     strip: Strip, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
 ) -> Tangent:
-    """Return the tangents at the minima of f and g over the box, for which the lower bound is E itself.
-
-    Parameters
-    ----------
-    strip, worlds, lead, sample_time, theta, ops : see `shares_of`; the numbers must have a sign
-    """
+    """Return the tangents at the minima of f and g over the box, for which the lower bound is E itself."""
     at = _condition(worlds, lead, sample_time, theta, ops)
     level, least = at.flat * at.square, at.corner * at.width
     falling = -_positive(-(level + 2 / at.width * (sum_of(strip.high) / strip.size)), ops)
@@ -253,25 +159,14 @@ def tangent_at(
 def tangent_of_one(
     strip: Strip, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
 ) -> Tangent:
-    """Return the tangents for a single mass and damping, for which the lower bound is E itself.
-
-    Parameters
-    ----------
-    strip : p and r for one mass and one damping
-    worlds, lead, sample_time, theta, ops : see `shares_of`
-    """
+    """Return the tangents for a single mass and damping, for which the lower bound is E itself."""
     at = _condition(worlds, lead, sample_time, theta, ops)
     slope = at.flat * at.square + 2 / at.width * (sum_of(strip.high) / strip.size)
     return Tangent(0 * slope, slope, sum_of(strip.excess) / strip.size)
 
 
 def tangent_at_rest(worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic) -> Tangent:
-    """Return the tangents at p = r = 0.
-
-    Parameters
-    ----------
-    worlds, lead, sample_time, theta, ops : see `shares_of`
-    """
+    """Return the tangents at p = r = 0."""
     at = _condition(worlds, lead, sample_time, theta, ops)
     return Tangent(at.flat * at.square, 0, 0)
 

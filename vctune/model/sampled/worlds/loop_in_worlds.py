@@ -1,25 +1,4 @@
-"""Evaluate the sampled loop in a hand with every environment of a box (model/README.md, section 18).
-
-An environment Z_e = b + m s_d + k/s_d puts a pole of the loop at the angle theta if -Y = Z_e there, with Y = y Z_c +
-Z_seen, s_d = j u and u = (2/T) tan(theta/2). Since b has no upper limit, the box contains no such Z_e if
-
-    Re Y + b_1 > 0,   or   -Im Y > m_2 u - k_1/u,   or   -Im Y < m_1 u - k_2/u.
-
-With the safety factor g, one of these conditions must hold for every y from 1/g to 1. The first condition fails below
-some y, the second above some y, and the third below some y. The values of y at which all three fail therefore form an
-interval. This interval contains no y from 1/g to 1 in any of four cases: the first condition holds at y = 1/g, the
-third holds at y = 1/g, the second holds at y = 1, or the first holds at the y above which the second fails. The last
-case is
-
-    Re Z_c (-Im Z_seen - m_2 u + k_1/u) > Im Z_c (R - b_1).
-
-The code multiplies these numbers by s c |F|^2, with s = sin(theta/2) and c = cos(theta/2). The products are regular at
-theta = 0 and at theta = pi.
-
-The coupling of an impedance display is a part of the loop that the environment meets. With a share y of the coupling's
-admittance, that loop is Z_seen = 1/(y/Z_c + G), and there is no other coupling
-(`vctune.model.sampled.hand_loop.seen_by_tool`). The same inequalities then hold with Z_c = 0, for each y separately.
-"""
+"""Evaluate the sampled loop in a hand with every environment of a box (model/README.md, section 18)."""
 
 from __future__ import annotations
 
@@ -32,89 +11,46 @@ from vctune.model.gains import Coupling
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.worlds import Worlds
 
+# Value that the code adds to a divisor that is a sum of magnitudes, because all the magnitudes may be 0
 NOTHING = 1e-30
-"""Value that the code adds to a divisor that is a sum of magnitudes, because all the magnitudes may be 0. Any value far
-below the magnitudes and above the square root of the least positive double would serve."""
 
 
 class Seen(NamedTuple):
-    """The impedance that the loop in a hand presents to the environment, Z_seen = -lost/size - j swing/(s size).
+    """The impedance that the loop in a hand presents to the environment, Z_seen = -lost/size - j swing/(s size)."""
 
-    For an impedance display, Z_seen is the impedance that the virtual tool meets, or G/s^2 if the coupling is not
-    included.
-
-    Attributes
-    ----------
-    lost, size : R = lost/size, N s/m; the size is |F|^2, or 1 for a servo
-    swing : -s size Im Z_seen, which is half of Re(P conj F) without a coupling; it is > 0 for a spring
-    """
-
-    lost: Number
-    swing: Number
+    lost: Number  # R = lost/size, N s/m; the size is |F|^2, or 1 for a servo
+    swing: Number  # -s size Im Z_seen, which is half of Re(P conj F) without a coupling; it is > 0 for a spring
     size: Number
 
 
 class Offered(NamedTuple):
-    """The impedance Z_c of the coupling as the firmware runs it.
+    """The impedance Z_c of the coupling as the firmware runs it."""
 
-    Attributes
-    ----------
-    resistance : Re Z_c, N s/m
-    reactance : c Im Z_c, N s/m, with c = cos(theta/2)
-    """
-
-    resistance: Number
-    reactance: Number
+    resistance: Number  # Re Z_c, N s/m
+    reactance: Number  # c Im Z_c, N s/m, with c = cos(theta/2)
 
 
 class Disjuncts(NamedTuple):
-    """Margins, each as the terms of its sum.
+    """Margins, each as the terms of its sum."""
 
-    If one of the margins is positive, no environment puts a pole at this angle. A field is None if no coupling can make
-    its margin positive, or if another margin covers it.
-
-    Attributes
-    ----------
-    resistive : margin of the real part
-    above, below : margins by which the reactance lies above, or below, the reactance of every environment
-    turned : margin that is positive if, at each y, the real part suffices or the reactance lies above the reactance of
-        every environment
-    """
-
-    resistive: tuple[Number, ...]
+    resistive: tuple[Number, ...]  # margin of the real part
     above: tuple[Number, ...] | None
     below: tuple[Number, ...] | None
     turned: tuple[Number, ...] | None
 
 
-UNCOUPLED = Offered(0, 0)
-"""No coupling. The proof uses this value for an impedance display, because its loop already contains the coupling."""
+UNCOUPLED = Offered(0, 0)  # No coupling
 
 
 def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Offered:
-    """Return Z_c at theta = omega T.
-
-    Parameters
-    ----------
-    coupling : coupling in numbers of the arithmetic
-    sample_time : T, s
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-    """
+    """Return Z_c at theta = omega T."""
     return Offered(
         sampled_resistance(coupling, sample_time, theta, ops), sampled_reactance(coupling, sample_time, theta, ops)
     )
 
 
 def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str, ...]:
-    """Return the names of the margins that can be positive in a box of environments.
-
-    Parameters
-    ----------
-    worlds : the box of environments
-    factor : safety factor g, >= 1
-    inverse : True for an impedance display, whose margins belong to one share of the coupling; `turned` is then absent
-    """
+    """Return the names of the margins that can be positive in a box of environments."""
     if worlds.resistive:
         return ("resistive",)
     turned = () if factor == 1 or inverse else ("turned",)
@@ -125,18 +61,7 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
 def disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return margins, each times a positive number that contains |F|^2; at least one of them must be positive.
-
-    Parameters
-    ----------
-    offered : impedance Z_c of the coupling; for an impedance display `UNCOUPLED`, or the first part of `met_in_hand`
-    worlds : the box of environments, in numbers of the arithmetic; an infinite limit is a plain float
-    sample_time : T, s
-    seen : impedance of the loop in a hand
-    factor : safety factor g, >= 1; 1 for an impedance display, whose loop has a share of the coupling
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-    """
+    """Return margins, each times a positive number that contains |F|^2; at least one of them must be positive."""
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
     inertia, compliance = sin * sin * (2 / sample_time), cos * cos * (sample_time / 2)
     low, high, x, w = worlds.low, worlds.high, offered.resistance, sin * offered.reactance
@@ -156,16 +81,7 @@ def disjuncts(
 def limp_disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return `disjuncts` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness.
-
-    If the least stiffness of the box is 0, `above` is also divided by s. `below` and `turned` are None, because they
-    are not positive there.
-
-    Parameters
-    ----------
-    offered, worlds, sample_time, factor, theta, ops : see `disjuncts`
-    seen : the loop divided by rho^2; its swing is also divided by s
-    """
+    """Return `disjuncts` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness."""
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
     low, high, size = worlds.low, worlds.high, seen.size
     kept = () if ops.is_zero(low.damping) else (factor * low.damping * size,)
@@ -178,15 +94,7 @@ def limp_disjuncts(
 
 
 def room_of(terms: tuple[Number, ...], absolute: Callable[[Number], Number]) -> Number:
-    """Return the relative distance of a margin from 0: twice the sum of its terms over the sum of their magnitudes.
-
-    Near 0 this is the logarithm of the ratio of positive to negative terms.
-
-    Parameters
-    ----------
-    terms : terms of the margin
-    absolute : function that returns the magnitude of a number
-    """
+    """Return the relative distance of a margin from 0: twice the sum of its terms over the sum of their magnitudes."""
     return 2 * sum_of(terms) / (sum_of(tuple(map(absolute, terms))) + NOTHING)
 
 

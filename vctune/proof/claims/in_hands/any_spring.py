@@ -1,9 +1,4 @@
-"""Prove the claim in hands for every stiffness at once (proof/README.md, section 10).
-
-The stiffness of the hand moves a resonance through the boxes. `margin_in_spring` eliminates the stiffness and the
-damping in closed form. The rest hardly depends on the hand, so that few boxes of the angle and of the device's
-parameters cover all hands.
-"""
+"""Prove the claim in hands for every stiffness at once (proof/README.md, section 10)."""
 
 from __future__ import annotations
 
@@ -24,37 +19,17 @@ from vctune.proof.engine.branching import Decided, Test, left_open
 from vctune.proof.engine.polynomial_tests import FEW, by_polynomials
 from vctune.running import check_time
 
-TOP = 3.1
-"""Greatest angle, rad, of a box that the search tries. Near Nyquist, the factor cos(theta/2) of K and B vanishes."""
-SLOWEST = 1e-5
-"""Angle, rad, below which a box that begins at 0 is left to the other tests. Every resonance below this angle is
-damped."""
-REACH = 0.9
-"""Share of the resonant stiffness below which the stiffest hand of a box is too soft for a resonance. The test leaves
-such boxes to the other tests, which need few boxes for a soft hand."""
-MOST_BOXES = 20_000
-"""Number of boxes after which the search ends. A box with uncertain mass, damping and delay took 8,000. The other
-tests prove the remaining boxes, so this number affects only the time."""
-GROWTH = 8
-"""Ratio of the present number of open boxes to the initial number, above which the search ends. The open boxes then
-surround hands for which the condition fails or hardly holds. The ratio affects only the time."""
+TOP = 3.1  # Greatest angle, rad, of a box that the search tries
+SLOWEST = 1e-5  # Angle, rad, below which a box that begins at 0 is left to the other tests
+REACH = 0.9  # Share of the resonant stiffness below which the stiffest hand of a box is too soft for a resonance
+MOST_BOXES = 20_000  # Number of boxes after which the search ends
+GROWTH = 8  # Ratio of the present number of open boxes to the initial number, above which the search ends
 
 
 def left_by_any_spring(
     margins: Margins, device: Device, part: Part, fixed: Values, boxes: Boxes, max_boxes: int
 ) -> tuple[Boxes, int]:
-    """Return the boxes that remain to be proved, and the number of evaluated boxes.
-
-    Parameters
-    ----------
-    margins : function of a frequency and of values by name, over `vctune.proof.enclosures.taylor`; where all of its
-        margins are positive, the claim holds for every stiffness and for the given `LEAST_DAMPING` or more
-    device : device that states T, and m if m is not a row
-    part : part of the boxes
-    fixed : values by name that are not rows of the boxes
-    boxes : boxes of that part
-    max_boxes : number of boxes after which the search ends, if it is below `MOST_BOXES`
-    """
+    """Return the boxes that remain to be proved, and the number of evaluated boxes."""
     test = part.within(_test(margins, device, part, fixed))
     return left_open(test, boxes, max_boxes=min(MOST_BOXES, max_boxes), growth=GROWTH, few=FEW)
 

@@ -15,23 +15,13 @@ from vctune.proof.enclosures.array_intervals import Floats
 from vctune.proof.engine.boxes import Boxes
 from vctune.proof.engine.branching import Decided, Test
 
+# Least relative distance between a box's share and the shares of its angles and hands at which the test omits the box
 WITHIN = 1e-9
-"""Least relative distance between a box's share and the shares of its angles and hands at which the test omits the box.
-This distance exceeds the rounding errors."""
 
 
 def with_own_share(test: Test, device: Device, names: tuple[str, ...]) -> Test:
-    """Return a test that reports a box as proved if its share of the stiffness belongs to none of its angles and hands.
-
-    Near rest, the share of K in rho = 2 s + K T^2/m is a separate row. Away from rest, the angle and the hand
-    determine this share, and boxes with another share contain no hand.
-
-    Parameters
-    ----------
-    test : test of boxes with a row for that share, for loops without an integrator
-    device : device that states T, and m if m is not a row
-    names : names of the boxes' rows, without the frequency
-    """
+    """Return a test that reports a box as proved if its share of the stiffness belongs to none of its angles and
+    hands."""
     share, stiffness = (1 + names.index(name) for name in (SHARES[1], STIFFNESS))
     heavy = 1 + names.index(row_of("mass")) if row_of("mass") in names else None
 

@@ -1,10 +1,4 @@
-"""Hands near a resonance with the device, in coordinates along the resonance (proof/README.md, section 10).
-
-A hand with little damping resonates with the device on the surface theta = T sqrt(K/(m + M)). Across this surface a
-margin changes within a relative distance that is a fraction of the damping ratio. Boxes of mass, stiffness and angle
-lie across the surface, and would have to be that small in all three rows. Boxes of mass, angle and the relative
-stiffness y = K/((m + M) (theta/T)^2) lie along the surface.
-"""
+"""Hands near a resonance with the device, in coordinates along the resonance (proof/README.md, section 10)."""
 
 from __future__ import annotations
 
@@ -23,44 +17,24 @@ from vctune.proof.engine.boxes import Boxes, Values
 from vctune.proof.engine.branching import Decided, Test
 
 RATIO = "stiffness of the hand over the resonant one"
-ROWS = tuple(RATIO if key == STIFFNESS else key for key in HAND)
-"""The parameters of a hand in these coordinates."""
-SHARP = 0.03
-"""Damping ratio of hand and device below which the resonance gets separate boxes. For loops with a damping ratio of
-0.02, half this limit takes up to two thirds fewer boxes. Loops with a ratio of 1e-5 take 34,000 boxes with this
-limit, and more than half a million without it."""
-DAMPED = 0.1
-"""Damping ratio at the first angle of the resonant boxes. The damping ratio of a softer hand is greater, so its
-resonance is not sharp. With half or twice this ratio, the proofs need the same number of boxes to within a third."""
-AROUND = (0.5, 2.0)
-"""Multiples of the resonant stiffness that the resonant boxes cover. With half this range on a logarithmic scale, a
-proof takes up to 50 % more boxes; with twice the range, the same number of boxes to within 10 %."""
-SLOWEST = 1e-5
-"""Least angle of the resonant boxes, rad. With half or twice this angle, a proof takes the same number of boxes. With
-an angle of 1e-3, the prover leaves slow devices with hardly any damping open."""
-WITHIN = 1e-9
-"""Relative allowance for rounding. A box of `HAND` is left to the boxes of `ROWS` only if it lies inside the
-resonance's range by this allowance. A box of `ROWS` is omitted only if it lies outside the hands' range by this
-allowance."""
+ROWS = tuple(RATIO if key == STIFFNESS else key for key in HAND)  # The parameters of a hand in these coordinates
+SHARP = 0.03  # Damping ratio of hand and device below which the resonance gets separate boxes
+DAMPED = 0.1  # Damping ratio at the first angle of the resonant boxes
+AROUND = (0.5, 2.0)  # Multiples of the resonant stiffness that the resonant boxes cover
+SLOWEST = 1e-5  # Least angle of the resonant boxes, rad
+WITHIN = 1e-9  # Relative allowance for rounding
 DEVICE_MASS = "device.mass"
 
 
 @dataclass(frozen=True, slots=True)
 class Resonance:
-    """A sharp resonance between hands and the device.
+    """A sharp resonance between hands and the device."""
 
-    Attributes
-    ----------
-    mass, sample_time : m, kg, unless m is a row; and T, s
-    least, greatest : least and greatest stiffness of the hands, N/m
-    first : least angle of the resonance, rad, > 0
-    """
-
-    mass: float
+    mass: float  # m, kg, unless m is a row; and T, s
     sample_time: float
-    least: float
+    least: float  # least and greatest stiffness of the hands, N/m
     greatest: float
-    first: float
+    first: float  # least angle of the resonance, rad, > 0
 
     def margins(self, margins: Margins) -> Margins:
         """Return margins in the coordinates `ROWS` from margins in the parameters of `HAND`."""
@@ -73,21 +47,7 @@ class Resonance:
         return of_ratio
 
     def left_to_it(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that leaves boxes of `HAND` near the resonance to the boxes of `ROWS`.
-
-        The test reports such a box as proved; `in_range` and `margins` then prove it in the relative stiffness. If the
-        border of the resonance's range crosses a box, the prover halves the box until its parts lie inside or outside.
-
-        Parameters
-        ----------
-        test : test of boxes with the rows of `HAND`
-        names : names of the boxes' rows, without the frequency
-
-        Returns
-        -------
-        Test
-            The test for the same boxes.
-        """
+        """Return a test that leaves boxes of `HAND` near the resonance to the boxes of `ROWS`."""
         mass, stiffness = (1 + names.index(name) for name in (MASS, STIFFNESS))
 
         def tested(boxes: Boxes) -> Decided:
@@ -109,18 +69,7 @@ class Resonance:
         return tested
 
     def in_range(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that omits boxes of `ROWS` whose stiffness no hand has.
-
-        Parameters
-        ----------
-        test : test of boxes with the rows of `ROWS`
-        names : names of the boxes' rows, without the frequency
-
-        Returns
-        -------
-        Test
-            The test for the same boxes; a failure is valid only at a stiffness that a hand has.
-        """
+        """Return a test that omits boxes of `ROWS` whose stiffness no hand has."""
         ratio = 1 + names.index(RATIO)
         tied = np.array([0, *(1 + k for k, name in enumerate(names) if name in (MASS, DEVICE_MASS, RATIO))])
 
@@ -140,18 +89,7 @@ class Resonance:
         return tested
 
     def hand(self, theta: float, numbers: dict[str, float]) -> Hand:
-        """Return the hand at a point of `ROWS`, with its stiffness limited to the hands' range.
-
-        Parameters
-        ----------
-        theta : omega T, rad, > 0
-        numbers : numbers by the names of `ROWS` and, if the device's mass is uncertain, `DEVICE_MASS`
-
-        Returns
-        -------
-        Hand
-            M, B and K = ratio (m + M) (theta/T)^2.
-        """
+        """Return the hand at a point of `ROWS`, with its stiffness limited to the hands' range."""
         at = np.array([[theta], *([value] for value in numbers.values())])
         stiffness = float(numbers[RATIO] * self._resonant(tuple(numbers), at)[0])
         return Hand.of({**numbers, STIFFNESS: min(max(stiffness, self.least), self.greatest)})
@@ -163,22 +101,7 @@ class Resonance:
 
 
 def resonance(design: Design, hands: Hands, box: DeviceBox | None = None) -> Resonance | None:
-    """Return the sharp resonance of hands with a design without K_p.
-
-    The resonance is sharp if the damping ratio of hand, device and K_v together is below `SHARP` for the greatest
-    stiffness.
-
-    Parameters
-    ----------
-    design : design with plain floats
-    hands : the box of hands
-    box : uncertain devices; the function uses their least damping and greatest mass; None for the design's own device
-
-    Returns
-    -------
-    Resonance or None
-        None if no hand of the box resonates sharply, or if K_p > 0.
-    """
+    """Return the sharp resonance of hands with a design without K_p."""
     gains = design.gains
     device, heavy = (design.device, design.device) if box is None else (box.low, box.high)
     if gains.position > 0 or hands.high.stiffness == 0:

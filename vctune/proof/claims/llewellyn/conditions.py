@@ -1,7 +1,5 @@
-"""Prove Llewellyn's conditions on a band, and find the widest band on which they hold.
-
-See model/README.md, section 4; proof/README.md, section 3.
-"""
+"""Prove Llewellyn's conditions on a band, and find the widest band on which they hold. See model/README.md, section 4;
+proof/README.md, section 3."""
 
 from __future__ import annotations
 
@@ -28,23 +26,16 @@ from vctune.proof.enclosures.arb_balls import BALLS, as_series, design_ball, des
 from vctune.proof.engine.band_edges import extend_band
 from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 
-EXTENSION_BOXES = 2_000
-"""Number of boxes for one step beyond the band. The code shortens a step that needs more. With half or twice as many
-boxes, an edge at which the ratio falls below 1 is the same, except for the last printed digits."""
+EXTENSION_BOXES = 2_000  # Number of boxes for one step beyond the band
+# Lowest frequency, relative to the edge of the required band, to which the code extends a proof that does not reach 0
 LOWEST_EDGE = 1e-18
-"""Lowest frequency, relative to the edge of the required band, to which the code extends a proof that does not reach 0.
-The prover treats a band from 0 separately, and lower edges have no practical meaning. With half or twice this share,
-vctune states the same edges."""
 
 
 Margin = Callable[[Number], Number]
 
 
 def _margins(design: Design, factor: float) -> list[Margin]:
-    """Return the margins of a design's decimals as functions of omega. The first is `conditions_margin`.
-
-    Without feedback C = 0, and Re G_hh > 0 depends on the damping alone.
-    """
+    """Return the margins of a design's decimals as functions of omega. The first is `conditions_margin`."""
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:
         damping = exact.device.least_damping
@@ -63,22 +54,7 @@ def _margins(design: Design, factor: float) -> list[Margin]:
 
 
 def prove_conditions(design: Design, low: float, high: float, factor: float) -> Outcome:
-    """Prove Re G_hh > 0 and Re Z_c >= factor R on [low, high], in the hand of the least operator.
-
-    See model/README.md, section 4. An ideal device with hold "lag" and no delay permits the band [0, inf], and its
-    proof is exact. The function widens finite edges by the rounding error of 2 pi f.
-
-    Parameters
-    ----------
-    design : device, gains and coupling; floats stand for the decimals that they print as
-    low, high : edges of the band, rad/s; low may be 0
-    factor : least permitted Re Z_c / R
-
-    Returns
-    -------
-    Outcome
-        If it is refuted or undecided, it has a frequency in rad/s.
-    """
+    """Prove Re G_hh > 0 and Re Z_c >= factor R on [low, high], in the hand of the least operator."""
     wider = outwards((low, high))
     if is_rational(design.device):
         return prove_polynomials(conditions(design, factor), *wider)
@@ -96,19 +72,7 @@ def prove_conditions(design: Design, low: float, high: float, factor: float) -> 
 
 
 def conditions_at(design: Design, factor: float, omega: float) -> Outcome:
-    """Return whether the conditions certainly fail at one frequency.
-
-    Parameters
-    ----------
-    design : design; floats stand for the decimals that they print as; its device's response may be perturbed
-    factor : least permitted Re Z_c / R
-    omega : angular frequency, rad/s, > 0
-
-    Returns
-    -------
-    Outcome
-        Either refuted with omega as its witness, or undecided; never proved.
-    """
+    """Return whether the conditions certainly fail at one frequency."""
     fails = any(margin(arb(omega)) < 0 for margin in _margins(design, factor))
     return Outcome(Verdict.REFUTED, 1, omega) if fails else Outcome(Verdict.UNDECIDED, 1)
 
@@ -128,20 +92,7 @@ def _end_failure(verdict: Verdict, margin: Margin, start: float) -> Outcome:
 
 
 def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
-    """Return the widest band around a proved band on which Re G_hh > 0 and Re Z_c >= R are proved.
-
-    The band ends at the Nyquist frequency, above which the frequency model has no meaning. With hold "lag" and no delay
-    the band may reach inf.
-
-    Parameters
-    ----------
-    design : design; its floats stand for the decimals that they print as
-    low, high : edges of a proved band, rad/s
-
-    Returns
-    -------
-    low, high : edges of the widest band, rad/s
-    """
+    """Return the widest band around a proved band on which Re G_hh > 0 and Re Z_c >= R are proved."""
     if is_rational(design.device):
         return widest(conditions(design, 1.0), low, high)
     margins = _margins(design, 1.0)

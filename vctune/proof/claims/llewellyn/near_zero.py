@@ -11,15 +11,9 @@ from vctune.proof.claims.margins_of_claims import Design, low_margin, resistance
 from vctune.proof.enclosures.arb_balls import BALLS, box, design_ball
 from vctune.proof.engine.interval import Verdict, prove_boxes
 
-SHRINK = 4.0
-"""Factor between two trial frequencies; the margin near 0 is proved up to one of them. With the square root of this
-factor, the proof reaches slightly higher frequencies; with its square, slightly lower ones. In any case, the ordinary
-margin proves the frequencies above."""
-STEPS = 120
-"""Number of trial frequencies, down to 1e-72 of the first. Half as many would suffice for every device whose parameters
-lie within twenty decades."""
-END_BOXES = 64
-"""Number of boxes for a trial frequency. With half or twice as many boxes, the result changes by about one step."""
+SHRINK = 4.0  # Factor between two trial frequencies; the margin near 0 is proved up to one of them
+STEPS = 120  # Number of trial frequencies, down to 1e-72 of the first
+END_BOXES = 64  # Number of boxes for a trial frequency
 
 
 def low_end_verdict(design: Design) -> Verdict:
@@ -32,19 +26,7 @@ def low_end_verdict(design: Design) -> Verdict:
 
 
 def prove_low_end(design: Design, factor: float, below: float) -> float | None:
-    """Find an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R are proved on (0, omega_0].
-
-    Parameters
-    ----------
-    design : design; its floats stand for the decimals that they print as
-    factor : least permitted Re Z_c / R
-    below : first frequency to try, rad/s, > 0
-
-    Returns
-    -------
-    float or None
-        omega_0, rad/s; None if the proof fails for all `STEPS` trial frequencies.
-    """
+    """Find an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R are proved on (0, omega_0]."""
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:  # without feedback R = 0
         return below if design.device.least_damping > 0 else None

@@ -1,11 +1,4 @@
-"""Llewellyn's conditions for hold "lag" without delay, as polynomials with rational coefficients.
-
-The condition 2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C + Re(C conj D)) >= factor |C||D| holds where A >= 0 and A^2 -
-factor^2 B >= 0. Here A is the left-hand side and B = |C|^2 |D|^2. Both are rational in omega; multiplication by the
-hold's denominator 1 + (omega T/2)^2 makes them polynomials. Their signs change only at real roots, which the code
-isolates with certainty. The claim stays undecided at a root without a change of sign. The band may begin at 0 and end
-at infinity without special treatment (model/README.md, section 6).
-"""
+"""Llewellyn's conditions for hold "lag" without delay, as polynomials with rational coefficients."""
 
 from __future__ import annotations
 
@@ -28,18 +21,11 @@ from vctune.proof.engine.interval import Outcome, Verdict
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """The conditions as polynomials in omega. A condition holds where its polynomial is positive.
+    """The conditions as polynomials in omega. A condition holds where its polynomial is positive."""
 
-    Attributes
-    ----------
-    linear : A, the left-hand side of the condition
-    squared : A^2 - factor^2 B
-    roots : frequencies where `squared` changes its sign or touches 0, rad/s, > 0, in ascending order
-    """
-
-    linear: fmpq_poly
-    squared: fmpq_poly
-    roots: list[arb]
+    linear: fmpq_poly  # A, the left-hand side of the condition
+    squared: fmpq_poly  # A^2 - factor^2 B
+    roots: list[arb]  # frequencies where `squared` changes its sign or touches 0, rad/s, > 0, in ascending order
 
     def met(self, omega: float) -> bool:
         """Return whether the conditions hold strictly at a frequency, rad/s."""
@@ -53,21 +39,7 @@ def is_rational(device: Device) -> bool:
 
 
 def conditions(design: Design, factor: float) -> Conditions:
-    """Return Llewellyn's conditions as polynomials in omega, with rational coefficients.
-
-    The conditions hold where A > 0 and A^2 > factor^2 B. The function evaluates the model's own formulas on the
-    polynomial "omega" and thus gets both polynomials.
-
-    Parameters
-    ----------
-    design : design, whose floats stand for the decimals that they print as; its device satisfies `is_rational`
-    factor : least permitted Re Z_c / R
-
-    Returns
-    -------
-    Conditions
-        They include the positive real roots of A^2 - factor^2 B, rad/s.
-    """
+    """Return Llewellyn's conditions as polynomials in omega, with rational coefficients."""
     # omega is the polynomial "omega", so the model's own formulas return the polynomials of the conditions
     omega, f = fmpq_poly([0, 1]), _rational(factor)
     device = design.device.converted(_rational)
@@ -88,10 +60,7 @@ def conditions(design: Design, factor: float) -> Conditions:
 
 
 def _coupling_resistance(coupling: Coupling, omega: fmpq_poly) -> tuple[fmpq_poly, fmpq_poly]:
-    """Return the numerator and the denominator of Re Z_c as polynomials in omega.
-
-    A rigid coupling has only its drag.
-    """
+    """Return the numerator and the denominator of Re Z_c as polynomials in omega."""
     if coupling.rigid:
         return fmpq_poly([_rational(coupling.drag)]), fmpq_poly([1])
     b_c, m_c, b_0 = map(_rational, astuple(coupling))
@@ -101,20 +70,7 @@ def _coupling_resistance(coupling: Coupling, omega: fmpq_poly) -> tuple[fmpq_pol
 
 
 def prove(conditions: Conditions, low: float, high: float) -> Outcome:
-    """Prove the conditions on (low, high) exactly.
-
-    No sign changes between two neighbouring roots, so the function evaluates the polynomials at one point between them.
-
-    Parameters
-    ----------
-    conditions : polynomials in omega
-    low, high : edges of the band, rad/s; (0, inf) is permitted
-
-    Returns
-    -------
-    Outcome
-        Proved, refuted at a frequency in rad/s, or undecided at a root at which the sign does not change.
-    """
+    """Prove the conditions on (low, high) exactly."""
     inside = [root for root in conditions.roots if not (root < low or root > high)]
     edges = [low, *(float(root.mid()) for root in inside), high]
     for left, right in pairwise(edges):
@@ -126,17 +82,7 @@ def prove(conditions: Conditions, low: float, high: float) -> Outcome:
 
 
 def widest(conditions: Conditions, low: float, high: float) -> tuple[float, float]:
-    """Return the widest band around a proved band on which the conditions hold.
-
-    Parameters
-    ----------
-    conditions : polynomials in omega
-    low, high : edges of the proved band, rad/s
-
-    Returns
-    -------
-    low, high : edges, rad/s, rounded inwards; 0 and inf if there is no root on that side
-    """
+    """Return the widest band around a proved band on which the conditions hold."""
     below = [nextafter(float(root.upper()), inf) for root in conditions.roots if root < low]
     above = [nextafter(float(root.lower()), 0.0) for root in conditions.roots if root > high]
     return max(below, default=0.0), min(above, default=inf)

@@ -1,10 +1,4 @@
-"""Prove one environment of a box stable in one hand, by the turns of Y + Z_e around 0 (model/README.md, section 20).
-
-Y + Z_e has no pole outside the unit circle, because the loop with v_e = 0 is stable. Factors remove the poles on the
-circle: 1 - 1/z removes the pole of springs at z = 1, and 1 + 1/z removes the pole at z = -1 of masses that step by the
-trapezoidal rule. A mass that steps by explicit Euler has a pole at infinity, which 1/z removes. The number of turns of
-the product is then the number of the loop's poles outside the circle.
-"""
+"""Prove one environment of a box stable in one hand, by the turns of Y + Z_e around 0 (model/README.md, section 20)."""
 
 from __future__ import annotations
 
@@ -27,25 +21,11 @@ from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.engine.winding import turned_angle
 
-UNBOUNDED = 1e30
-"""Bound of an imaginary part that does not matter, because the real part is positive."""
+UNBOUNDED = 1e30  # Bound of an imaginary part that does not matter, because the real part is positive
 
 
 def prove_member(design: Design, hand: Hand, worlds: Worlds) -> Outcome:
-    """Prove the loop stable with the environment in the middle of a box, given that it is stable with v_e = 0.
-
-    Parameters
-    ----------
-    design : design; its floats stand for the decimals that they print as
-    hand : M, B and K, in kg, N s/m and N/m
-    worlds : the box of environments, with finite ends
-
-    Returns
-    -------
-    Outcome
-        It is refuted if a pole lies outside the unit circle. It is undecided, with a witness in rad/s, where the curve
-        comes too close to 0.
-    """
+    """Prove the loop stable with the environment in the middle of a box, given that it is stable with v_e = 0."""
     member, exact = middle_of(worlds), design_ball(design)
     plant = plant_in_hand(exact.device, hand.mapped(ball), delays_of(design.device), BALLS)
     held = design.gains.position > 0 or not design.device.kind.own_loop
@@ -72,21 +52,13 @@ def middle_of(worlds: Worlds) -> World:
 
 @dataclass(frozen=True, slots=True)
 class _Curve:
-    """Y + Z_e over the upper half of the unit circle, times |F|^2 and the factors that make it regular.
+    """Y + Z_e over the upper half of the unit circle, times |F|^2 and the factors that make it regular."""
 
-    Attributes
-    ----------
-    design, plant : design and plant in balls
-    worlds : environments with their rule and lateness
-    member : the environment in the middle, in balls
-    sprung, heavy, ahead : whether the environment has a pole at 1, at -1 and at infinity
-    """
-
-    design: Design
+    design: Design  # design and plant in balls
     plant: AnyPlantInHand
-    worlds: Worlds
-    member: World
-    sprung: bool
+    worlds: Worlds  # environments with their rule and lateness
+    member: World  # the environment in the middle, in balls
+    sprung: bool  # whether the environment has a pole at 1, at -1 and at infinity
     heavy: bool
     ahead: bool
 
@@ -98,10 +70,7 @@ class _Curve:
         return _turned(found, -(self.sprung + self.heavy + 2 * self.ahead), theta)
 
     def _alone(self, at: Offered, seen: Seen, theta: arb) -> Pair:
-        """Return Y |F|^2 times 2 j s if the environment has a pole at 1, and times 2 c if it has one at -1.
-
-        Here s = sin(theta/2) and c = cos(theta/2).
-        """
+        """Return Y |F|^2 times 2 j s if the environment has a pole at 1, and times 2 c if it has one at -1."""
         T, sin, cos = self.design.device.sample_time, (theta / 2).sin(), (theta / 2).cos()
         scale = 2 * cos if self.heavy else 1
         real = at.resistance * seen.size - seen.lost

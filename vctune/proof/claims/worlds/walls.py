@@ -1,9 +1,4 @@
-"""Prove the condition of walls over boxes, with separate tangents for each box (model/README.md, section 19).
-
-Any tangents bound E from below. The prover therefore uses the tangents that are best at the centre of each box. A face
-of the box has other best tangents. The slopes of a margin with the tangents of the box therefore do not show at which
-face the true margin is least.
-"""
+"""Prove the condition of walls over boxes, with separate tangents for each box (model/README.md, section 19)."""
 
 from __future__ import annotations
 
@@ -36,30 +31,15 @@ from vctune.proof.enclosures.array_intervals import Enclosure, Floats
 from vctune.proof.enclosures.jets import Jet
 from vctune.proof.enclosures.taylor import Taylor
 
+# The name of the row with the share y of the coupling, from 1/safety_factor to 1
 COUPLING_SHARE = "share of the coupling"
-"""The name of the row with the share y of the coupling, from 1/safety_factor to 1."""
-INWARDS = 1 - 1e-9
-"""Factor that keeps rounding from making the slope of a tangent negative. With half or twice the distance of this
-factor from 1, the slopes are not negative either."""
+INWARDS = 1 - 1e-9  # Factor that keeps rounding from making the slope of a tangent negative
 
 
 def walls_margins(
     strip: Strip, met: WorldsMet, plain: Worlds, lead: float, sample_time: Number, theta: Number, ops: ArrayArithmetic
 ) -> tuple[Number, ...]:
-    """Return margins over boxes. One of them must be positive at each point.
-
-    The first margin has f at its minimum and is regular at the Nyquist frequency. The second uses the best tangents.
-
-    Parameters
-    ----------
-    strip : ranges of p and r over masses and dampings
-    met : environments with the corner, in numbers of the arithmetic
-    plain : environments in plain numbers
-    lead : 0 for walls that step by the trapezoidal rule, 1 for walls that step by backward Euler
-    sample_time : T, s
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of the other arguments
-    """
+    """Return margins over boxes. One of them must be positive at each point."""
     T, here = _middle(sample_time), _middle(theta)
     low = None if strip.low is None else tuple(map(_middle, strip.low))
     in_middle = Strip(low, tuple(map(_middle, strip.high)), tuple(map(_middle, strip.excess)), _middle(strip.size))
@@ -77,29 +57,14 @@ def walls_margins(
 def limp_walls_margin(
     strip: Strip, met: WorldsMet, lead: float, sample_time: Number, theta: Number, ops: ArrayArithmetic
 ) -> Number:
-    """Return a margin for K_p = 0, theta near 0 and a hand without stiffness, with the tangents at p = r = 0.
-
-    Parameters
-    ----------
-    strip : ranges divided by rho^2, with a greatest mass
-    met, lead, sample_time, theta, ops : see `walls_margins`
-    """
+    """Return a margin for K_p = 0, theta near 0 and a hand without stiffness, with the tangents at p = r = 0."""
     tangent = tangent_at_rest(met.worlds, lead, sample_time, theta, ops)
     found = shares_of(strip, tangent, met.worlds, lead, sample_time, theta, ops)
     return found.flat + ops.cos(theta / 2) * ops.cos(theta / 2) * found.rest
 
 
 def fails_with_a_wall(design: Design, demands: Demands, hand: Hand, theta: float, share: float) -> bool:
-    """Return whether E is negative, in ball arithmetic, at the mass and damping of the box where E is about least.
-
-    Parameters
-    ----------
-    design : design with plain numbers
-    demands : constraints with the environments and their corner
-    hand : hand that holds the device
-    theta : omega T, rad, in the open interval (0, pi)
-    share : share of the coupling
-    """
+    """Return whether E is negative, in ball arithmetic, at the mass and damping of the box where E is about least."""
     plain, exact, at = demands.worlds, design_ball(design), arb(theta)
     assert plain is not None
     plant = plant_in_hand(exact.device, hand.mapped(ball), delays_of(design.device), BALLS)

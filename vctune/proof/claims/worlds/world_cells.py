@@ -1,10 +1,4 @@
-"""Decide for many boxes of environments at once which of them leave a design stable in every hand.
-
-A witness that refutes a box consists of a hand, a share of the coupling and two angles. Between the angles the real
-part is negative. At one angle the loop's reactance lies above the reactance of every environment of the box, and at the
-other angle below it. Each environment therefore cancels the reactance at some angle between the two (model/README.md,
-section 18).
-"""
+"""Decide for many boxes of environments at once which of them leave a design stable in every hand."""
 
 from __future__ import annotations
 
@@ -36,27 +30,18 @@ from vctune.proof.engine.branching import left_open, prove
 from vctune.proof.engine.interval import Verdict
 from vctune.proof.engine.polynomial_tests import FEW
 
+# Number of boxes after which the proof that uses only the condition on the real part ends, and number of boxes after
+# which the prover leaves a cell of environments open
 MAX_BOXES, CELL_BOXES = 60_000, 5_000
-"""Number of boxes after which the proof that uses only the condition on the real part ends, and number of boxes after
-which the prover leaves a cell of environments open."""
-FAILING = 0.8
-"""Share of the open boxes in which the condition on the real part certainly fails somewhere. Above this share, the
-proof by the real part ends, because further halvings decide little."""
-FEW_BOXES = 1000
-"""Number of intervals of angles after which the prover leaves a witness open."""
+FAILING = 0.8  # Share of the open boxes in which the condition on the real part certainly fails somewhere
+FEW_BOXES = 1000  # Number of intervals of angles after which the prover leaves a witness open
 
 
 @dataclass(frozen=True, slots=True)
 class WorldCells:
-    """Boxes of environments; each box is a column of the arrays.
+    """Boxes of environments; each box is a column of the arrays."""
 
-    Attributes
-    ----------
-    low, high : least and greatest mass, damping and stiffness, SI units, shape (3, n); a row of `high` may be inf in
-        all boxes
-    """
-
-    low: Floats
+    low: Floats  # least and greatest mass, damping and stiffness, SI units, shape (3, n)
     high: Floats
 
     def __len__(self) -> int:
@@ -77,19 +62,11 @@ class WorldCells:
 @dataclass(frozen=True, slots=True)
 class OpenInHands:
     """The boxes of angle and hand that the condition on the real part does not decide. In these boxes the environment
-    decides.
+    decides."""
 
-    Attributes
-    ----------
-    asked : the claim with a box of all masses and stiffnesses; the least damping of this box is the least damping of
-        the environments to be examined
-    stable : whether the loop is proved stable with one of these environments
-    parts : parts of the boxes, each with the boxes that stay open
-    """
-
-    asked: Asked
-    stable: bool
-    parts: tuple[tuple[Part, Boxes], ...]
+    asked: Asked  # the claim with a box of all masses and stiffnesses
+    stable: bool  # whether the loop is proved stable with one of these environments
+    parts: tuple[tuple[Part, Boxes], ...]  # parts of the boxes, each with the boxes that stay open
 
     @property
     def nothing(self) -> bool:
@@ -97,17 +74,7 @@ class OpenInHands:
         return self.stable and not any(len(boxes) for _, boxes in self.parts)
 
     def proved(self, cells: WorldCells) -> Flags:
-        """Return the boxes of environments that certainly leave the design stable in every hand.
-
-        Parameters
-        ----------
-        cells : n boxes of environments
-
-        Returns
-        -------
-        array of bool
-            Shape (n,); for other boxes the function decides nothing.
-        """
+        """Return the boxes of environments that certainly leave the design stable in every hand."""
         proved = np.full(len(cells), self.stable)
         if not proved.any():
             return proved
@@ -136,15 +103,7 @@ class OpenInHands:
 
 
 def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, damping: float) -> OpenInHands:
-    """Return the boxes of angle and hand that the condition on the real part does not decide.
-
-    Parameters
-    ----------
-    design : design; its floats stand for the decimals that they print as
-    demands : constraints with the hands and the factor
-    box : box of devices; the claim must hold for all of them; None for the design's own device
-    damping : least damping of the environments, N s/m
-    """
+    """Return the boxes of angle and hand that the condition on the real part does not decide."""
     hands = demands.hands
     assert hands is not None
     demands = replace(demands, worlds=Worlds(World(0.0, damping, 0.0), World(inf, inf, inf)))
@@ -185,35 +144,16 @@ def _each(boxes: Boxes, names: tuple[str, ...], tied: Floats) -> Boxes:
 
 @dataclass(frozen=True, slots=True)
 class Witnesses:
-    """Witnesses that refute boxes of environments, one for each box.
+    """Witnesses that refute boxes of environments, one for each box."""
 
-    Attributes
-    ----------
-    start, end : angles, rad, shape (n,)
-    hand : mass, damping and stiffness of the hand, shape (3, n)
-    share : share of the coupling, from 1/g to 1, shape (n,)
-    """
-
-    start: Floats
+    start: Floats  # angles, rad, shape (n,)
     end: Floats
-    hand: Floats
-    share: Floats
+    hand: Floats  # mass, damping and stiffness of the hand, shape (3, n)
+    share: Floats  # share of the coupling, from 1/g to 1, shape (n,)
 
 
 def refuted_in_worlds(design: Design, demands: Demands, cells: WorldCells, witnesses: Witnesses) -> Flags:
-    """Return the boxes of environments in which no member leaves a design stable in the witness's hand.
-
-    With each of these environments and some additional damping, the loop has a pole on the unit circle. The ends of
-    such a box bound what all members have in common, so a box may have a least value above its greatest value: every
-    value in between then belongs to all members.
-
-    Parameters
-    ----------
-    design : design on one known device; floats stand for the decimals that they print as
-    demands : constraints with the factor
-    cells : n finite boxes; their least damping is the greatest damping of the members
-    witnesses : one witness for each box
-    """
+    """Return the boxes of environments in which no member leaves a design stable in the witness's hand."""
     one = replace(demands, factor=1.0, worlds=cells.hull)
     margins = hands_margins(one, (), delays_of(design.device))
     fixed = fixed_of(design)
