@@ -19,17 +19,12 @@ from dense import conditions_surplus, meet_demands, surpluses
 from hypothesis import given
 from hypothesis import strategies as st
 from random_problems import corners, on_devices, random_devices, random_texts
-from sizes import nlp_size
 
 from vctune.bench.evaluator import error, spectral_radius, stability_ratio
 from vctune.design.bound.search import bound
-from vctune.design.nlp.nlp import assembled
-from vctune.design.nlp.nlp_structure import nlp_structure
 from vctune.design.prepared import pose, prepare
 from vctune.design.search.scan import scan
-from vctune.design.search.working_set import WorkingSet, constraint_points
 from vctune.design.solve import solve
-from vctune.design.variables import coordinates
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
 from vctune.model.device import Device
@@ -120,31 +115,6 @@ def test_what_cannot_move_is_no_uncertainty():
     ):
         assert problem("friction-wheel", table).uncertainty is None
     assert problem("cobot-wrist", "[uncertainty]\ndelay = 0.1\n").uncertainty is not None
-
-
-def test_without_uncertainty_nothing_grows():
-    """The NLP has the closed-form number of parameters, the proof its boxes, the scan one device."""
-    certain = problem("friction-wheel")
-    posed = prepare(certain).scaled
-    scaled = posed.problem
-    free, first = coordinates(scaled, integrator=True), constraint_points(scaled.device, [0.01, 0.1, 1.0])
-    known = WorkingSet(ratio=first, sensitivity=first, tracked_peaks=first[:1])
-    structure = nlp_structure(posed, free, known, 4, integrator=True)
-    size = nlp_size(structure)
-    parameters = assembled(structure)["p"].numel()
-    assert (
-        parameters
-        == 15 + 4 * 32 + 3 * structure.capacities[0] + 4 * structure.capacities[1] + 3 * structure.capacities[2] + 8
-    )
-    assert size.variables == 4 + 1 and size.constraints == sum(structure.capacities) + 2
-    uncertain = nlp_structure(prepare(problem("friction-wheel", WIDE)).scaled, free, known, 4, integrator=True)
-    more = nlp_size(uncertain)
-    assert more.variables == size.variables and more.constraints == size.constraints
-    assert assembled(uncertain)["p"].numel() == parameters + 2 * (32 + structure.capacities[0])
-    design = numbers(solved("friction-wheel").judgement)
-    alone = judge(problem("friction-wheel", "[uncertainty]\ndelay = 0.5\n"), Gains(*design[:2]), Coupling(*design[2:]))
-    assert alone.certificate.boxes == solved("friction-wheel").judgement.certificate.boxes
-    assert pose(certain).cases == (certain,)
 
 
 @given(st.floats(0, 30), st.floats(0.01, 0.99))

@@ -13,7 +13,7 @@ import time
 import pytest
 from conftest import ROOT
 from notebooks import as_notebook
-from readme import NUMBER
+from test_readme import NUMBER
 
 TUTORIALS = sorted((ROOT / "docs/tutorials").glob("*.md"))
 LONGEST = 120.0

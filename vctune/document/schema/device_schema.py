@@ -147,7 +147,13 @@ SharesTable: Any = create_model(
 
 
 class UncertaintyTable(SharesTable):
-    """Relative half-widths of the intervals of the device's parameters."""
+    """Relative half-widths of the intervals of the device's parameters.
+
+    The constraints hold for every device whose parameters lie in these intervals.
+
+    To state the uncertainty of a parameter in a sub-table of [device], quote its name,
+    as in "actuator.bandwidth_hz" = 0.2.
+    """
 
     unmodelled: list[tuple[Positive, Positive]] = Field(
         default_factory=list,

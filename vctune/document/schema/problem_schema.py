@@ -53,7 +53,12 @@ Damping = Annotated[
 
 
 class OperatorTable(Table):
-    """The hands at the handle, mass s + damping + stiffness/s. { min, max } is a range; a number is its minimum."""
+    """The hands at the handle, mass s + damping + stiffness/s. { min, max } is a range; a number is its minimum.
+
+    The criterion "hands" covers every hand within these ranges. The criterion "passive" uses only the least mass and
+    damping: they describe a load that is always at the handle, such as a tool. A rotary device has no defaults, because
+    the rotary inertia, damping and stiffness of a hand depend on its distance from the axis.
+    """
 
     # a plain number is the least value of a range whose greatest value is that of a human hand (`defaults.resolve`);
     # the default 0.0 of the mass therefore means { min = 0, max = 0.5 }, as its description says
@@ -88,7 +93,12 @@ class WorldStiffnessTable(Table):
 
 
 class WorldsTable(Table):
-    """The environments that the device renders, mass s + damping + stiffness/s."""
+    """The environments that the device renders, mass s + damping + stiffness/s.
+
+    With this table, the claims hold for every environment within these ranges, in every hand of [operator]. Without
+    this table, they hold for every environment that is passive as it runs in the firmware, including tools of a gram
+    and walls of any stiffness.
+    """
 
     mass: WorldMassTable = Field(default_factory=WorldMassTable)
     damping: WorldDampingTable = Field(default_factory=WorldDampingTable)
@@ -133,7 +143,10 @@ class GainsTable(Table):
 
 
 class CouplingTable(Table):
-    """The virtual coupling Z_c: damping and mass in series, and a drag in parallel with them."""
+    """The virtual coupling Z_c: damping and mass in series, and a drag in parallel with them.
+
+    For an impedance display, Z_c = damping + stiffness/s.
+    """
 
     damping: Damping | None = Field(
         None,
@@ -242,7 +255,10 @@ class AxisTable(Table):
 
 
 class ProblemDocument(Table):
-    """A vctune problem file. Only mass, damping and sample_time in [device] are required."""
+    """A vctune problem file. Only mass, damping and sample_time in [device] are required.
+
+    For a servo, only sample_time and servo are required.
+    """
 
     name: Text | None = Field(
         None,
