@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import astuple, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,9 +18,9 @@ from vctune.api.solving import solve
 from vctune.design.prepared import prepare
 from vctune.design.search.optimum import worst_near
 from vctune.design.search.scan import scan
-from vctune.design.verdict.design_record import design_record, record_of
+from vctune.design.verdict.design_record import design_record
 from vctune.design.verdict.judge import Status, judge
-from vctune.document.reading import parse_problem, problem_file, read_problem
+from vctune.document.reading import parse_problem, read_problem
 from vctune.document.text.errors import InputError
 from vctune.model import gains as model
 from vctune.model.hands import Hand as HeldHand
@@ -77,36 +76,6 @@ def test_a_design_for_any_passive_hand_on_a_band_fails_in_a_human_hand_above_it(
 
 
 LOOP = "[gains]\nvelocity = 200.0\nposition = 9e4\n"
-
-
-@pytest.mark.parametrize("gains", [LOOP, pytest.param("", marks=pytest.mark.slow)], ids=["fixed", "free"])
-def test_both_criteria_cost_more_than_either_and_say_so(gains):
-    both = solve(problem_file(HANDS.replace('"hands"', '"both"') + gains, Path("x.toml")))
-    assert both.status is Status.CERTIFIED and set(both.judgement.certificate.outcomes) >= {
-        "hands",
-        "passive",
-    }
-    errors = {each.criterion: each.error for each in both.alternatives}
-    assert set(errors) == {"hands", "passive"} and errors["hands"] < both.judgement.error
-    for criterion, error in errors.items():
-        alone = solve(problem_file(HANDS.replace('"hands"', f'"{criterion}"') + gains, Path("x.toml")))
-        assert error == pytest.approx(alone.judgement.error, rel=1e-6)
-        assert alone.alternatives is None
-
-
-def test_a_criterion_alone_is_that_of_the_file_whose_drag_it_decides_on():
-    """By default there is no drag for any passive hand; where the file states one it is free under both."""
-    text = HANDS.replace('"hands"', '"both"') + LOOP
-    default = problem_file(text, Path("x.toml"))
-    stated = problem_file(text + "[coupling]\ndrag = { min = 0.0, max = 9.7 }\n", Path("x.toml"))
-    of_default, of_stated = (solve(file) for file in (default, stated))
-    drags = [
-        each.drag for solved in (of_default, of_stated) for each in solved.alternatives if each.criterion != "hands"
-    ]
-    assert drags[0] == 0 < drags[1]
-    said = record_of(default, of_default).compared[1]
-    assert said.startswith('with criterion = "passive" alone: error') and said.endswith("without drag b_0")
-    assert max(each.error for each in of_stated.alternatives) < of_stated.judgement.error
 
 
 FLEXIBLE = "[device.structure]\nhandle_mass = 0.1\nfrequency_hz = 80.0\ndamping_ratio = 0.05\n"

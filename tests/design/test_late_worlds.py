@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 from command import run
+from vctune.analysis.worlds.growing_in_time import growing_in_time
 
 from vctune.analysis.in_hands import least_ratios, ratio_in_some_hands
-from vctune.analysis.worlds.growing_in_time import growing_in_time
 from vctune.api.exporting import export
 from vctune.api.solving import solve
 from vctune.design.prepared import Posed, prepare

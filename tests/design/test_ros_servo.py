@@ -142,10 +142,10 @@ def limited(folder, arm, rule, share):
 
 def grown(arm, rule, found):
     """Return how much grows in a period with the environment that a certificate names."""
-    (claim,) = (claim for claim in found.finding.record()["certificate"]["claims"] if "environment" in claim)
-    named = claim["environment"]
-    hand = tuple(named["hand"][name] for name in ("mass", "damping", "stiffness"))
-    return radius(arm, hand, rule, World(named["kind"], named["value"], named["damping"]))
+    held = found.finding.record()["certificate"]["hands"]
+    hand = tuple(held["worst_hand"][name] for name in ("mass", "damping", "stiffness"))
+    kind = "mass" if held["worst_world"]["mass"] > 0 else "spring"
+    return radius(arm, hand, rule, World(kind, held["worst_world"]["mass"] or held["worst_world"]["stiffness"]))
 
 
 def held_against_the_steps(folder, seed, hands):

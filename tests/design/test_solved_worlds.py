@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from command import run
 
-from vctune.analysis.destabilising import growing_in_worlds, reaction
-from vctune.analysis.worlds.binding import binding_world
+from vctune.analysis.worlds.binding import binding_world, reaction
 from vctune.api.solving import solve
 from vctune.design.rendered import rendered_record
 from vctune.design.verdict.judge import Status, judge
@@ -200,27 +199,6 @@ def test_the_stiffest_spring_and_the_lightest_tool_are_beyond_the_box_of_a_desig
     ):
         outcome = judge(replace(posed, worlds=worlds), *posed.fixed_design).certificate.outcomes["worlds"]
         assert (outcome.verdict is Verdict.PROVED) is passes
-
-
-def test_a_refuted_design_grows_with_an_environment_of_the_box(tmp_path: Path) -> None:
-    """With the least damping of the box, or some more where much is missed."""
-    path = fixed("world-tools", 0.6, tmp_path)
-    posed = read_problem(path).problem
-    judgement = judge(posed, *posed.fixed_design)
-    outcome = judgement.certificate.outcomes["worlds"]
-    assert outcome.hand is not None
-    assert outcome.witness is not None
-    assert posed.worlds is not None
-    held = judgement.in_hand
-    found = [
-        growing_in_worlds(posed.device, *posed.fixed_design, hand, omega, posed.worlds)
-        for hand, omega in ((outcome.hand, outcome.witness), (held.hand, held.omega))
-    ]
-    growing = next(each for each in found if each is not None)
-    mass, stiffness = (growing.value, growing.stiffness) if growing.kind == "mass" else (0.0, growing.value)
-    assert 0.02 <= mass <= 5.0
-    assert 0.0 <= stiffness <= 2000.0
-    assert growing.growth > 0
 
 
 @pytest.mark.slow

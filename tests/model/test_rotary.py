@@ -194,7 +194,7 @@ def test_a_refusal_is_the_same_in_other_words():
         shown[units] = "\n".join(
             [*(f"{row.value} {row.unit}" for row in rows), *judgement.open_claims, *judgement.facts]
         )
-    assert "N m/rad" in shown["rotary"] and "grows at" in shown["rotary"]
+    assert "N m/rad" in shown["rotary"]
     assert LINEAR_UNITS.search(shown["rotary"]) is None
     assert as_linear(shown["rotary"]) == as_linear(shown["linear"])
 

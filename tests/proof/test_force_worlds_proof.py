@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from force_loops import ForceLoop, corner
 from test_worlds_proof import balanced, damping_asked, limit_of
-
 from vctune.analysis.destabilising import growing_in_worlds
+
 from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.gains import Gains, SpringDamper

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from late_loops import Box, InTime, cancelling, cancelling_at_nyquist, factors, spectral_radius, stepped
 from test_worlds_proof import ON_CIRCLE, STABLE, Case, draw, of_hand
+from vctune.analysis.worlds.growing_in_time import growing_in_time
 from world_loops import Whole, in_world, offered, seen
 from world_loops import spectral_radius as lossless_radius
 
-from vctune.analysis.worlds.growing_in_time import growing_in_time
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands

@@ -24,7 +24,6 @@ from in_time import Environment, Loop, cancelling, coupling_at, random_environme
 from random_hands import InHands, box_of, exact_need, in_hands
 from sampled_device_oracle import Hand as Held
 
-from vctune.analysis.destabilising import destabilising
 from vctune.model.hands import Hands
 from vctune.model.problem import Demands
 from vctune.proof.claims.every_hand import prove_hands
@@ -193,22 +192,13 @@ def missing(found: Judged, hand: Held, omega: float, num: Arithmetic = DOUBLES) 
 
 def check_growth(number: int, found: Judged) -> bool:
     """Assert that a refuted design grows in exact time with the environment made for it; return whether it was."""
-    outcome, design, T = found.outcome, found.case.design, found.real.sample_time
+    outcome = found.outcome
     if outcome.verdict is not Verdict.REFUTED:
         return False
     hand = Held(*astuple(outcome.hand))
     lossless, resistance = missing(found, hand, outcome.witness, DIGITS)
     assert resistance < 0, (number, found)
-    exact = loop_of(found, hand, lossless, DIGITS).spectral_radius()
-    assert exact > 1, (number, found)
-    if outcome.witness < LEAST / T:
-        return True
-    made = destabilising(design.device, design.gains, design.coupling, outcome.hand, outcome.witness)
-    assert made is not None, (number, found)
-    assert made.damping == 0, (number, found)
-    value = lossless.stiffness if made.kind == "spring" else lossless.mass
-    assert made.value == pytest.approx(value, rel=1e-6, abs=1e-9), (number, found)
-    assert made.growth == pytest.approx(float(DIGITS.context.log(exact)) / T, rel=1e-3), (number, found)
+    assert loop_of(found, hand, lossless, DIGITS).spectral_radius() > 1, (number, found)
     return True
 
 

@@ -6,15 +6,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import product
-from math import inf, log, pi, sqrt
+from math import inf, pi, sqrt
 
 import numpy as np
 import pytest
 from world_loops import Plant, Whole, in_world, offered, seen, spectral_radius, stepped
 
-from vctune.analysis.destabilising import growing_in_worlds
 from vctune.model.device import Device
-from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.parts import ForceSensor, Servo
@@ -23,8 +21,6 @@ from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.interval import Outcome, Verdict
-from vctune.simulation.mechanics.scene_stability import fastest_mode
-from vctune.simulation.scene import designed_scene
 
 STABLE = 1 + 1e-9
 """Spectral radius up to which a loop counts as stable: the eigenvalues are right to much less."""
@@ -329,49 +325,3 @@ def test_the_oracle_is_the_loop() -> None:
         poles = np.linalg.eigvals(stepped(in_world(case.whole, world)))
         off.append(np.abs(poles - np.exp(1j * theta)).min())
     assert max(off) < 1e-6 * sqrt(10)
-
-
-def refuted_cases(seed: int, count: int) -> Iterator[tuple[Case, Hand, float]]:
-    """Yield random loops that are refuted with the factor 1, each with the hand and the frequency where."""
-    rng, found = np.random.default_rng(seed), 0
-    while found < count:
-        case = replace(draw(rng), factor=1.0)
-        if spectral_radius(replace(case.whole, world=(0.0, 1e9, 0.0))) > STABLE:
-            continue
-        outcome = case.outcome()
-        if outcome.verdict is Verdict.REFUTED and outcome.hand is not None and outcome.witness is not None:
-            found += 1
-            yield case, outcome.hand, outcome.witness
-
-
-def grows_as_said(case: Case, hand: Hand, omega: float) -> None:
-    """Assert that an environment of the box is found with which the loop grows in exact time, and in `simulate`."""
-    law = Gains(*case.whole.gains), Coupling(*case.whole.coupling)
-    made = growing_in_worlds(case.device, *law, hand, omega, case.worlds)
-    assert made is not None
-    mass, stiffness = (made.value, made.stiffness) if made.kind == "mass" else (0.0, made.value)
-    low, high, edge = case.worlds.low, case.worlds.high, 1 + 1e-9
-    assert low.mass <= mass * edge <= high.mass * edge**2
-    assert low.stiffness <= stiffness * edge <= high.stiffness * edge**2
-    assert made.damping >= low.damping
-    whole = in_world(of_hand(case, hand), (mass, made.damping, stiffness), 1.0)
-    rate = log(spectral_radius(whole)) / case.whole.plant.sample_time
-    assert rate >= made.growth * (1 - 1e-6)  # another mode may grow faster
-    experiment = Experiment(
-        name="refused",
-        environment=Environment(mass, made.damping, stiffness, 0.0, wall=False, rule="trapezoid"),
-        operator=Operator("sine", 0.0, 0.01, 0.1, 3, hand.mass, hand.damping, hand.stiffness),
-        friction=None,
-        sensors=Sensors(0.0, 0.0, 0),
-        limit=None,
-        baseline=None,
-    )
-    mode = fastest_mode(designed_scene(case.device, *law, experiment))
-    assert log(mode.radius) / case.whole.plant.sample_time == pytest.approx(rate, rel=1e-6)
-
-
-@pytest.mark.parametrize(("seed", "count"), [(7, 5), pytest.param(8, 100, marks=pytest.mark.slow)])
-def test_a_refused_world_grows(seed: int, count: int) -> None:
-    """Each refuted loop, a velocity loop's or a servo's, has an environment of the box with which it grows."""
-    for case, hand, omega in refuted_cases(seed, count):
-        grows_as_said(case, hand, omega)

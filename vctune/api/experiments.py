@@ -158,11 +158,10 @@ def require_built_in(file: ProblemFile, chosen: tuple[Experiment, ...]) -> None:
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
     """Solve a problem as for a report, but without repairs and the comparison of criteria, and return the result."""
-    from vctune.design.changing_hands import with_changing
     from vctune.design.solve import solve
     from vctune.design.verdict.prices import with_prices
 
-    return with_changing(with_prices(solve(file.problem, progress)))
+    return with_prices(solve(file.problem, progress))
 
 
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:

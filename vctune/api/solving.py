@@ -5,11 +5,9 @@ from __future__ import annotations
 from math import inf
 
 from vctune.api.argument_ranges import GAPS
-from vctune.design.changing_hands import with_changing
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve as find
-from vctune.design.verdict.criteria import with_alternatives
 from vctune.design.verdict.prices import with_prices
 from vctune.design.verdict.repair import with_repairs
 from vctune.document.building import ProblemSource
@@ -24,7 +22,6 @@ def solve(
     *,
     gap: float | None = None,
     prices: bool = False,
-    changing: bool = False,
     time_limit: float = inf,
     progress: Progress = lambda stage: None,
 ) -> Solved:
@@ -39,9 +36,6 @@ def solve(
         proof
     prices : whether to compute the prices of a certified local optimum: the decrease of the error if a parameter of the
         device were better by 1 %
-    changing : whether to examine a certified design for stability while the damping of the hand changes at every
-        sample. The function does not examine impedance displays, uncertain devices, boxes of environments, and problems
-        without a box of hands
     time_limit : seconds after which the function returns the result so far; `cut` then names the missing parts
     progress : function that receives the current stage
 
@@ -51,7 +45,7 @@ def solve(
         `status`, and `judgement` with the best design and its proved claims. Without a design, `judgement` is None,
         `reason` states why, and `repairs` lists changes of one value that give a design, the least error first. A
         refuted or idle design also has `repairs`. `prices`, if requested, begins with the greatest decrease of the
-        error. `alternatives`, if computed, has the least error under each of two criteria alone.
+        error.
 
     Raises
     ------
@@ -66,11 +60,8 @@ def solve(
     with limited(time_limit):
         solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
         known = f"; {solved.known}"
-        progress(f"comparing criteria{known}")
-        solved = with_alternatives(file, solved)
         progress(f"pricing the device{known}")
-        solved = with_prices(solved) if prices else solved
-        return with_changing(solved) if changing else solved
+        return with_prices(solved) if prices else solved
 
 
 def require_gap(gap: float) -> None:

@@ -72,7 +72,6 @@ def solve_axes(
     *,
     gap: float | None = None,
     prices: bool = False,
-    changing: bool = False,
     progress: Progress = lambda stage: None,
 ) -> list[AxisDesign]:
     """Solve the problem of each axis. vctune solves the problem of equal axes only once."""
@@ -83,7 +82,6 @@ def solve_axes(
             axis.file,
             gap=gap,
             prices=prices,
-            changing=changing,
             progress=lambda stage: progress(f"{axis.name}: {stage}"),
         )
 

@@ -18,7 +18,6 @@ from vctune.document.text.codes import Note
 from vctune.markup import html_facts
 from vctune.model.hands import Hand
 from vctune.model.problem import Criterion, Problem
-from vctune.proof.storage.changing import Examined
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
@@ -121,11 +120,8 @@ class Solved:
     nominal_error : error of the best design for only the nominal device, not proved; None if the device is not
         uncertain
     repairs : changes of the problem that would make a design possible; None if not requested
-    alternatives : least errors under each criterion separately; None if the problem has one criterion or if not
-        requested
     prices : prices of the device's parameters, the greatest gain first; None if not requested, without an optimum, or
         if the design is not certified, IPOPT has not converged or the time limit ended the work
-    changing : result for hands whose damping changes; None if not requested or not examined
     cut : stages that the time limit cut short, in words
     """
 
@@ -140,8 +136,6 @@ class Solved:
     nominal_error: float | None = None
     repairs: list[Repair] | None = None
     prices: list[Price] | None = None
-    alternatives: list[Alternative] | None = None
-    changing: Examined | None = None
     cut: tuple[str, ...] = ()
 
     @property

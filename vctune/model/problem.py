@@ -90,8 +90,6 @@ class Stability:
     safety_factor: float  # least permitted Re Z_c / R; for an impedance display Re (1/Z_c) / R
     max_sensitivity: float  # greatest permitted |S| of the sampled loop; without effect for a servo
     criterion: Criterion = "passive"  # hands that the problem requires
-    changing: Literal["damping"] | None = None  # parameter of the hand that may change while the hand holds the handle
-    changing_mass_min: float | None = None  # least mass of a hand that changes, kg
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +104,6 @@ class Demands:
     any_hand: bool = False
     hands: Hands | None = None  # box of hands in which the sampled loop must be stable at every frequency
     worlds: Worlds | None = None  # box of environments with which the loop must be stable in these hands
-    changing: Hands | None = None  # box of hands whose damping may change at every sample; None if no hand may change
 
     @property
     def worlds_met(self) -> WorldsMet | None:
@@ -180,17 +177,6 @@ class Problem:
         return None if self.stability.criterion == "passive" or self.any_hand else self.hands
 
     @property
-    def changing_hands(self) -> Hands | None:
-        """The hands whose damping may change at every sample; None if no hand may change.
-
-        Their masses start at `Stability.changing_mass_min`, if this is above the least mass of the box.
-        """
-        hands, least = self.hands_met, self.stability.changing_mass_min or 0.0
-        if hands is None or self.stability.changing is None:
-            return None
-        return replace(hands, low=replace(hands.low, mass=max(hands.low.mass, least)))
-
-    @property
     def worlds_met(self) -> WorldsMet | None:
         """The linear environments with which the loop must be stable in these hands, and the safety factor.
 
@@ -219,7 +205,6 @@ class Problem:
             any_hand=self.any_hand,
             hands=self.hands_met,
             worlds=self.worlds,
-            changing=self.changing_hands,
         )
 
     @property
@@ -250,7 +235,6 @@ class Problem:
         """
         Z, t = 1 / impedance, 1 / time
         bounds, transparency, stability = self.bounds, self.transparency, self.stability
-        least = stability.changing_mass_min
         return replace(
             self,
             device=self.device.in_units(impedance, time),
@@ -270,7 +254,6 @@ class Problem:
             stability=replace(
                 stability,
                 band=Band(stability.band.min / t, stability.band.max / t),
-                changing_mass_min=None if least is None else least * Z * t,
             ),
             uncertainty=self.uncertainty and self.uncertainty.in_time(time),
             experiments=(),

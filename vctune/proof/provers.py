@@ -27,7 +27,6 @@ from vctune.proof.claims.registry import ClaimId
 from vctune.proof.claims.sampled_poles import prove_sampled_poles, prove_sensitivity, unmodelled_at
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.engine.interval import Outcome, Verdict
-from vctune.proof.storage.changing import prove_changing
 
 # Greatest product of the multiplier's corner, rad/s, and T; above 2 the multiplier's coefficient a is negative
 HIGHEST_CORNER = 2 * (1 - 1e-9)
@@ -117,12 +116,6 @@ def _walls(question: Question, known: Outcomes) -> Outcome:
     return prove_hands(question.design, question.demands, question.box)
 
 
-def _changing(question: Question, _known: Outcomes) -> Outcome:
-    hands = question.demands.changing
-    assert hands is not None
-    return prove_changing(question.design, hands, question.modelled.box)
-
-
 # The prover of each claim
 PROVERS: dict[ClaimId, Prover] = {
     "passive": lambda question, _: prove_passive(question),
@@ -134,7 +127,6 @@ PROVERS: dict[ClaimId, Prover] = {
     "hands": _hands,
     "worlds": _hands,
     "walls": _walls,
-    "changing": _changing,
 }
 
 

@@ -93,7 +93,7 @@ def _solve(
 
     warn_of_doubts(file, quiet=quiet)
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
-        solved = solve_problem(file, gap=gap, prices=report, changing=report, progress=progress)
+        solved = solve_problem(file, gap=gap, prices=report, progress=progress)
         record, renamed = write_solved(folder, file, solved)
         say_renamed(renamed)
         drawn = not report
@@ -139,7 +139,7 @@ def _solve_axes(
     claim_axes(axes, out)
     warn_of_doubts(*(axis.file for axis in axes.axes), quiet=quiet)
     with progress_on_stderr(f"vctune solve {axes.name}", shown=not quiet) as progress:
-        designs = solve_axes(axes, gap=gap, prices=report, changing=report, progress=progress)
+        designs = solve_axes(axes, gap=gap, prices=report, progress=progress)
         say_renamed(write_axes(axes, designs, out, reported=report))
         for design in designs if report else ():
             progress(f"{design.axis.name}: drawing the report")

@@ -74,8 +74,6 @@ def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), 
             say(escape(record.reason))
         if record.gains is not None:
             console.print(_table(record, console.width))
-        for line in record.compared:
-            say(escape(line))
         if record.repairs:
             say("any one of these alone would do:")
             say(_repairs(record.repairs))

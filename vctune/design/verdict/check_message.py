@@ -55,9 +55,6 @@ def _proved(judgement: Judgement) -> str:
     if demands.hands is not None:
         worlds = f" with every environment of {demands.worlds.in_words(units)}" if demands.worlds else ""
         where += [f"in every hand of {demands.hands.in_words(units)}{worlds} up to Nyquist"]
-    if demands.changing is not None:
-        least = f" of at least {demands.changing.low.mass:g} {units.mass}" if demands.changing.low.mass else ""
-        where += [f"in hands{least} also while their damping changes"]
     limits = [f"safety factor {demands.factor:g}"]
     limits += [f"|S| at most {demands.max_sensitivity:g}"] if judgement.kind.own_loop else []
     return f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, {', '.join(limits)}"

@@ -14,10 +14,10 @@ from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.analysis.worlds.binding import binding_world
 from vctune.design.rendered import rendered_record
-from vctune.design.result import Alternative, Repair, Solved
+from vctune.design.result import Repair, Solved
 from vctune.design.search.rounding import near
 from vctune.design.variables import Point, keys_for, point, ranges
-from vctune.design.verdict.claim_records import changing_record, claim_records, examined_record
+from vctune.design.verdict.claim_records import claim_records
 from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.judge import Judgement, judge
 from vctune.design.verdict.nlp_record import active, left_out, solver_record
@@ -38,7 +38,6 @@ from vctune.document.records.certificate_json import (
     WorldRecord,
 )
 from vctune.document.records.design_json import (
-    AlternativeRecord,
     BoxRecord,
     DesignRecord,
     GlanceRecord,
@@ -120,13 +119,9 @@ def _recorded(
         said += warnings(problem, judgement, solved.repairs)
         if problem.uncertainty is not None:
             parts["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
-    if solved.alternatives is not None:
-        parts["alternatives"] = [_alternative(each) for each in solved.alternatives]
     if date is not None:
         parts["date"] = date
     parts |= borne
-    if solved.changing is not None and judgement is not None:
-        parts["changing"] = examined_record(judgement, solved.changing)
     if solved.prices is not None:
         parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
     return DesignRecord(
@@ -145,10 +140,6 @@ def _recorded(
         versions=versions(ipopt),
         **parts,
     )
-
-
-def _alternative(each: Alternative) -> AlternativeRecord:
-    return AlternativeRecord(**{name: value for name, value in asdict(each).items() if value is not None})
 
 
 def at_bound(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[str]:
@@ -230,7 +221,6 @@ def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> d
     worst, band = judgement.worst, problem.stability.band
     somewhere = problem.passive and 0 < worst < inf
     also: dict[str, Any] = {**proved, **_in_hands(problem, judgement)}
-    also |= changing_record(problem, judgement)
     also |= _in_any_hand(problem, judgement) | _at_whole_sample(problem, judgement)
     display = _display(problem)
     return {

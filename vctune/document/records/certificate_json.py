@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import inf, radians
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, Field, model_validator
 
-from vctune.document.records.changing_json import ChangingRecord
 from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof, Row, Shown, text
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
 from vctune.model.parts import Unmodelled
-from vctune.model.worlds import World, WorldRule, Worlds, in_time_in_words
+from vctune.model.worlds import World, WorldRule, Worlds
 from vctune.proof.claims.registry import ClaimId
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
@@ -49,56 +48,16 @@ class DeviceRecord(Part):
         return ", ".join([*numbers_in_words, *parts_in_words, *perturbation])
 
 
-class ResonatorRecord(Part):
-    """A resonator on the hand: a mass, kg, on a spring, N/m; kg m^2 and N m/rad for a rotary device."""
-
-    mass: float
-    stiffness: float
-
-
 class HandRecord(Part):
     """A hand at the handle: mass, kg, damping, N s/m, and stiffness, N/m; rotary units for a rotary device."""
 
     mass: float
     damping: float
     stiffness: float
-    resonators: list[ResonatorRecord] | None = None
 
     def in_words(self, units: Units) -> str:
         """Return the parameters of the hand with their units."""
-        itself = Hand(self.mass, self.damping, self.stiffness).in_words(units)
-        hung = [
-            f"{text(each.mass, 4)} {units.mass} on {text(each.stiffness, 4)} {units.stiffness}"
-            for each in self.resonators or []
-        ]
-        return f"{itself} with resonators of {' and '.join(hung)}" if hung else itself
-
-
-class EnvironmentRecord(Part):
-    """An environment with which the loop of a design grows in a hand."""
-
-    hand: HandRecord  # hand at the handle
-    kind: Literal["spring", "mass"]  # "spring" or "mass", its stiffness or mass, and the unit of this value
-    value: float
-    unit: str
-    damping: float  # damping in parallel, N s/m, or N m s/rad for a rotary device
-    hz: float  # frequency and growth rate of the motion
-    growth_per_s: float
-    stiffness: float = 0.0  # stiffness of a spring in parallel with a mass, N/m, or N m/rad for a rotary device
-    rule: WorldRule | None = None  # rule by which the firmware integrates the environment
-    late: int | None = None  # number of samples by which its force is late; null for 0
-
-    def in_words(self, units: Units) -> str:
-        """Return the environment in words, and how the design grows with it."""
-        lossless = not self.damping and self.rule is None and self.late is None
-        kind = f"a lossless {units.translated(self.kind)}" if lossless else units.translated(f"a {self.kind}")
-        rendered = f"{kind} of {text(self.value)} {self.unit}" if self.value else "nothing rendered"
-        if self.stiffness:
-            rendered += f" on a spring of {text(self.stiffness)} {units.stiffness}"
-        if self.damping:
-            rendered += f" and a damper of {text(self.damping)} {units.damping}"
-        rendered += in_time_in_words(self.rule or "trapezoid", self.late or 0)
-        return f"{text(self.hz, 6)} Hz with {rendered}, e-fold in {text(1 / self.growth_per_s, 3)} s"
+        return Hand(self.mass, self.damping, self.stiffness).in_words(units)
 
 
 # Identifiers of the sentences by which older versions named their claims
@@ -122,8 +81,7 @@ def _id_is_optional(schema: dict[str, Any]) -> None:
 
 
 class ClaimRecord(Part):
-    """A claim. If it fails, the record names the frequency, the device, the hand, and the environment with which the
-    loop grows."""
+    """A claim. If it fails, the record names the frequency, the device and the hand."""
 
     model_config = ConfigDict(json_schema_extra=_id_is_optional)
 
@@ -133,7 +91,6 @@ class ClaimRecord(Part):
     witness_hz: Number  # frequency at which a claim fails or is undecided
     witness_device: DeviceRecord | None = None  # device of the box, and hand, in which it fails there
     witness_hand: HandRecord | None = None
-    environment: EnvironmentRecord | None = None
     cut: bool = False
 
     @model_validator(mode="before")
@@ -158,10 +115,6 @@ class ClaimRecord(Part):
             yield Row("", "", f"with {self.witness_device.in_words(units)}")
         if self.witness_hand is not None:
             yield Row("", "", f"in the hand of {self.witness_hand.in_words(units)}")
-        if self.environment is not None:
-            yield Row("", "", f"grows at {self.environment.in_words(units)}")
-            if self.environment.hand != self.witness_hand:
-                yield Row("", "", f"in the hand of {self.environment.hand.in_words(units)}")
 
 
 class WithoutOperatorRecord(Part):
@@ -280,7 +233,6 @@ class CertificateRecord(DisplayPart):
     without_operator: WithoutOperatorRecord | None = None
     hands: HandsRecord | None = None  # claims in hands; null if the problem does not make them
     any_hand: AnyHandRecord | None = None
-    changing: ChangingRecord | None = None
     whole_sample: WholeSampleRecord | None = None  # verdict beside a delay of a whole number of samples
 
     @property
@@ -295,7 +247,6 @@ class CertificateRecord(DisplayPart):
         yield from self.any_hand.rows(units) if self.any_hand else ()
         yield from self.without_operator.rows(units) if self.without_operator else ()
         yield from self.hands.rows(units) if self.hands else ()
-        yield from self.changing.rows(units) if self.changing else ()
         yield from self.whole_sample.rows(units) if self.whole_sample else ()
         for claim in self.claims:
             yield from claim.rows(units) if claim.verdict != "proved" else ()

@@ -8,11 +8,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from vctune.document.records.certificate_json import CertificateRecord, DeviceRecord, InnerLoopRecord
-from vctune.document.records.changing_json import ExaminedRecord
 from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.gains_json import (
     AnyCouplingRecord,
-    CouplingRecord,
     GainsRecord,
     ProblemRecord,
     SpringRecord,
@@ -61,15 +59,6 @@ class RepairRecord(Part):
     def turns_off(self) -> bool:
         """Whether the repair turns off what the file turns on; `old` and `new` are then 1 and 0."""
         return self.needs == f"{self.key} = false"
-
-
-class AlternativeRecord(Part):
-    """The error of the best design under one stability criterion alone, from the optimiser and without proof."""
-
-    criterion: Literal["passive", "hands"]
-    error: float
-    stiffness: float | None = None
-    drag: float | None = None
 
 
 class GlanceRecord(Part):
@@ -157,7 +146,6 @@ class DesignRecord(Document):
         "rendered": "rendered",
         "transparency": "transparency",
         "certificate": "certificate",
-        "changing": "hands change",
         "uncertainty": "uncertainty",
         "optimality": "optimality",
         "inner_loop": "velocity loop",
@@ -178,8 +166,6 @@ class DesignRecord(Document):
     prices: list[PriceRecord] | None = None
     contact: ContactRecord | None = None
     rendered: RenderedRecord | None = None
-    changing: ExaminedRecord | None = None
-    alternatives: list[AlternativeRecord] | None = None
     at_bound: list[str]
     left_out: list[str]
     warnings: list[str]
@@ -221,24 +207,6 @@ class DesignRecord(Document):
         if self.certificate.any_hand:
             passive = [f"stable{without} {self.certificate.any_hand.promise}"]
         return "; ".join([*hands, *passive])
-
-    @property
-    def compared(self) -> list[str]:
-        """Sentences on the error that each criterion alone would permit; empty if the record has no such errors."""
-        if not self.alternatives or self.transparency is None:
-            return []
-        error, result = text(self.transparency.error, 3), []
-        for entry in self.alternatives:
-            alone, changes = text(entry.error, 3), []
-            if alone != error:
-                changes.append(f"error {alone} instead of {error}")
-            if entry.stiffness is not None and isinstance(self.coupling, SpringRecord):
-                alone, own = (_decimal(k_c, self.units.stiffness) for k_c in (entry.stiffness, self.coupling.stiffness))
-                changes.append(f"k_c {alone} instead of {own}")
-            if entry.drag == 0 and isinstance(self.coupling, CouplingRecord) and self.coupling.drag > 0:
-                changes.append("without drag b_0")
-            result.append(f'with criterion = "{entry.criterion}" alone: {", ".join(changes) or "the same error"}')
-        return result
 
     @property
     def limits(self) -> list[str]:

@@ -15,7 +15,7 @@ from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
 from vctune.model.hands import HAND
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
-from vctune.model.parts import DELAYS, PARTS
+from vctune.model.parts import PARTS
 
 MAX_DECADES = 12  # Greatest width of a band, in decades of frequency
 
@@ -28,7 +28,6 @@ def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
         *_impossible_numbers(raw),
         *_impossible_criterion(raw),
         *_unproved_worlds(raw),
-        *_unproved_changing(raw),
         *impossible_display(raw),
         *impossible_experiments(raw),
         *missing_of_rotary(raw),
@@ -175,38 +174,6 @@ def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
         # rounded down to six digits
         highest = float(f"{1 / (pi * sample_time) * (1 - 5e-7):.6g}")
         yield ("environment", "corner_hz"), f"{corner:g} Hz is above 1/(pi sample_time); write at most {highest:g}"
-
-
-def _unproved_changing(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the keys that the proof for a changing damping does not allow."""
-    stability = raw.get("stability")
-    if not isinstance(stability, dict):
-        return
-    least, most = number_at(raw, "stability", "changing_mass_min"), number_at(raw, "operator", "mass", "max")
-    if stability.get("changing") is None:
-        if least is not None:
-            yield ("stability", "changing_mass_min"), 'needs a hand that changes; write changing = "damping"'
-        return
-    if least is not None and most is not None and least > most:
-        yield ("stability", "changing_mass_min"), f"{least:g} is above operator.mass.max = {most:g}; lower it"
-    if stability.get("criterion") == "passive":
-        yield ("stability", "changing"), 'needs a box of hands; write stability.criterion = "hands" or "both"'
-    if "environment" in raw:
-        yield (
-            ("stability", "changing"),
-            "is proved with every passive environment, which [environment] does not ask for; leave one of them out",
-        )
-    uncertainty = raw.get("uncertainty")
-    if not isinstance(uncertainty, dict):
-        return
-    if uncertainty.get("unmodelled"):
-        yield ("uncertainty", "unmodelled"), "is not covered by the proof for hands that change; leave one of them out"
-    late = [key for key in DELAYS if uncertainty.get(key)]
-    if len(late) > 1:
-        yield (
-            ("uncertainty", late[-1]),
-            f"is not proved together with {late[0]} for hands that change; leave one of them out",
-        )
 
 
 def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:

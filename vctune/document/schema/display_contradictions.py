@@ -18,7 +18,6 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("coupling", "mass"): "its coupling is coupling.damping beside coupling.stiffness",
     ("coupling", "drag"): "its coupling is coupling.damping beside coupling.stiffness",
     ("stability", "band_hz"): "its demands are proved at every frequency up to the Nyquist frequency",
-    ("stability", "changing"): "its port takes a force, and a steady force has no rest in a hand without stiffness",
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
 # Keys that do not apply to a servo, each with the reason

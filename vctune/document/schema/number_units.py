@@ -11,7 +11,7 @@ from vctune.model.numbers.units import UNITS, Units
 
 # Last parts of the keys of numbers, in any table, by their quantity (`vctune.model.numbers.units`)
 QUANTITIES = {
-    "mass": ("mass", "handle_mass", "changing_mass_min"),
+    "mass": ("mass", "handle_mass"),
     "damping": ("damping", "other_damping", "drag", "kd", "reference_impedance"),
     "stiffness": ("stiffness", "kp"),
     "integral_gain": ("ki",),

@@ -228,15 +228,6 @@ class StabilityTable(Table):
         "servo and for a file with [environment]. The environment is any passive one or, if the file has "
         "[environment], any one in its box.",
     )
-    changing: Literal["damping"] | None = Field(
-        None,
-        description='Parameter of the hand that may change while the hand holds the handle. Only "damping" is '
-        "possible, and it can then take any value of its range at every sample. Default: the hand does not change. "
-        "vctune proves the finished design for hands that change; the search does not consider these changes.",
-    )
-    changing_mass_min: NotNegative | None = Field(
-        None, description="Least mass of a hand whose damping changes, kg. Default: the minimum of operator.mass."
-    )
 
 
 class AxisTable(Table):

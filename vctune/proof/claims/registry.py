@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from vctune.proof.device_box import DeviceBox
 
 ClaimId = Literal[
-    "passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands", "worlds", "walls", "changing"
+    "passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands", "worlds", "walls"
 ]
-Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles", "storage"]
+Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,27 +174,6 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "the device can still be stable with every wall."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
-        ),
-        Claim(
-            id="changing",
-            sentence=(
-                "stable with every passive environment in every hand whose damping takes any value of its range at "
-                "every sample, its mass and stiffness fixed: one storage function for all dampings"
-            ),
-            quantity="storage",
-            margin="model.sampled.changing.storage_function.room_of_storage",
-            witness="a hand of `[operator]` in which no storage function is found",
-            label="hands whose damping changes",
-            explain=(
-                "The proof uses the inequality of Kalman, Yakubovich and Popov, with one storage function for all "
-                "dampings of the hand. The device is stable in each hand of `[operator]` with every environment that "
-                "is passive as it runs, in the exact sampled loop, while the damping of the hand takes any value of "
-                "its range at every sample. The mass, at least `changing_mass_min`, and the stiffness of the hand do "
-                "not change. The claim does not include the safety factor. If vctune finds no such function, the claim "
-                "is undecided, and the device may still be stable. If a hand without mass is the reason, "
-                "`changing_mass_min` excludes this hand."
-            ),
-            asked=lambda demands, _: demands.changing is not None,
         ),
     )
 }

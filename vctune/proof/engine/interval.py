@@ -14,7 +14,6 @@ from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.frequency import hertz
-from vctune.model.sampled.changing.storage_function import Storage
 from vctune.proof.enclosures.arb_balls import box
 from vctune.running import check_time, report_progress
 
@@ -51,7 +50,6 @@ class Outcome:
     device: Device | None = None  # device of the box for which the claim is refuted or undecided
     hand: Hand | None = None  # hand of the box in which the claim is refuted or undecided
     cut: bool = False  # whether the claim is undecided because the time limit ended the proof
-    storages: tuple[Storage, ...] = ()
 
     @property
     def witness_hz(self) -> float | None:

@@ -14,7 +14,6 @@ from vctune.document.records.part import Row
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.model.problem import Problem
 from vctune.report.figures.experiment_figures import HEADINGS, dwell_line, measured_rows, simulation_finding
-from vctune.report.page.changing_lines import changing_lines
 from vctune.report.page.contents import IN_WORDS, READINGS, reading
 from vctune.report.page.findings import findings, limits
 from vctune.report.page.phase_table import phase_table
@@ -52,7 +51,7 @@ def design_page(
         terms=_error_terms(record),
         limits=limits(record),
         claims=claim_lines(record, problem),
-        assumptions=[*assumptions(problem), *changing_lines(record, problem)],
+        assumptions=assumptions(problem),
         feel=feel_lines(problem, *record.design) if record.design is not None else [],
         figures=_figure_entries(record, problem, svg_files, simulation),
         bounded=[key.rpartition(".")[2] for key in record.at_bound],
