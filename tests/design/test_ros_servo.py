@@ -141,11 +141,14 @@ def limited(folder, arm, rule, share):
 
 
 def grown(arm, rule, found):
-    """Return how much grows in a period with the environment that a certificate names."""
+    """Return the most that the worst hand's loop grows in a period, over springs and masses of many sizes."""
     held = found.finding.record()["certificate"]["hands"]
     hand = tuple(held["worst_hand"][name] for name in ("mass", "damping", "stiffness"))
-    kind = "mass" if held["worst_world"]["mass"] > 0 else "spring"
-    return radius(arm, hand, rule, World(kind, held["worst_world"]["mass"] or held["worst_world"]["stiffness"]))
+    worlds = [World(kind, size) for kind in ("spring", "mass") for size in np.geomspace(1e-2, 1e5, 57)]
+    if world := held.get("worst_world"):
+        kind = "mass" if world["mass"] > 0 else "spring"
+        worlds.append(World(kind, world["mass"] or world["stiffness"]))
+    return max(radius(arm, hand, rule, world) for world in worlds)
 
 
 def held_against_the_steps(folder, seed, hands):
