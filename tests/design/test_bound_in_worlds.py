@@ -12,13 +12,10 @@ from vctune.analysis.demands import sensitivity_maxima, transparency_error
 from vctune.analysis.in_hands import least_ratios
 from vctune.api.bounding import bound
 from vctune.design.bound.design_boxes import DesignBoxes
-from vctune.design.bound.lower_bounds import least_coupling, lower_bounds
+from vctune.design.bound.lower_bounds import lower_bounds
 from vctune.design.bound.relaxation import Places, relaxation
-from vctune.design.verdict.judge import Status, judge
-from vctune.document.building import problem as problem_from
 from vctune.document.reading import read_problem
-from vctune.document.text.errors import InputError
-from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem
@@ -95,91 +92,3 @@ def test_the_best_designs_are_proved_to_be_nearly_so(name: str, gap: float) -> N
     found = bound(WORLDS / f"{name}.toml", gap=gap)
     assert found.proved and found.judgement is not None and found.optimality is not None
     assert found.optimality.bound <= found.judgement.error <= (1 + gap) * found.optimality.bound
-
-
-ARM = {
-    "device": {
-        "display": "impedance",
-        "mass": 0.045,
-        "damping": 0.25,
-        "sample_time": 1e-3,
-        "delay": 0.5e-3,
-        "velocity": {"filter_hz": 100.0},
-    },
-    "operator": {"mass": 0.05, "damping": 1.0, "stiffness": {"min": 0.0, "max": 1500.0}},
-    "stability": {"criterion": "hands", "safety_factor": 1.05},
-    "transparency": {"weights": {"admittance": 0.0, "tracking": 0.0}},
-    "environment": {"mass": {"min": 0.1, "max": 5.0}, "stiffness": {"max": 2000.0}},
-}
-HANDLE = {
-    "device": {"display": "impedance", "mass": 0.1, "damping": 1.0, "sample_time": 1e-3},
-    "gains": {"velocity": {"min": 0.0, "max": 10.0}},
-    "stability": {"criterion": "hands", "safety_factor": 1.2},
-    "transparency": {"weights": {"admittance": 1e-4, "tracking": 0.0}},
-    "environment": {"mass": {"min": 0.05, "max": 5.0}, "damping": {"min": 0.05}, "stiffness": {"max": 2000.0}},
-}
-DISPLAYS = {"arm": ARM, "handle": HANDLE}
-
-
-def feasible_springs(problem: Problem, rng: np.random.Generator, count: int) -> list[tuple[Gains, SpringDamper]]:
-    """Return random certified designs of an impedance display, each with nearly the stiffest spring of its b_c/k_c.
-
-    Only a proof tells that a design is feasible. The search in double precision may miss the worst hand by a percent.
-    """
-    found = list[tuple[Gains, SpringDamper]]()
-    while len(found) < count:
-        gains = Gains(rng.uniform(problem.bounds.velocity.min, problem.bounds.velocity.max), 0.0)
-        tau, low, high = 10 ** rng.uniform(-4, -1.5), 0.0, 10 ** rng.uniform(3, 6)
-        for _ in range(14):
-            k_c = (low + high) / 2 if low else high / 2
-            low, high = (k_c, high) if feasible(problem, gains, SpringDamper(tau * k_c, k_c)) else (low, k_c)
-        coupling = SpringDamper(tau * 0.99 * low, 0.99 * low)
-        if low and judge(problem, gains, coupling).status is Status.CERTIFIED:
-            found.append((gains, coupling))
-    return found
-
-
-def check_springs(name: str, designs: int, places: int) -> float:
-    """Assert that no design is below the bound of a box around it; return the greatest quotient of the stiffnesses."""
-    problem, rng, tight = problem_from(DISPLAYS[name]).problem, np.random.default_rng(7), 0.0
-    found = feasible_springs(problem, rng, designs)
-    tightest = [min(least_ratios(problem, *design), key=lambda each: each.ratio) for design in found]
-    own = PlacesInHands.of([(each.omega, each.hand) for each in tightest if each.hand is not None])
-    at = random_places(problem, rng, places).joined(Places(np.zeros(0), np.zeros(0), own))
-    relaxed = relaxation(problem, [problem.device], [problem.device], at, 24)
-    numbers = np.array([[g.velocity, 0.0, c.damping / c.stiffness, 0.0] for g, c in found]).T
-    errors = np.array([transparency_error(problem, *design).error for design in found])
-    compliances = np.array([1 / coupling.stiffness for _, coupling in found])
-    for width in (0.0, 1e-3, 0.03, 0.5):
-        boxes = DesignBoxes(numbers / (1 + width * rng.uniform(0, 1, numbers.shape)), numbers * (1 + width))
-        least = least_coupling(relaxed, boxes)
-        assert not least.none.any()
-        assert (least.first <= compliances * (1 + 1e-9)).all()
-        assert (lower_bounds(relaxed, boxes).error <= errors * (1 + 1e-9)).all()
-        tight = max(tight, float((least.first / compliances).max()))
-    return tight
-
-
-def test_no_feasible_spring_is_stiffer_than_the_bound_of_its_box() -> None:
-    assert check_springs("arm", 5, 300) > 0.9
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", DISPLAYS)
-def test_none_of_many_springs_is_stiffer_than_the_bound_of_its_box(name: str) -> None:
-    assert check_springs(name, 60, 2000) > 0.9
-
-
-@pytest.mark.slow
-def test_the_stiffest_spring_is_proved_to_be_nearly_so() -> None:
-    found = bound({key: table for key, table in HANDLE.items() if key != "gains"}, gap=0.2)
-    assert found.proved and found.judgement is not None and found.optimality is not None
-    assert found.optimality.bound <= found.judgement.transparency.coupling <= 1.2 * found.optimality.bound
-
-
-def test_environments_in_time_have_no_bound(tmp_path: Path) -> None:
-    path = tmp_path / "late.toml"
-    text = (WORLDS / "world-tools.toml").read_text()
-    path.write_text(text.replace("[environment]", "[environment]\nlate = 2\ndamping = { min = 0.0, max = 20.0 }"))
-    with pytest.raises(InputError, match="late"):
-        bound(path)

@@ -634,3 +634,16 @@ def test_where_the_coupling_drives_no_multiple_of_R_is_asked_for(count):
         judged = judge(arm(device, criterion="hands", factor=1.5), Gains(0.0, 0.0), coupling)
         assert judged.status is not Status.CERTIFIED or (given >= required).all()
     assert driving > count / 6
+
+
+def random_display(random) -> tuple[Device, Gains, float]:
+    """Return a device with some of the parts, K_v, and b_c."""
+    mass, damping = float(10 ** random.uniform(-1.5, 0)), float(10 ** random.uniform(-1, 0.7))
+    parts = {
+        "delay": float(random.choice([0.0, random.uniform(0, 2)])) * T,
+        "actuator": random.choice([None, Actuator(float(random.uniform(200, 1000)), 1)]),
+        "structure": random.choice([None, Structure(0.3 * mass, float(random.uniform(50, 200)), 0.05)]),
+        "velocity": random.choice([None, VelocityEstimate("difference", float(random.uniform(30, 300)), 1)]),
+    }
+    K_v, b_c = (float(random.choice([0.0, random.uniform(0, most) * damping])) for most in (3.0, 0.7))
+    return display(mass=mass, damping=damping, **parts), Gains(K_v, 0.0), b_c

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from math import inf, tan
 from pathlib import Path
@@ -12,7 +13,6 @@ from command import run
 
 from vctune.analysis.worlds.binding import binding_world, reaction
 from vctune.api.solving import solve
-from vctune.design.rendered import rendered_record
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem
 from vctune.document.file_doubts import file_doubts
@@ -110,9 +110,10 @@ def test_a_box_without_limits_is_no_box() -> None:
         ({"stability": {"criterion": "both"}}, "allows any passive hand"),
         ({"stability": {"criterion": "passive"}}, "allows any passive hand"),
         ({"uncertainty": {"unmodelled": [[1.0, 0.1]]}}, "is not proved with [environment]"),
-        ({"device": HANDLE, "environment": {"stiffness": {"max": 2e3}, "rule": "implicit"}}, "by the trapezoidal rule"),
-        ({"device": HANDLE, "environment": {"stiffness": {"max": 2e3}, "late": 1}}, "that are on time"),
-        ({"device": HANDLE, "stability": {"criterion": "both"}}, "allows any passive hand"),
+        ({"device": HANDLE}, "proved with every passive environment"),
+        ({"environment": {"stiffness": {"max": 2e3}, "late": 1}}, "late: unknown key"),
+        ({"environment": {"stiffness": {"max": 2e3}, "rule": "explicit"}}, "rule: unknown key"),
+        ({"environment": {"damping": {"min": 0.0, "max": 20.0}}}, "damping.max: unknown key"),
         ({"environment": {"mass": {"min": 2.0, "max": 1.0}}}, "swap them"),
         ({"environment": {"wall": True}}, "unknown key"),
     ],
@@ -183,22 +184,23 @@ def test_check_says_which_environments_and_which_one_binds(tmp_path: Path) -> No
     assert 0.0 <= record["worst_world"]["stiffness"] <= 2000.0
 
 
-def test_the_stiffest_spring_and_the_lightest_tool_are_beyond_the_box_of_a_design_with_room(tmp_path: Path) -> None:
-    """And are proved: as the box they pass; half as much again does not."""
-    posed = read_problem(fixed("world-tools", 1.2, tmp_path)).problem
-    judgement = judge(posed, *posed.fixed_design)
-    found = rendered_record(posed, judgement)
-    assert found is not None and found.stiffest_spring is not None and found.lightest_tool is not None
-    assert found.stiffest_spring > 2000 and found.lightest_tool < 0.02
-    low, high = World(0.02, 0.0, 0.0), World(5.0, inf, found.stiffest_spring)
-    for worlds, passes in (
-        (Worlds(low, high), True),
-        (Worlds(replace(low, mass=found.lightest_tool), replace(high, stiffness=2000.0)), True),
-        (Worlds(low, replace(high, stiffness=1.5 * found.stiffest_spring)), False),
-        (Worlds(replace(low, mass=found.lightest_tool / 1.5), replace(high, stiffness=2000.0)), False),
+def test_check_says_which_spring_and_which_tool_are_proved_beyond_the_box(tmp_path: Path) -> None:
+    """As the box of a problem they pass; half as much again does not."""
+    path = fixed("world-tools", 1.2, tmp_path)
+    said = run("check", str(path), cwd=tmp_path).stdout
+    spring, tool = (float(re.search(rf"{what} ([0-9.e+-]+) ", said)[1]) for what in ("springs up to", "tools from"))
+    assert spring > 2000
+    assert tool < 0.02
+    text = path.read_text()
+    for low, high, passes in (
+        (0.02, spring, True),
+        (tool, 2e3, True),
+        (0.02, 1.5 * spring, False),
+        (tool / 1.5, 2e3, False),
     ):
-        outcome = judge(replace(posed, worlds=worlds), *posed.fixed_design).certificate.outcomes["worlds"]
-        assert (outcome.verdict is Verdict.PROVED) is passes
+        other = re.sub(r"min = 0.02", f"min = {low}", re.sub(r"max = 2000.0", f"max = {high}", text))
+        path.write_text(other)
+        assert (run("check", str(path), cwd=tmp_path).returncode == ExitCode.OK) is passes
 
 
 @pytest.mark.slow
@@ -207,19 +209,6 @@ def test_fewer_environments_are_among_the_repairs(tmp_path: Path) -> None:
     failed = run("check", str(fixed("world-tools", 0.6, tmp_path)), cwd=tmp_path)
     assert failed.returncode == ExitCode.FAILED
     assert "environment." in failed.stdout
-
-
-def test_no_bound_and_no_region_of_late_environments_is_claimed(tmp_path: Path) -> None:
-    """Their proofs know environments on time."""
-    late = tmp_path / "late.toml"
-    text = (REFERENCE / "world-tools.toml").read_text()
-    late.write_text(text.replace("[environment]", "[environment]\nlate = 2\ndamping = { min = 0.0, max = 20.0 }"))
-    path = str(late)
-    for command, code in (("bound", "no-bound"), ("region", "no-plane")):
-        refused = run(command, path, "--out", str(tmp_path), cwd=tmp_path)
-        assert refused.returncode == ExitCode.BAD_INPUT
-        assert f"[{code}]" in refused.stderr
-    assert "[no-bound]" in run("solve", path, "--prove-gap", "0.1", cwd=tmp_path).stderr
 
 
 def test_the_binding_environment_cancels_the_reactance() -> None:
@@ -238,56 +227,3 @@ def test_the_binding_environment_cancels_the_reactance() -> None:
     assert inside is not None
     assert inside.mass == 0.02
     assert inside.mass * u - inside.stiffness / u == pytest.approx(met)
-
-
-ARM = """[device]
-display = "impedance"
-mass = 0.045
-damping = 0.25
-sample_time = 1e-3
-delay = 0.5e-3
-velocity.filter_hz = 100.0
-[operator]
-mass = 0.05
-damping = 1.0
-stiffness = { min = 0.0, max = 1500.0 }
-[stability]
-criterion = "hands"
-[transparency.weights]
-admittance = 0.0
-tracking = 0.0
-"""
-TOOLS = "[environment]\nmass = { min = 0.1, max = 5.0 }\nstiffness = { max = 2000.0 }\n"
-
-
-@pytest.mark.slow
-def test_an_impedance_display_may_be_stiffer_without_light_tools(tmp_path: Path) -> None:
-    """Its error is less than with every passive environment, and the record says which environment binds."""
-    errors = []
-    for name, tables in (("every", ""), ("tools", TOOLS.replace("0.1", "0.02"))):
-        path = tmp_path / f"{name}.toml"
-        path.write_text(f'name = "{name}"\n{ARM}{tables}')
-        found = run("solve", str(path), "--no-report", "--out", str(tmp_path / name), cwd=tmp_path)
-        assert found.returncode == ExitCode.OK, found.stderr
-        record = json.loads((tmp_path / name / name / "design.json").read_text())
-        errors.append(record["transparency"]["error"])
-    assert errors[1] <= errors[0]
-    hands = record["certificate"]["hands"]
-    assert hands["worlds"]["mass"] == [0.02, 5.0]
-    assert "binding world" in found.stdout
-    written = tmp_path / "tools" / "tools"
-    passed = run("check", str(path), str(written / "gains.toml"), cwd=tmp_path)
-    assert passed.returncode == ExitCode.OK
-    assert "with every environment of 0.02 to 5 kg, up to 2000 N/m" in passed.stdout
-
-
-@pytest.mark.slow
-def test_the_gains_of_an_impedance_display_are_checked_with_a_box(tmp_path: Path) -> None:
-    """Gains that pass with heavy tools are refused with light ones."""
-    gains = tmp_path / "gains.toml"
-    gains.write_text("[gains]\nvelocity = 0.0\n[coupling]\ndamping = 15.0\nstiffness = 6000.0\n")
-    for least, code in ((0.2, ExitCode.OK), (0.001, ExitCode.FAILED)):
-        path = tmp_path / "tools.toml"
-        path.write_text(ARM + TOOLS.replace("0.1", str(least)))
-        found = run("check", str(path), str(gains), cwd=tmp_path)
-        assert found.returncode == code, found.stdout + found.stderr

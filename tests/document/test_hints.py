@@ -97,14 +97,6 @@ def test_a_number_of_uncertainty_in_another_table_is_sent_to_its_table():
         parse_problem(text, "x", "x")
 
 
-def test_a_rotary_impedance_display_in_a_box_of_environments_needs_hands():
-    """The criterion is then "hands", and hands without impedance would leave the claims to the free handle."""
-    text = '[device]\nunits = "rotary"\ndisplay = "impedance"\nmass = 1e-4\ndamping = 1e-3\nsample_time = 1e-3\n'
-    parse_problem(text, "arm.toml", "arm")
-    with pytest.raises(InputError, match=r"operator: .* r metres from the axis \[contradiction\]$"):
-        parse_problem(text + "[environment]\nmass = { min = 1e-5 }\n", "arm.toml", "arm")
-
-
 @given(st.text(max_size=30))
 def test_no_line_is_too_odd_for_a_hint(line):
     assert isinstance(hint_on_line(line), str) and isinstance(number_meant(line), str)

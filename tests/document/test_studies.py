@@ -120,19 +120,6 @@ WORLD = PROBLEM.replace("'passive'", "'hands'") + (
 )
 
 
-def test_a_whole_number_is_an_axis_of_whole_numbers(tmp_path):
-    """How late a world may answer is a whole number of samples; one between two has no meaning."""
-    plan = study(tmp_path, '"environment.late" = [1, 2.0, 3]', WORLD)
-    assert plan.axes[0].values == (1, 2, 3) and all(type(value) is int for value in plan.axes[0].values)
-    for late in plan.axes[0].values:
-        here, faults = plan.at((late,))
-        assert not faults and here.worlds.late == late
-    with pytest.raises(InputError, match=r"1\.5 is not a whole number"):
-        study(tmp_path, '"environment.late" = [1, 1.5]', WORLD)
-    with pytest.raises(InputError, match="write a list of whole numbers"):
-        study(tmp_path, '"device.servo.order" = { linear = [1, 2], n = 2 }')
-
-
 def test_a_point_is_the_problem_with_its_numbers_written_in(tmp_path):
     plan = study(tmp_path, '"device.damping" = [3.0]\n"stability.band_hz[1]" = [50.0]\n"coupling.mass" = [0.1]')
     here, faults = plan.at((3.0, 50.0, 0.1))

@@ -24,9 +24,9 @@ from vctune.model.hands import Hand, Hands
 from vctune.report.figures.design_figures import Design, figures
 from vctune.report.figures.experiment_figures import simulation_figure
 from vctune.report.figures.hands_figure import _regions, hands_figure, shares_required
+from vctune.report.figures.region_figure import BAD, GOOD, OPEN
 from vctune.report.figures.sweep_figures import sweep_figure
 from vctune.report.figures.with_matplotlib import _shortened, svg
-from vctune.report.figures.world_figure import BAD, GOOD, OPEN
 from vctune.report.page.contents import IDENTIFICATION_READINGS, READINGS
 from vctune.report.page.page import inline_svg
 from vctune.report.svg.elements import LETTER, PAPER, SIZE, polyline

@@ -15,7 +15,7 @@ from vctune.analysis.climb import climbed
 from vctune.analysis.extrema import Floats
 from vctune.analysis.loops_in_hands import PER_DECADE
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
@@ -28,7 +28,6 @@ from vctune.model.sampled.hand_loop import (
 )
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, ServoInHand, delays_of, plant_in_hand
 from vctune.model.sampled.several_devices import as_one
-from vctune.model.sampled.worlds.late_sides import open_sides
 from vctune.model.sampled.worlds.loop_in_walls import LEADS, disjuncts_in_walls, strip_in_walls
 from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen, disjuncts, posed, room_of
 from vctune.model.worlds import WorldsMet
@@ -50,16 +49,13 @@ def needs_in_worlds(
     coupling: AnyCoupling,
     theta: Floats,
     met: WorldsMet,
-    share: float = 1.0,
 ) -> dict[str, Floats]:
     """Return 1/ratio for each margin."""
-    factor, worlds, T, inverse = met.factor, met.worlds, device.sample_time, device.kind.inverse
-    at, seen = met_in_hand(loop, device, gains, coupling, share, theta, FLOATS)
-    reserve = 1.0 if inverse else factor
-    found = disjuncts(at, worlds, T, seen, reserve, theta, FLOATS)
-    need = _need(seen.lost / seen.size, at.resistance + reserve * worlds.low.damping)
-    needs = {"resistive": need * (reserve / factor)}
-    for name in posed(worlds, factor, inverse=inverse)[1:]:
+    factor, worlds, T = met.factor, met.worlds, device.sample_time
+    at, seen = met_in_hand(loop, device, gains, coupling, theta, FLOATS)
+    found = disjuncts(at, worlds, T, seen, factor, theta, FLOATS)
+    needs = {"resistive": _need(seen.lost / seen.size, at.resistance + factor * worlds.low.damping)}
+    for name in posed(worlds, factor)[1:]:
         needs[name] = np.exp(-room_of(getattr(found, name), np.abs)) / factor
     return needs
 
@@ -71,28 +67,12 @@ def needs_in_hands(
     if met is not None and met.worlds.corner is not None:
         rooms = rooms_at_walls(met_in_shares(loop, device, gains, coupling, theta, met), device.sample_time, theta, met)
         return np.exp(-np.minimum.reduce(list(rooms.values()))) / met.factor
-    if met is not None and not met.worlds.lossless:
-        return _need_in_time(loop, device, gains, coupling, theta, met)
     if met is not None:
-        shares = shares_of_coupling(met.factor) if device.kind.inverse else (1.0,)
-        each = (needs_in_worlds(loop, device, gains, coupling, theta, met, share) for share in shares)
-        return np.maximum.reduce([np.minimum.reduce(np.broadcast_arrays(*needs.values())) for needs in each])
+        needs = needs_in_worlds(loop, device, gains, coupling, theta, met)
+        return np.asarray(np.minimum.reduce(np.broadcast_arrays(*needs.values())))
     found = required_in_hand(loop, gains)
     with np.errstate(all="ignore"):
         return _need(np.asarray(found.lost / found.size), offered(coupling, device, theta, FLOATS))
-
-
-@np.errstate(all="ignore")
-def _need_in_time(
-    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet
-) -> Floats:
-    """Return 1/ratio with environments that run late or step by Euler's rules, from the margins of `open_sides`."""
-    planes = open_sides(met.worlds, device.sample_time, theta)
-    rooms = [
-        np.maximum.reduce([np.asarray(room_of(plane.terms(at, seen, left), np.abs)) for plane in planes])
-        for at, seen, left in met_in_shares(loop, device, gains, coupling, theta, met).values()
-    ]
-    return np.exp(-np.minimum.reduce(rooms)) / met.factor
 
 
 class AtWall(NamedTuple):
@@ -106,11 +86,8 @@ def met_in_shares(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet
 ) -> MetInShares:
     """Return the impedance that an environment meets with some shares of the coupling."""
-    found: MetInShares = {}
-    for share in shares_of_coupling(met.factor):
-        at, seen = met_in_hand(loop, device, gains, coupling, share, theta, FLOATS)
-        found[share] = at, seen, 1.0 if isinstance(coupling, SpringDamper) else share
-    return found
+    at, seen = met_in_hand(loop, device, gains, coupling, theta, FLOATS)
+    return {share: (at, seen, share) for share in shares_of_coupling(met.factor)}
 
 
 @np.errstate(all="ignore")

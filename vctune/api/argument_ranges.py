@@ -6,12 +6,10 @@ from typing import Literal
 
 from vctune.document.ros import AXES as AXES
 from vctune.document.text.toml import STDIN as STDIN
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS
 
 Format = Literal["c", "fmu", "json", "ros2"]  # Formats of an exported design
 GAPS = (1e-4, 10.0)  # Least and greatest permitted gap
 # Least and greatest permitted side of a region's smallest cell, as a share of the plane's side
 RESOLUTIONS = (1 / 2048, 1 / 8)
 VARIABLES = (*KEYS, *SPRING_KEYS[3:])  # Keys of the design variables of all displays
-# Keys that can be axes of a region: design variables, or parameters of the environments that given gains render
-AXES_OF_REGIONS = (*VARIABLES, *WORLD)

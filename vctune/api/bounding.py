@@ -11,7 +11,7 @@ from typing import Any
 
 from vctune.api.design_files import json_text, write_record
 from vctune.api.folders import DESIGN_FILE
-from vctune.api.solving import require_bounded, require_gap, solve
+from vctune.api.solving import require_gap, solve
 from vctune.design.bound.resume import ResumeState, read_resume, resume_bytes
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
@@ -116,7 +116,7 @@ def bound(
         or by Euler's rules; or if the design belongs to another problem or is not proved.
     """
     require_gap(gap)
-    file = require_bounded(require_free(problem_of(problem)))
+    file = require_free(problem_of(problem))
     with limited(time_limit):
         start = _starting_design(file, design, progress)
         if start.record.status == Status.INFEASIBLE.value:

@@ -20,7 +20,7 @@ OWNER_FILE = "problem-file.txt"  # File with the path of the problem file that o
 # Files and folders that other commands write for a design, in its folder
 OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
 # Files and folders that other commands write for a problem, in its folder, independent of its design
-OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front")
+OF_PROBLEM = ("region.json", "region.svg", "front")
 
 
 def design_folder(file: ProblemFile, out: Path) -> Path:

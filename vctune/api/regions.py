@@ -25,7 +25,6 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.output_files import previous, write_together
 from vctune.markup import html_facts
 from vctune.model.gains import AnyCoupling
-from vctune.model.numbers.keys import WORLD as WORLD
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, seconds_left, unlimited
 from vctune.running import time_limit as limited
@@ -33,10 +32,8 @@ from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
 from vctune.study.region_record import Design, region_record
-from vctune.study.world_region import world_plane, world_plane_errors, world_region
 
-# File names of record and picture, for a region over design variables and for a region over environments
-REGION_FILES, WORLD_FILES = ("region.json", "region.svg"), ("z-width.json", "z-width.svg")
+REGION_FILE, PICTURE = "region.json", "region.svg"
 SOLVING = 0.5  # Greatest share of a time limit for solving the problem
 DRAWING = 1.5  # Seconds reserved for the picture of the cells, at most half of the remaining time
 LOADING = 0.5  # Seconds that loading the drawing packages may take
@@ -44,12 +41,11 @@ LOADING = 0.5  # Seconds that loading the drawing packages may take
 
 @dataclass(frozen=True, slots=True)
 class AdmissibleGains:
-    """The plane of two design variables, or of two parameters of environments, with the verdict on each cell."""
+    """The plane of two design variables, with the verdict on each cell."""
 
     file: ProblemFile  # the problem
     region: Region  # the cells; `interrupted` states whether the search was stopped
-    solved: Solved | None  # the result of solving the problem; None if the search did not need this result
-    design: Design | None = None  # the gains and the coupling that render the environments of the cells
+    solved: Solved  # the result of solving the problem
     marked: Design | None = None
 
     @property
@@ -59,10 +55,7 @@ class AdmissibleGains:
 
     @property
     def designs(self) -> list[Design]:
-        """The design that renders the environments of the cells; for a plane of design variables the best design, if it
-        is certified."""
-        if self.design is not None or self.solved is None:
-            return [self.design] if self.design else []
+        """The best design, if it is certified."""
         best = self.solved.judgement
         certified = best is not None and self.solved.status is Status.CERTIFIED
         return [(best.gains, best.coupling)] if best is not None and certified else []
@@ -72,15 +65,14 @@ class AdmissibleGains:
         """The status: certified if a cell is feasible or the best design is certified, infeasible if all cells are
         infeasible or the problem is proved infeasible, undecided otherwise."""
         kinds = self.region.kinds
-        if (kinds == Kind.FEASIBLE).any() or (self.designs and self.design is None):
+        if (kinds == Kind.FEASIBLE).any() or self.designs:
             return Status.CERTIFIED
-        refused = self.solved is not None and self.solved.status is Status.INFEASIBLE
-        impossible = refused or (kinds == Kind.INFEASIBLE).all()
+        impossible = self.solved.status is Status.INFEASIBLE or (kinds == Kind.INFEASIBLE).all()
         return Status.INFEASIBLE if impossible else Status.UNDECIDED
 
     def record(self) -> dict[str, Any]:
         """Return the object of region.json."""
-        return region_record(self.file, self.region, self.designs, rendered=self.design is not None).to_json()
+        return region_record(self.file, self.region, self.designs).to_json()
 
     def _repr_html_(self) -> str:
         shares = {f"{kind}, %": 100 * share for kind, share in self.areas.items()}
@@ -100,18 +92,16 @@ def region(
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress = lambda stage: None,
 ) -> AdmissibleGains:
-    """Find the gains that meet a problem's constraints, or the environments that given gains render, cell by cell.
+    """Find the gains that meet a problem's constraints, cell by cell.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
     x, y : dotted keys of two free variables; None for the usual keys of the display (see `axes_of`). If other variables
-        are free, a cell is feasible if some values within their bounds suffice. If x and y are parameters of an
-        environment, the region contains the environments that can be rendered in every hand of the problem
-    gains, coupling : the design that renders the environments, or its file; None for the problem's best design. The
-        picture of a plane of design variables marks this design
+        are free, a cell is feasible if some values within their bounds suffice
+    gains, coupling : a design that the picture marks, or its file
     resolution : side of the smallest cell as a share of the plane's side, 1/2048 to 1/8, rounded down to a power of 1/2
-    solved : the result of `solve` for the problem; None to solve it first, unless given gains render environments
+    solved : the result of `solve` for the problem; None to solve it first
     time_limit : seconds after which the function returns the result so far
     stopped : function that returns whether to end the search now; the remaining cells are undecided
     progress : function that receives the current stage
@@ -124,7 +114,7 @@ def region(
     ------
     InputError
         If the problem or the design is invalid, if they are for different kinds of device, if x and y do not span a
-        plane, if the resolution is out of range, or if there is no design that could render environments.
+        plane, or if the resolution is out of range.
     """
     file = problem_of(problem)
     x, y = axes_of(file.problem, x, y)
@@ -133,28 +123,15 @@ def region(
     if not finest <= resolution <= coarsest:
         message = f"{resolution:g} is out of range: must be from 1/{1 / finest:g} to 1/{1 / coarsest:g}"
         raise InputError.of("resolution", "bad-option", message)
-    levels, of_worlds = ceil(-log2(resolution)), x in WORLD
+    levels = ceil(-log2(resolution))
     with limited(time_limit):
-        gains_file = None if gains is None else design_for(file, gains, coupling)
-        design = None if gains_file is None else (gains_file.gains, gains_file.coupling)
-        if design is None or not of_worlds:
-            solved = solved or best_design(file.problem, progress)
+        marked = None if gains is None else design_for(file, gains, coupling)
+        design = None if marked is None else (marked.gains, marked.coupling)
+        solved = solved or best_design(file.problem, progress)
         with limited(max(seconds_left() - DRAWING, seconds_left() / 2)):
-            if not of_worlds:
-                across = plane(file.problem, x, y, levels)
-                cells = divide(file.problem, across, across.coarsest_squares(), progress, stopped)
-                return AdmissibleGains(file, cells, solved, marked=design)
-            design = design or _best_gains(file, solved)
-            across = world_plane(file.problem, x, y, levels)
-            return AdmissibleGains(file, world_region(file.problem, *design, across, progress, stopped), solved, design)
-
-
-def _best_gains(file: ProblemFile, solved: Solved | None) -> Design:
-    """Return the gains and the coupling of a problem's best design. Refuse a problem without a design."""
-    if solved is None or solved.judgement is None:
-        message = f"has no design that could render environments: {solved.reason if solved else 'none given'}"
-        raise InputError.of(file.source, "no-design", message)
-    return solved.judgement.gains, solved.judgement.coupling
+            across = plane(file.problem, x, y, levels)
+            cells = divide(file.problem, across, across.coarsest_squares(), progress, stopped)
+            return AdmissibleGains(file, cells, solved, design)
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
@@ -165,9 +142,6 @@ def best_design(problem: Problem, progress: Progress = lambda stage: None) -> So
 
 def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
     """Return the axes of a problem's plane: the given keys, or the usual keys of its display."""
-    if x in WORLD or y in WORLD:
-        stiffness, mass = WORLD[2], WORLD[0]
-        return x or (mass if y == stiffness else stiffness), y or (stiffness if x == mass else mass)
     kind = problem.device.kind
     usual = kind.keys[-2:] if kind.absent else kind.keys[:2]
     return x or usual[0], y or usual[1]
@@ -175,10 +149,6 @@ def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
 
 def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
     """Return a problem, or raise an error if the problem has no region in the plane of x and y."""
-    if x in WORLD or y in WORLD:
-        if mistakes := world_plane_errors(file.problem, x, y):
-            raise InputError(file.source, mistakes)
-        return file
     keys = keys_for(file.problem)
     message = f"is no variable; there are: {', '.join(keys)}"
     unknown = [Mistake("no-plane", key, message) for key in (x, y) if key not in keys]
@@ -188,14 +158,13 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
 
 
 def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, bool]:
-    """Write region.json, and its picture if there is time to draw it. The record of a plane of environments is
-    z-width.json."""
+    """Write region.json, and its picture if there is time to draw it."""
     with unlimited():
         text = json.dumps(found.record(), allow_nan=False) + "\n"
     pictures: dict[Path, str] = {}
     with suppress(OutOfTimeError):
         pictures = _picture(found, folder)
-    place, picture = (folder / name for name in (REGION_FILES if found.design is None else WORLD_FILES))
+    place, picture = folder / REGION_FILE, folder / PICTURE
     kept = [picture, place] if found.region.interrupted and place.exists() and not _interrupted(place) else []
     write_together({place: text, **pictures}, () if pictures or kept else (picture,), kept)
     return previous(place) if kept else None, bool(pictures)
@@ -205,16 +174,11 @@ def _picture(result: AdmissibleGains, folder: Path) -> dict[Path, str]:
     """Return the picture of a region. Raise OutOfTimeError if too little time is left to draw it."""
     if seconds_left() < LOADING:
         raise OutOfTimeError
-    name = (REGION_FILES if result.design is None else WORLD_FILES)[1]
-    if result.design is not None:
-        from vctune.report.figures.world_figure import world_figure
-
-        return {folder / name: world_figure(result.file.problem, result.region).svg(Path(name).stem)}
     from vctune.report.figures.region_figure import region_figure
     from vctune.report.figures.with_matplotlib import svg
 
     figure = region_figure(result.file.problem, result.region, result.designs, result.marked)
-    return {folder / name: svg(figure, Path(name).stem)}
+    return {folder / PICTURE: svg(figure, Path(PICTURE).stem)}
 
 
 def _interrupted(place: Path) -> bool:

@@ -12,7 +12,6 @@ from vctune.design.verdict.prices import with_prices
 from vctune.design.verdict.repair import with_repairs
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.reading import ProblemFile
 from vctune.document.text.errors import InputError
 from vctune.running import time_limit as limited
 
@@ -56,7 +55,6 @@ def solve(
     file = problem_of(problem)
     if gap is not None:
         require_gap(gap)
-        require_bounded(file)
     with limited(time_limit):
         solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
         known = f"; {solved.known}"
@@ -69,15 +67,3 @@ def require_gap(gap: float) -> None:
     low, high = GAPS
     if not low <= gap <= high:
         raise InputError.of("gap", "bad-option", f"{gap:g} is out of range: must be from {low:g} to {high:g}")
-
-
-def require_bounded(file: ProblemFile) -> ProblemFile:
-    """Return a problem, or raise an error if vctune cannot bound the problem's error from below."""
-    worlds = file.problem.worlds
-    if worlds is not None and not worlds.lossless:
-        message = (
-            "environment: no useful lower bound on the error is known for environments that run late or by Euler's "
-            "rules; leave the table out, for a bound with every passive environment"
-        )
-        raise InputError.of(file.source, "no-bound", message)
-    return file

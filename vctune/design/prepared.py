@@ -106,11 +106,6 @@ def with_corner(posed: Posed, corner: float) -> Posed:
     return in_worlds(posed, lambda worlds: replace(worlds, corner=corner))
 
 
-def by_resistance(posed: Posed) -> Posed:
-    """Return a copy of a posed problem whose environments require only a positive margin of the real part."""
-    return in_worlds(posed, lambda worlds: replace(worlds, resistive=True))
-
-
 def in_worlds(posed: Posed, change: Callable[[Worlds], Worlds]) -> Posed:
     """Return a copy of a posed problem with other environments."""
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from vctune.document.records.certificate_json import HandsRecord
 from vctune.firmware.firmware import Firmware, certified
 from vctune.model.device import Device
 from vctune.model.numbers.units import Units
 from vctune.model.parts import PARTS
-from vctune.model.worlds import in_time_in_words
 from vctune.version import __version__
 
 # Assumption on the environments of a design without a box of environments
@@ -52,7 +50,7 @@ def assumptions(firmware: Firmware) -> list[str]:
     hands = None if certificate is None else certificate.hands
     rendered = PASSIVE_ENVIRONMENTS
     if hands is not None and hands.worlds is not None:
-        rendered = f"environments are those of the box{_stepped(hands)}"
+        rendered = "environments are those of the box, by the trapezoidal rule"
     built = f"{_mechanics(device, units)}{box}; a step every {device.sample_time!r} s"
     if device.servo is not None:
         return [
@@ -81,16 +79,6 @@ def _left_to_caller(device: Device, units: Units) -> list[str]:
             f"adds the {units.force_name} of a spring of {stiffness!r} {units.stiffness} on the servo's position"
         )
     return [f"{LEFT_TO_CALLER} {' and '.join(parts)}."] if parts else []
-
-
-def _stepped(hands: HandsRecord) -> str:
-    """Return a phrase on the integration rule and the lateness of a claim's environments. The phrase follows the words
-    "environments are those of the box"."""
-    stepped = in_time_in_words(hands.worlds_rule or "trapezoid", hands.worlds_late or 0)
-    if hands.worlds_rule is None:
-        stepped = f", by the trapezoidal rule{stepped}"
-    on_time = hands.worlds_rule != "explicit" and not hands.worlds_late
-    return stepped if on_time else f"{stepped}; the built-in environment is neither late nor by explicit Euler"
 
 
 def _mechanics(device: Device, units: Units) -> str:

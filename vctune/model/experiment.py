@@ -8,6 +8,7 @@ from typing import Literal
 from vctune.model.numbers.units import UnitSystem
 
 Motion = Literal["reciprocate", "sine"]
+MOST_LATE = 10  # Greatest permitted lateness of an environment in samples
 # Rule by which the firmware integrates mass and stiffness: backward Euler, which damps, the lossless trapezoidal rule,
 # or explicit Euler
 Rule = Literal["backward", "trapezoid", "explicit"]

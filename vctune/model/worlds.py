@@ -5,16 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 from math import inf
-from typing import Literal, get_args
 
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import Units
-
-# Rule by which the firmware integrates mass and stiffness: the lossless trapezoidal rule, explicit Euler, or implicit
-# Euler, which damps
-WorldRule = Literal["trapezoid", "explicit", "implicit"]
-WORLD_RULES: tuple[WorldRule, ...] = get_args(WorldRule)
-MOST_LATE = 10  # Greatest permitted lateness of an environment in samples
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,31 +31,11 @@ class Worlds:
     high: World
     walls: bool = False
     corner: Number | None = None
-    rule: WorldRule = "trapezoid"  # rule by which the firmware integrates the environments
-    late: int = 0  # number of samples by which the environments' force is late, >= 0
-    resistive: bool = False  # whether a search relies on the real part alone; a proof never does
 
     @property
     def linear(self) -> Worlds:
         """The same environments without walls."""
         return replace(self, walls=False, corner=None)
-
-    @property
-    def by_real_part(self) -> Worlds:
-        """The same environments without walls, on time and by the trapezoidal rule. For these environments, a search
-        requires only the condition on the real part."""
-        return Worlds(self.low, self.high, resistive=True)
-
-    @property
-    def lossless(self) -> bool:
-        """Whether masses and springs are lossless, as in section 18: they step by the trapezoidal rule and run on
-        time."""
-        return self.rule == "trapezoid" and self.late == 0
-
-    @property
-    def passive(self) -> bool:
-        """Whether the firmware renders every environment of the box passively, for any mass, damping and stiffness."""
-        return self.rule != "explicit" and self.late == 0
 
     def in_words(self, units: Units) -> str:
         """Return the box in words with units. The text omits limits that exclude nothing."""
@@ -75,13 +48,7 @@ class Worlds:
             )
         ]
         stated = ", ".join(each for each in ranges if each) or "any mass, damping and stiffness"
-        return f"{stated}, walls among them" if self.walls else f"{stated}{in_time_in_words(self.rule, self.late)}"
-
-    @property
-    def ahead(self) -> bool:
-        """Whether the box has masses that step by explicit Euler on time, so that they respond only at the next
-        sample."""
-        return bool(self.rule == "explicit" and self.late == 0 and self.high.mass > 0)
+        return f"{stated}, walls among them" if self.walls else stated
 
     def in_units(self, impedance: float, time: float) -> Worlds:
         """Return the same environments in other units of impedance and time."""
@@ -100,13 +67,6 @@ class Worlds:
 
 # All environments that are passive in their discrete form
 EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))
-
-
-def in_time_in_words(rule: WorldRule, late: int) -> str:
-    """Return the words for rule and lateness that follow an environment's numbers."""
-    stepped = {"trapezoid": "", "explicit": "stepped by explicit Euler", "implicit": "stepped by implicit Euler"}[rule]
-    waited = f"{late} sample{'s' * (late > 1)} late" if late else ""
-    return "".join(f", {each}" for each in (stepped, waited) if each)
 
 
 def _range(low: Number, high: Number, unit: str) -> str:

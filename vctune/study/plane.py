@@ -11,7 +11,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Units, of_one_device
 from vctune.design.variables import Coordinate, coordinates, keys_for, ranges
 from vctune.document.text.errors import Mistake
-from vctune.model.numbers.keys import KEYS, WORLD, keys_of
+from vctune.model.numbers.keys import KEYS, keys_of
 from vctune.model.problem import Problem, Range
 from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Cells
@@ -25,7 +25,7 @@ DIGITS = 12  # Number of significant digits of the edges between cells
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """Two variables of a design, or two parameters of an environment, with the edges of their finest cells."""
+    """Two variables of a design, with the edges of their finest cells."""
 
     axes: tuple[int, int]  # indices of the variables x and y among `keys`
     edges: tuple[Floats, Floats]  # 2^levels + 1 edges of x and as many of y, SI units
@@ -34,7 +34,7 @@ class Plane:
     @property
     def keys(self) -> tuple[str, ...]:
         """The keys of the variables."""
-        return WORLD if len(self.ranges) == len(WORLD) else keys_of(len(self.ranges))
+        return keys_of(len(self.ranges))
 
     def at_full_width(self, key: str) -> bool:
         """Return whether a variable is free but not an axis, so that each cell may have its own value of this
@@ -82,12 +82,8 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
         mistakes.append(
             Mistake("no-plane", "uncertainty", "a region is proved for one device; leave the table out of this problem")
         )
-    worlds = problem.worlds
-    if worlds is not None and (worlds.walls or not worlds.lossless or problem.device.kind.inverse):
-        message = (
-            "a region of gains is proved for linear environments by the trapezoidal rule, on time, on an admittance "
-            "display or a servo; state such a table, or leave it out of this problem"
-        )
+    if problem.worlds is not None:
+        message = "a region is proved with every passive environment; leave the table out of this problem"
         mistakes.append(Mistake("no-plane", "environment", message))
     if x == y:
         mistakes.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))

@@ -23,13 +23,11 @@ from vctune.proof.claims.many_designs import Places, prove, refuted
 from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Cells
 from vctune.running import OutOfTimeError, out_of_time
-from vctune.study.estimate_in_worlds import COUPLING_DAMPING
-from vctune.study.no_coupling import no_coupling
 from vctune.study.plane import Plane, Squares, halved
-from vctune.study.region_estimate import changes, estimate
+from vctune.study.region_estimate import COUPLING_DAMPING, changes, estimate
 
 TOGETHER = 512  # Number of cells that the search judges together; the data of this many cells fit into memory
-# The keys of the variables whose growth makes the constraints easier to meet, except with a box of environments
+# The keys of the variables whose growth makes the constraints easier to meet
 EASING = "coupling.mass", "coupling.drag"
 
 Progress = Callable[[str], None]
@@ -131,8 +129,8 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
 @np.errstate(all="ignore")
 def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     """Return the verdict on each cell, and the b_c of a feasible cell if b_c is free."""
-    whole, free = plane.cells(squares), free_damping(plane)
-    cells = easiest(whole, plane)
+    free = free_damping(plane)
+    cells = easiest(plane.cells(squares), plane)
     estimated = estimate(problems, cells, free=free)
     kinds = np.full(len(cells), Kind.UNDECIDED)
     with_b_c = with_damping(cells, estimated.damping) if free else cells
@@ -140,13 +138,10 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     for problem in problems:
         hopeful = hopeful[prove(pose(problem).demands, with_b_c.subset(hopeful)).proved]
     kinds[hopeful] = Kind.FEASIBLE
-    for problem, hardest, missed in zip(problems, estimated.places, estimated.missed, strict=True):
+    for problem, hardest in zip(problems, estimated.places, strict=True):
         undecided = np.flatnonzero(kinds == Kind.UNDECIDED)
-        # with a box of environments, a coupling with more mass and drag may be worse
-        tested = (cells if problem.worlds is None else whole).subset(undecided)
-        kinds[undecided[_proved_infeasible(problem, plane, tested, hardest.subset(undecided), missed[undecided])]] = (
-            Kind.INFEASIBLE
-        )
+        lost = _proved_infeasible(problem, plane, cells.subset(undecided), hardest.subset(undecided))
+        kinds[undecided[lost]] = Kind.INFEASIBLE
     return kinds, np.where((kinds == Kind.FEASIBLE) & free, estimated.damping, np.nan)
 
 
@@ -158,14 +153,11 @@ def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flag
     return np.where(change[0] == change[1], longer, change[0] > change[1])
 
 
-def _proved_infeasible(problem: Problem, plane: Plane, cells: Cells, places: Places, missed: Flags) -> Flags:
+def _proved_infeasible(problem: Problem, plane: Plane, cells: Cells, places: Places) -> Flags:
     """Return the cells of a plane that are proved to contain no design that meets a problem's constraints."""
     demands = pose(problem).demands
     infeasible = refuted(demands, cells, places)
-    if problem.worlds is not None:
-        near = np.flatnonzero(~infeasible & missed)
-        infeasible[near] = no_coupling(problem, cells.subset(near), np.array([*map(plane.at_full_width, plane.keys)]))
-    elif free_damping(plane):
+    if free_damping(plane):
         infeasible |= no_damping(demands, cells, places)
     elif places.in_hands is not None and not infeasible.all():
         near = np.flatnonzero(~infeasible)
@@ -179,5 +171,5 @@ def _refined_places(problem: Problem, cells: Cells, places: Places) -> Places:
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
     coupling, first = coupling_from(of_coupling), places.in_hands[0]
-    _, closer = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, first, problem.worlds_met)
+    _, closer = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, first)
     return replace(places, in_hands=closer[None])

@@ -26,13 +26,11 @@ from vctune.document.text import toml
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.keys import WORLD
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.study.plane import Plane, Squares, plane_errors
 from vctune.study.region import Kind, Progress, Region, region
 from vctune.study.region_record import Design
-from vctune.study.world_region import world_plane, world_plane_errors, world_region
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +38,7 @@ class Recheck:
     """The verdicts of a renewed check of a baseline."""
 
     region: Region  # the cells that the baseline lists as feasible, divided further if they are not proved as a whole
-    designs: list[Design]  # the gain sets that the baseline lists; empty for a map of environments
+    designs: list[Design]  # the gain sets that the baseline lists
     certified: list[bool]  # for each listed gain set, whether it is still certified
     units: Units  # units of the problem
     cut: bool = False  # whether the time limit ended the check
@@ -53,8 +51,6 @@ class Recheck:
 
 def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lambda stage: None) -> Recheck:
     """Prove the feasible cells and the gain sets of a baseline again for the present problem."""
-    if baseline.axes.x in WORLD:
-        return _rendered_again(problem, baseline, progress)
     keys = keys_for(problem)
     axes = (keys.index(baseline.axes.x), keys.index(baseline.axes.y))
     plane = Plane(axes, (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges(problem))
@@ -64,15 +60,6 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
     certified = [judgement.status is Status.CERTIFIED for judgement in judged]
     cut = rechecked.interrupted or any(judgement.certificate.cut for judgement in judged)
     return Recheck(rechecked, designs, certified, problem.units, cut)
-
-
-def _rendered_again(problem: Problem, baseline: RegionDocument, progress: Progress) -> Recheck:
-    """Prove the environments of a map again for its design. The function does not prove the design itself again."""
-    x, y = baseline.axes.x, baseline.axes.y
-    ranges = world_plane(problem, x, y, 3).ranges  # they do not depend on the number of levels
-    plane = Plane((WORLD.index(x), WORLD.index(y)), (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges)
-    again = world_region(problem, *baseline.designs[0].design, plane, progress, squares=_feasible(baseline))
-    return Recheck(again, [], [], problem.units, again.interrupted)
 
 
 def _feasible(baseline: RegionDocument) -> Squares:
@@ -115,8 +102,7 @@ def recheck_region(
     began = perf_counter()
     old = read_region(baseline)
     require_record_of(file, old.problem, str(baseline), "region")
-    errors = world_plane_errors if old.axes.x in WORLD else plane_errors
-    if mistakes := errors(file.problem, old.axes.x, old.axes.y):
+    if mistakes := plane_errors(file.problem, old.axes.x, old.axes.y):
         raise InputError(file.source, mistakes)
     again = recheck(file.problem, old, progress)
     other = Note("other-version", "the region was found for another version of the problem (sha256 differs)")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from math import inf
 from typing import Any
 
@@ -20,6 +20,7 @@ from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import offered
 from vctune.proof.claims.damping import admissible_damping
@@ -27,8 +28,8 @@ from vctune.proof.claims.many_designs import Places
 from vctune.proof.claims.margins_of_claims import inwards
 from vctune.proof.enclosures.array_intervals import TINY, Flags
 from vctune.proof.engine.boxes import Cells, Integers
-from vctune.study.estimate_in_worlds import COUPLING_DAMPING, best_damping, need_at, worst_places
 
+COUPLING_DAMPING = KEYS.index("coupling.damping")
 POINTS_PER_DECADE = 24  # Number of frequencies per decade of the grids
 # Number of loops whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache
 LOOPS_AT_ONCE = 16
@@ -40,89 +41,24 @@ class Estimate:
 
     damping: Floats
     places: list[Places]  # for each problem, the places where its constraints are hardest to meet
-    missed: list[Flags]  # for each problem, flags of shape (n,)
 
 
 def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
     """Return where, on a grid of frequencies, the constraints are hardest to meet at the centres of cells, and which
     centres meet them."""
-    if problems[0].worlds is not None:
-        return _estimate_in_worlds(problems, cells, free=free)
     least, most = cells.low[COUPLING_DAMPING].copy(), cells.high[COUPLING_DAMPING].copy()
-    meets, places, missed = np.ones(len(cells), bool), [], []
+    meets, places = np.ones(len(cells), bool), []
     for problem in problems:
         hardest = _hardest_places(problem, cells, free=free)
         least, most, meets = np.maximum(least, hardest.least), np.minimum(most, hardest.most), meets & hardest.meets
         places.append(hardest.places)
-        missed.append(hardest.least > hardest.most if free else ~hardest.meets)
     damping = np.clip(np.sqrt(least) * np.sqrt(most), least, most) if free else cells.low[COUPLING_DAMPING].copy()
-    return Estimate(np.where(meets & (least <= most), damping, np.nan), places, missed)
-
-
-def _estimate_in_worlds(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
-    """Return the result of `estimate` for problems with a box of environments."""
-    damping = _damping_in_worlds(problems, cells) if free else cells.low[COUPLING_DAMPING].copy()
-    middle, meets, places, missed = _with_damping(cells.centres(), damping), np.ones(len(cells), bool), [], []
-    for problem in problems:
-        need, worst = worst_places(problem, middle)
-        peak, theta_S = _peak_of_sensitivity(problem, Gains(*middle.low[:2, :, None]))
-        missed.append(need * problem.stability.safety_factor > 1)
-        meets &= ~missed[-1] & (peak <= problem.stability.max_sensitivity)
-        places.append(Places(theta_S, in_hands=worst[None]))
-    return Estimate(np.where(meets, damping, np.nan), places, missed)
-
-
-def _damping_in_worlds(problems: Sequence[Problem], cells: Cells) -> Floats:
-    """For each cell, return a b_c with which the constraints seem to hold for every passive environment."""
-    damping = estimate([replace(problem, worlds=None) for problem in problems], cells, free=True).damping
-    unmet = np.isnan(damping)
-    if unmet.any():
-        damping[unmet] = best_damping(problems, cells.subset(unmet))
-    return damping
-
-
-def _with_damping(points: Cells, damping: Floats) -> Cells:
-    """Return designs with another b_c, shape (n,)."""
-    numbers = points.low.copy()
-    numbers[COUPLING_DAMPING] = damping
-    return Cells(numbers, numbers)
-
-
-@np.errstate(all="ignore")
-def _changes_in_worlds(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
-    """Return the result of `changes` for problems with a box of environments."""
-    middle = cells.centres()
-    if free:
-        middle = _with_damping(middle, _damping_in_worlds(problems, cells))
-    places, changes_by_axis = [worst_places(problem, middle)[1] for problem in problems], list[Floats]()
-    for axis in axes:
-        ends = []
-        for edge in (cells.low, cells.high):
-            numbers = middle.low.copy()
-            numbers[axis] = edge[axis]
-            ends.append(
-                np.max(
-                    [_missed_at(problem, numbers, worst) for problem, worst in zip(problems, places, strict=True)],
-                    axis=0,
-                )
-            )
-        changes_by_axis.append(np.nan_to_num(np.abs(ends[1] - ends[0])))
-    return changes_by_axis
-
-
-def _missed_at(problem: Problem, numbers: Floats, places: PlacesInHands) -> Floats:
-    """Return the logarithm of the factor by which each design misses its hardest constraint, in the hand of its
-    place."""
-    need = need_at(problem, Cells(numbers, numbers), places) * problem.stability.safety_factor
-    peak, _ = _peak_of_sensitivity(problem, Gains(*numbers[:2, :, None]))
-    return np.maximum(np.log(np.maximum(need, TINY)), np.log(peak / problem.stability.max_sensitivity))
+    return Estimate(np.where(meets & (least <= most), damping, np.nan), places)
 
 
 @np.errstate(all="ignore")
 def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
     """Return the logarithm of the factor by which the hardest constraint changes across each cell along two axes."""
-    if problems[0].worlds is not None:
-        return _changes_in_worlds(problems, cells, axes, free=free)
     middle, changes_by_axis = cells.centres(), list[Floats]()
     for axis in axes:
         ends = []

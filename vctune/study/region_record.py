@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from vctune.design.rendered import in_hands
 from vctune.document.reading import ProblemFile
 from vctune.document.records.gains_json import ProblemRecord, coupling_record, stated_units
 from vctune.document.records.region_json import (
@@ -26,13 +25,10 @@ from vctune.version import versions
 Design = tuple[Gains, AnyCoupling]
 
 
-def region_record(
-    file: ProblemFile, region: Region, designs: list[Design], *, rendered: bool = False
-) -> RegionDocument:
+def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> RegionDocument:
     """Return the record of a region."""
     plane, stability = region.plane, file.problem.stability
     x, y = (plane.keys[axis] for axis in plane.axes)
-    met = in_hands(file.problem) if rendered else file.problem
     x_edges, y_edges = (edges.tolist() for edges in plane.edges)
     damping = [None if np.isnan(b_c) else b_c for b_c in region.damping.tolist()]
     cells = zip(region.squares.T.tolist(), region.kinds.tolist(), damping, strict=True)
@@ -41,7 +37,7 @@ def region_record(
             name=file.problem.name, sha256=file.sha256, text=file.text, **stated_units(file.problem.device)
         ),
         demands=DemandsRecord(
-            safety_factor=stability.safety_factor, max_sensitivity=stability.max_sensitivity, **_of_hands(met)
+            safety_factor=stability.safety_factor, max_sensitivity=stability.max_sensitivity, **_of_hands(file.problem)
         ),
         axes=AxesRecord.model_validate({"x": x, "y": y}),
         others={

@@ -54,13 +54,13 @@ def bound(
     from vctune.api.bounding import known_design, require_free, write_bounded
     from vctune.api.design_files import write_report
     from vctune.api.folders import DESIGN_FILE, design_folder
-    from vctune.api.solving import require_bounded, solve
+    from vctune.api.solving import solve
     from vctune.cli.printing.output import answer, warn, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
     from vctune.exit_codes import ExitCode
     from vctune.interrupt import interrupt_noted
 
-    file = require_bounded(require_free(read_problem(problem)))
+    file = require_free(read_problem(problem))
     path = design or design_folder(file, out) / DESIGN_FILE
     warn_of_doubts(file, quiet=quiet)
     with progress_on_stderr(f"vctune bound {problem.name}", shown=not quiet) as progress:

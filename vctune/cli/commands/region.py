@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from vctune.api.argument_ranges import AXES_OF_REGIONS, RESOLUTIONS
+from vctune.api.argument_ranges import RESOLUTIONS, VARIABLES
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limited
 
 # Default axes in the help text
@@ -21,12 +21,12 @@ SHOWN = (
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
 @click.option(
     "--x",
-    type=click.Choice(AXES_OF_REGIONS),
+    type=click.Choice(VARIABLES),
     show_default=SHOWN[0],
     help="Variable on the horizontal axis of the plane.",
 )
 @click.option(
-    "--y", type=click.Choice(AXES_OF_REGIONS), show_default=SHOWN[1], help="Variable on the vertical axis of the plane."
+    "--y", type=click.Choice(VARIABLES), show_default=SHOWN[1], help="Variable on the vertical axis of the plane."
 )
 @click.option(
     "--resolution",
@@ -55,11 +55,6 @@ def region(
     coupling within its bounds meets the constraints. The command writes OUT/NAME/region.json, a baseline for `vctune
     check --region`, and region.svg. The picture marks the best design, and also GAINS if you name a file.
 
-    With the axes environment.stiffness and environment.mass, the cells contain environments. With each environment of a
-    feasible cell, the device is proved stable in every hand. With each environment of an infeasible cell, the device is
-    refuted in some hand. The gains come from GAINS or, without GAINS, from the best design. The command then writes
-    z-width.json and z-width.svg.
-
     The exit code is 0 if feasible gains exist, 1 if vctune proves that none exist, and 3 if it proves neither. After
     Ctrl-C or the time limit, the command writes the cells decided so far and exits with code 3. A second Ctrl-C ends
     the command at once.
@@ -67,9 +62,8 @@ def region(
     from vctune import read_problem
     from vctune.api.folders import design_folder
     from vctune.api.regions import (
-        REGION_FILES,
-        WORLD,
-        WORLD_FILES,
+        PICTURE,
+        REGION_FILE,
         axes_of,
         best_design,
         design_for,
@@ -90,7 +84,7 @@ def region(
     warn_of_doubts(file, quiet=quiet)
     given = design_for(file, gains) if gains else None
     with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
-        solved = best_design(file.problem, progress) if given is None or x not in WORLD else None
+        solved = best_design(file.problem, progress)
         with interrupt_noted() as stopped:  # from here on, an interrupt would lose work
             found = find(file, x, y, given, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
             late = found.region.interrupted and not stopped()
@@ -99,8 +93,7 @@ def region(
     interrupted = found.region.interrupted
     if interrupted:
         earlier = f"; the earlier one is {kept.name} now" if kept else ""
-        name = (REGION_FILES if found.design is None else WORLD_FILES)[0]
-        holds = f"{folder / name}: holds what was decided before"
+        holds = f"{folder / REGION_FILE}: holds what was decided before"
         if late:
             warn("time-limit", f"{holds} the time limit{earlier}")
         else:
@@ -111,7 +104,7 @@ def region(
     if interrupted:
         lines[-1] += f"  {'out of time' if late else 'interrupted'}: the search did not examine the whole plane"
     lines.append(f"of the plane {x} by {y}")
-    steps = [f"open {folder / (REGION_FILES if found.design is None else WORLD_FILES)[1]}"] if drawn else []
+    steps = [f"open {folder / PICTURE}"] if drawn else []
 
     def table() -> None:
         from vctune.cli.printing.design_table import print_lines

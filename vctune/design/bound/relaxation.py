@@ -14,7 +14,6 @@ from vctune.design.bound.llewellyn_bound import llewellyn_conditions
 from vctune.design.bound.objective import Objective, objective_of
 from vctune.design.bound.quadratic_coefficients import quadratic, repeated
 from vctune.design.bound.quadratics import BoundedQuotient, Quadratic, rounded_down, upper
-from vctune.design.bound.springs_in_worlds_bound import springs_in_worlds
 from vctune.design.bound.worlds_bound import conditions_in_worlds
 from vctune.model.device import Device
 from vctune.model.hand_arrays import PlacesInHands
@@ -108,8 +107,7 @@ def _conditions(problem: Problem, devices: list[Device], places: Places) -> list
     if problem.hands_met is not None and problem.worlds is None:
         found.append(conditions_in_hands(devices, places.in_hands))
     if problem.hands_met is not None and problem.worlds is not None:
-        required = springs_in_worlds if problem.device.kind.inverse else conditions_in_worlds
-        found.append(required(devices, places.in_hands, problem.worlds.linear))
+        found.append(conditions_in_worlds(devices, places.in_hands, problem.worlds.linear))
     if problem.any_hand:
         found.append(conditions_in_any_hand(devices, places.any_hand))
     return found

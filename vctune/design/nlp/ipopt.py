@@ -37,11 +37,9 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import AnyLoopInHand, LoopInHand, loop_in_hand, required_in_hand, seen_in_hand
-from vctune.model.sampled.impedance_display import ForceInHand, Required, firmware_filter
+from vctune.model.sampled.impedance_display import Required, firmware_filter
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.sampled.several_devices import alike, as_one
-from vctune.model.sampled.worlds.late_sides import open_sides
-from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
 from vctune.model.sampled.worlds.loop_in_worlds import Disjuncts
 from vctune.model.sampled.worlds.loop_in_worlds import posed as posed_in
 from vctune.model.transparency import TERMS, log_quadrature
@@ -150,12 +148,9 @@ def _parameters(
     if working_set.in_hand:
         spare, points = max(tightening, TIGHTENING_IN_HANDS), working_set.in_hand
         factor = posed.problem.stability.safety_factor * exp(spare)
-        numbers["in_hand"] = _in_hands(points, worlds=structure.worlds) | {"factor": np.full(len(points), factor)}
+        numbers["in_hand"] = _in_hands(points) | {"factor": np.full(len(points), factor)}
         if (met := posed.problem.worlds_met) is not None:
-            inverse, in_time = structure.kind.inverse, structure.in_time
-            numbers["in_hand"] |= (
-                _in_time(points, met, spare) if in_time else _in_worlds(len(points), met, spare, inverse=inverse)
-            )
+            numbers["in_hand"] |= _in_worlds(len(points), met, spare)
         if structure.walls:
             numbers["in_hand"] |= _in_walls(points)
     if working_set.tracked_peaks:
@@ -205,15 +200,12 @@ def _firmware_filter(device: Device, omega: Any) -> dict[str, Any]:
     return {"low_pass_re": low_pass.re, "low_pass_im": low_pass.im}
 
 
-def _in_hands(points: Sequence[ConstraintPoint], *, worlds: bool) -> dict[str, Any]:
+def _in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
     """Return the loops in hands at some points, keyed by the names of `in_hand_layout`. With T = 1, omega equals
     theta."""
     kind = points[0].device.kind
     if kind.name == "admittance":
         return _loops_in_hands(points)
-    if worlds and kind.inverse:
-        filters = [_firmware_filter(at.device, min(at.omega, pi)) for at in points]
-        return _loops_in_hands(points) | {name: np.array([each[name] for each in filters]) for name in filters[0]}
     columns = [(_command_in_hand if kind.name == "servo" else _force_in_hand)(at) for at in points]
     return {name: np.array([column[name] for column in columns]).T for name in columns[0]}
 
@@ -225,7 +217,7 @@ def _loops_in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
         device, delays = as_one([points[k].device for k in group], (-1,))
         hand = stacked_hands([at.hand for at in (points[k] for k in group) if at.hand is not None])
         loop = loop_in_hand(plant_in_hand(device, hand, delays, FLOATS), theta[group], FLOATS)
-        assert isinstance(loop, LoopInHand | ForceInHand)
+        assert isinstance(loop, LoopInHand)
         for name, part in zip(loop._fields, loop, strict=True):
             for side in ("even", "odd"):
                 found.setdefault(f"{name}_{side}", np.zeros(len(points)))[group] = getattr(part, side)
@@ -248,21 +240,13 @@ def _command_in_hand(at: ConstraintPoint) -> dict[str, Any]:
     return {"theta": theta, "required": required.lost / required.size, "swing": seen.swing / seen.size}
 
 
-def _in_worlds(count: int, met: WorldsMet, spare: float, *, inverse: bool) -> dict[str, Any]:
+def _in_worlds(count: int, met: WorldsMet, spare: float) -> dict[str, Any]:
     """Return the environments for `count` points, keyed by the names of `WORLDS_IN_HAND`. Infinite limits become 0."""
-    ends, names = {"low": met.worlds.low, "high": met.worlds.high}, posed_in(met.worlds, met.factor, inverse=inverse)
+    ends, names = {"low": met.worlds.low, "high": met.worlds.high}, posed_in(met.worlds, met.factor)
     numbers = {f"environment_{end}_{name}": x for end, world in ends.items() for name, x in asdict(world).items()}
     numbers = {name: x if x < inf else 0.0 for name, x in numbers.items()} | {"reserve": met.factor, "spare": spare}
     numbers |= {f"by_{name}": 1.0 * (name in names) for name in Disjuncts._fields}
     return {name: np.full(count, x) for name, x in numbers.items()}
-
-
-def _in_time(points: Sequence[ConstraintPoint], met: WorldsMet, spare: float) -> dict[str, Any]:
-    """Return the sides of environments at some points, keyed by the names of `SIDES_IN_HAND`."""
-    theta = np.array([min(point.omega, pi) for point in points])
-    sides = enumerate(open_sides(met.worlds, 1.0, theta))
-    numbers = {f"side_{k}_{part}": getattr(side, part) for k, side in sides for part in HalfPlane._fields}
-    return numbers | {"spare": np.full(len(points), spare)}
 
 
 def _in_walls(points: Sequence[ConstraintPoint]) -> dict[str, Any]:

@@ -31,11 +31,9 @@ from vctune.model.loop.llewellyn import modulus_excess
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate
 from vctune.model.numbers.pair import EvenOdd, Pair
-from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand, seen_by_tool, seen_in_hand
-from vctune.model.sampled.impedance_display import ForceInHand, offered_by_spring, spring_damper_admittance
+from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand, seen_in_hand
+from vctune.model.sampled.impedance_display import offered_by_spring, spring_damper_admittance
 from vctune.model.sampled.velocity_loop import return_difference, sensitivity_abs2
-from vctune.model.sampled.worlds.late_sides import SIDES
-from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
 from vctune.model.sampled.worlds.loop_in_walls import disjuncts_in_walls, strip_in_walls
 from vctune.model.sampled.worlds.loop_in_worlds import Seen, disjuncts, offered_at, room_of
 from vctune.model.transparency import PANEL_NODES, TERMS, loop_terms, squared_terms
@@ -237,39 +235,16 @@ def _demanded_in_hand(
 ) -> Number:
     if corner is not None:
         return _margin_with_walls(in_hand, gains, coupling, corner)
-    if structure.in_time:
-        return _margin_in_time(structure, in_hand, gains, coupling)
     if structure.worlds:
-        return reduce(ca.fmin, [_margin_in_worlds(in_hand, gains, coupling, share) for share in structure.shares])
+        return _margin_in_worlds(in_hand, gains, coupling)
     return _margin_in_hand(in_hand, gains, coupling)
 
 
-# Number of sides of the polygon of late environments whose margins are nearly equal at low frequencies; `_greatest`
-# needs this number
-ALIKE = 4
-
-
-def _margin_in_time(structure: NlpStructure, in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return the margin for environments late or by Euler's rules: the least over the shares of the coupling."""
-    seen, at = _seen(in_hand, gains), offered_at(series_coupling(coupling), 1.0, in_hand["theta"], SYMBOLS)
-    planes = [HalfPlane(*(in_hand[f"side_{k}_{part}"] for part in HalfPlane._fields)) for k in range(SIDES)]
-    each = [
-        _greatest([room_of(plane.terms(at, seen, share), ca.fabs) - in_hand["spare"] for plane in planes], ALIKE)
-        for share in structure.shares
-    ]
-    return reduce(ca.fmin, each)
-
-
-def _margin_in_worlds(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, share: float = 1.0) -> Number:
+def _margin_in_worlds(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
     """Return a smooth lower bound of the greatest of the margins, one of which must be positive."""
     low, high = _box_of(in_hand)
     theta, factor, raised = in_hand["theta"], in_hand["reserve"], in_hand["factor"]
-    if isinstance(coupling, SpringDamper):
-        spring = offered_by_spring(coupling, 1.0, _low_pass(in_hand), theta, SYMBOLS)
-        at, seen = seen_by_tool(ForceInHand(*_parts(in_hand, ForceInHand)), gains, spring, share).apart
-        factor, raised = ca.SX(1), raised / factor
-    else:
-        at, seen = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS), _seen(in_hand, gains)
+    at, seen = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS), _seen(in_hand, gains)
     margin_terms = disjuncts(at, Worlds(low, high), 1.0, seen, factor, theta, SYMBOLS)
     offered, wanted = at.resistance + factor * low.damping, raised * (seen.lost / seen.size)
     margins = {"resistive": ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)}
@@ -320,13 +295,9 @@ def _seen(in_hand: dict[str, ca.SX], gains: Gains) -> Seen:
 
 def _loop(in_hand: dict[str, ca.SX]) -> LoopInHand:
     """Return a velocity loop in a hand."""
-    return LoopInHand(*_parts(in_hand, LoopInHand))
-
-
-def _parts(in_hand: dict[str, ca.SX], loop: type[LoopInHand | ForceInHand]) -> list[EvenOdd]:
-    """Return the parts of a loop in a hand, in the order of the fields of `loop`."""
     sine = ca.sin(in_hand["theta"] / 2)
-    return [EvenOdd(in_hand[f"{part}_even"], in_hand[f"{part}_odd"], sine * sine) for part in loop._fields]
+    each = (EvenOdd(in_hand[f"{part}_even"], in_hand[f"{part}_odd"], sine * sine) for part in LoopInHand._fields)
+    return LoopInHand(*each)
 
 
 def _required_of_loop(in_hand: dict[str, ca.SX], gains: Gains) -> Number:

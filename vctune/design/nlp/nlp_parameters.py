@@ -15,10 +15,7 @@ from vctune.model.loop.device_response import DeviceResponse, DriveResponse, Spr
 from vctune.model.loop.filters import FilterResponse
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.hand_loop import LoopInHand
-from vctune.model.sampled.impedance_display import ForceInHand
 from vctune.model.sampled.velocity_loop import SampledPlant
-from vctune.model.sampled.worlds.late_sides import SIDES
-from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
 from vctune.model.sampled.worlds.loop_in_worlds import Disjuncts
 from vctune.model.transparency import PANEL_NODES, TERMS
 
@@ -39,10 +36,6 @@ FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
 # The loop of an impedance display, in one hand or in any passive hand: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2
 # K_v^2)
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
-# The loop of an impedance display in one hand, for a problem with a box of environments
-FORCE_IN_WORLDS: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER} | {
-    f"{part}_{side}": 1 for part in ForceInHand._fields for side in ("even", "odd")
-}
 # R and -s Im Z_seen of a servo in a hand, which do not depend on any gain
 COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1, "swing": 1}
 IN_HAND: dict[DisplayName, Layout] = {
@@ -57,9 +50,6 @@ WORLDS_IN_HAND: Layout = {
     "reserve": 1,
     "spare": 1,
 }
-# Rows that environments late or by Euler's rules add to the loop in a hand: the sides of their polygon, and the
-# tightening
-SIDES_IN_HAND: Layout = {f"side_{k}_{part}": 1 for k in range(SIDES) for part in HalfPlane._fields} | {"spare": 1}
 # Rows that walls add: `walled` is 1 for the condition on walls and 0 for the condition on linear environments; the
 # other rows are the fields of `AtWall`
 WALLS_IN_HAND: Layout = {"walled": 1, "share": 1, "lead": 1}
@@ -70,9 +60,7 @@ STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 def in_hand_layout(structure: NlpStructure) -> Layout:
     """Return the layout of a loop in a hand."""
     worlds, walls = WORLDS_IN_HAND if structure.worlds else {}, WALLS_IN_HAND if structure.walls else {}
-    worlds = SIDES_IN_HAND if structure.in_time else worlds
-    loop = FORCE_IN_WORLDS if structure.worlds and structure.kind.inverse else IN_HAND[structure.kind.name]
-    return loop | worlds | walls
+    return IN_HAND[structure.kind.name] | worlds | walls
 
 
 def common_layout(structure: NlpStructure) -> Layout:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
-from vctune.analysis.hardest_hands import shares_of_coupling
 from vctune.design.prepared import Posed
 from vctune.design.search.working_set import WorkingSet
 from vctune.design.variables import Coordinate
@@ -33,8 +32,6 @@ class NlpStructure:
     rigid: bool  # whether b_c is infinite
     worlds: bool  # whether the environments form a box
     walls: bool  # whether the environments include walls
-    in_time: bool  # whether the environments run late or by Euler's rules
-    shares: tuple[float, ...]
     free: tuple[tuple[int, bool], ...]  # (index among a design's variables, whether it may be 0) for each free variable
     integrator: bool  # whether the law has the term K_p/s
     terms: tuple[TermName, ...]  # terms of the error with a positive weight
@@ -73,8 +70,6 @@ def nlp_structure(
     effect."""
     problem, weights = posed.problem, posed.problem.transparency.weights
     estimate = problem.device.velocity or VelocityEstimate()
-    in_time = problem.worlds is not None and not problem.worlds.lossless
-    inverse = problem.worlds is not None and problem.device.kind.inverse
     steps = CAPACITY_STEPS if problem.worlds is None else (*CAPACITY_STEPS[:-1], IN_WORLDS)
     ratio, sensitivity, stability, *others = (
         -(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True)
@@ -86,8 +81,6 @@ def nlp_structure(
         rigid=problem.bounds.damping.min == inf,
         worlds=problem.worlds is not None,
         walls=problem.worlds is not None and problem.worlds.walls,
-        in_time=in_time,
-        shares=shares_of_coupling(problem.stability.safety_factor) if in_time or inverse else (1.0,),
         free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
         integrator=integrator,
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),

@@ -3,8 +3,7 @@ constraint, and repeat."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
 from math import exp, inf
 
 import numpy as np
@@ -14,9 +13,8 @@ from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.in_walls import corner_of
 from vctune.design.nlp.ipopt import NEAR_SIDE, numbers_of, solve
 from vctune.design.nlp.nlp_structure import nlp_structure
-from vctune.design.prepared import Posed, by_resistance, in_worlds, with_device
+from vctune.design.prepared import Posed, with_device
 from vctune.design.result import Polished, Round
-from vctune.design.search.in_worlds.stiffest import Stiffest, stiffest
 from vctune.design.search.scan import ScanResult
 from vctune.design.search.shapes import scaled_coupling
 from vctune.design.search.stabilise import add_stability_cut, stabilised, stable
@@ -42,9 +40,6 @@ PANELS = 4
 MAX_PANELS = 256  # First and greatest number of panels of the error's quadrature, with eight nodes each
 # Permitted relative difference between the NLP's objective and the error of its answer, for each norm
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
-# Half-width of the trust box in which the exchange solves the NLP of an impedance display with a box of environments
-# for its multipliers
-NEAR = 0.02
 # Share by which the error of an answer must exceed that of a known design for the exchange to reject the answer
 UPHILL = 1e-4
 
@@ -61,46 +56,9 @@ def polish(
 ) -> Polished | None:
     """Improve a start to a local optimum of the semi-infinite problem; return None if the exchange finds no feasible
     design."""
-    again = partial(_exchanged, scanned=scanned, tightening=tightening, witnesses=witnesses, demands=demands)
-    worlds = posed.problem.worlds
-    if by_scale(posed.problem):
-        held = witnesses.in_hand if witnesses is not None else []
-        return _stiffest(posed, start, stiffest(posed, start, incumbent, tightening, held), tightening)
-    if worlds is None or worlds.lossless or worlds.ahead:
-        return again(posed, start, incumbent=incumbent)
-    first = again(by_resistance(posed), start, incumbent=inf)
-    if first is None:
-        return again(posed, start, incumbent=incumbent)
-    beyond = replace(start, gains=design_of(first.values)[0], coupling=design_of(first.values)[1], error=first.error)
-    try:
-        better = again(posed, beyond, incumbent=min(first.error, incumbent))
-    except OutOfTimeError:
-        return first
-    return better if better is not None and better.error < first.error else first
-
-
-def by_scale(problem: Problem) -> bool:
-    """Return whether the search computes the coupling from the scales that environments forbid."""
-    return problem.worlds is not None and problem.device.kind.inverse
-
-
-def _stiffest(posed: Posed, start: Start, found: Stiffest | None, tightening: float) -> Polished | None:
-    """Return the stiffest coupling of an impedance display, and the multipliers of the places that limit it."""
-    if found is None:
-        return None
-    values, worlds = point(found.gains, found.coupling), posed.problem.worlds
-    assert worlds is not None
-    alone, working_set = in_worlds(posed, lambda each: each.by_real_part), WorkingSet(in_hand=found.places)
-    free = coordinates(alone.problem, integrator=False)
-    structure = nlp_structure(
-        alone, free, working_set, MAX_PANELS if posed.problem.device.structure else PANELS, integrator=False
+    return _exchanged(
+        posed, start, scanned, incumbent=incumbent, tightening=tightening, witnesses=witnesses, demands=demands
     )
-    box = _box(free, values, NEAR)
-    solution = solve(structure, numbers_of(alone, structure, free, values, box, working_set, tightening))
-    if worlds.walls:  # the multipliers belong to the linear environments alone
-        solution = replace(solution, converged=False)
-    rounds = [Round(sum(working_set.sizes()), solution)]
-    return Polished(start, values, found.error, structure, working_set, solution, tightening, rounds)
 
 
 def _exchanged(

@@ -16,7 +16,7 @@ from vctune.analysis.hardest_hands import tightest_at_wall
 from vctune.analysis.in_hands import RatioInHand, least_ratios_near
 from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.result import Polished
-from vctune.design.search.exchange import TIGHTENING, by_scale, polish
+from vctune.design.search.exchange import TIGHTENING, polish
 from vctune.design.search.rounding import DIGITS, rounded
 from vctune.design.search.scan import ScanResult, better_start_near, in_same_basin, scan, start_at
 from vctune.design.search.start import Start
@@ -231,10 +231,10 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
                 if points is not None:
                     _collect(points, outcome, prepared, judgement if claim == "walls" else None)
             known = _new_hand(prepared, law, judgement, witnesses, tightening)
-            if by_scale(prepared.problem) or not known:
+            if not known:
                 sharpened += 1
                 tightening *= SHARPENING
-            if _undecided(judgement) or by_scale(prepared.problem):
+            if _undecided(judgement):
                 tightening = max(tightening, DECIDABLE)
         again = partial(polish, prepared.scaled, scanned=scanned, tightening=tightening, witnesses=witnesses)
         polished = again(_start_at(polished), demands=polished.working_set) or again(optimum.start)

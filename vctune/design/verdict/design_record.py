@@ -13,7 +13,6 @@ import numpy as np
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.analysis.worlds.binding import binding_world
-from vctune.design.rendered import rendered_record
 from vctune.design.result import Repair, Solved
 from vctune.design.search.rounding import near
 from vctune.design.variables import Point, keys_for, point, ranges
@@ -210,8 +209,6 @@ def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
 def _borne(problem: Problem, judgement: Judgement) -> dict[str, Part]:
     """Return the records of a servo's contacts and of the environments beyond the box; empty for other problems."""
     found: dict[str, Part | None] = {"contact": contact_record(problem, judgement)}
-    if problem.worlds is not None:
-        found["rendered"] = rendered_record(problem, judgement)
     return {name: part for name, part in found.items() if part is not None}
 
 
@@ -259,12 +256,9 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
     if problem.worlds is not None:
         ends = asdict(problem.worlds.low), asdict(problem.worlds.high)
         also["worlds"] = {name: [ends[0][name], ends[1][name]] for name in ends[0]}
-        also |= {"worlds_rule": problem.worlds.rule} if problem.worlds.rule != "trapezoid" else {}
-        also |= {"worlds_late": problem.worlds.late} if problem.worlds.late else {}
     device = judgement.tightest if held.ratio == judgement.min_ratio else problem.device
     law, factor = (judgement.gains, judgement.coupling), problem.stability.safety_factor
-    lossless = problem.worlds is None or problem.worlds.lossless
-    world = binding_world(device, *law, held.hand, held.omega, factor, problem.worlds) if lossless else None
+    world = binding_world(device, *law, held.hand, held.omega, factor, problem.worlds)
     if world is not None:
         also["worst_world"] = WorldRecord(mass=world.mass, stiffness=world.stiffness)
     if (walls := judgement.in_walls) is not None and (corner := judgement.corner) is not None:

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from vctune.design.rendered import rendered_record
 from vctune.design.result import Repair
 from vctune.design.variables import keys_for, ranges
 from vctune.design.verdict.check_message import check_message, line_to_change, taken_back
@@ -20,6 +19,7 @@ from vctune.design.verdict.checked import VERDICTS, Checked, CheckVerdict, findi
 from vctune.design.verdict.gain_repair import edits, undone, undone_together
 from vctune.design.verdict.judge import Judgement, Status, judge_all
 from vctune.design.verdict.parameter_changes import ParameterChange
+from vctune.design.verdict.rendered import rendered_in_words
 from vctune.design.verdict.repair import (
     OF_FIXED,
     OF_FIXED_IN_USE,
@@ -162,8 +162,7 @@ def _judged(
         notes = [OTHER_VERSION] if design.sha256 and design.sha256 != file.sha256 else []
         finding = finding_of(file, judgement, repairs, notes, perf_counter() - began, proving)
         verdict, message = VERDICTS[judgement.status], check_message(judgement, finding.repairs, changed, together)
-        bears = rendered_record(file.problem, judgement)
-        message = "; ".join(filter(None, [message, bears.said(file.problem.units) if bears else ""]))
+        message = "; ".join(filter(None, [message, rendered_in_words(file.problem, judgement)]))
         line = line_to_change(source.text, finding.repairs, together)
         checks.append(Checked(source.path, file.problem.name, verdict, message, line, finding))
     return checks

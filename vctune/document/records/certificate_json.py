@@ -12,7 +12,7 @@ from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof,
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
 from vctune.model.parts import Unmodelled
-from vctune.model.worlds import World, WorldRule, Worlds
+from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.registry import ClaimId
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
@@ -166,8 +166,6 @@ class HandsRecord(DisplayPart):
     worst_hand: HandRecord
     boxes: int  # number of boxes in the proof
     worlds: dict[str, Pair] | None = None
-    worlds_rule: WorldRule | None = None
-    worlds_late: int | None = None
     worst_world: WorldRecord | None = None  # environment with which the ratio is least
     walls: WallsRecord | None = None  # claim about walls; null without walls
 
@@ -184,8 +182,7 @@ class HandsRecord(DisplayPart):
             return ENVIRONMENTS
         ends = {name: [inf if end is None else end for end in pair] for name, pair in self.worlds.items()}
         low, high = (World(**{name: pair[k] for name, pair in ends.items()}) for k in (0, 1))
-        rule, late = self.worlds_rule or "trapezoid", self.worlds_late or 0
-        box = Worlds(low, high, self.walls is not None, rule=rule, late=late)
+        box = Worlds(low, high, self.walls is not None)
         return f"with every environment of {box.in_words(units)}"
 
     @property

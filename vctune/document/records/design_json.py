@@ -18,7 +18,6 @@ from vctune.document.records.gains_json import (
 )
 from vctune.document.records.part import Document, Number, Pair, Part, Row, Shown, how_shown, text
 from vctune.document.records.price_json import PriceRecord
-from vctune.document.records.rendered_json import RenderedRecord
 from vctune.model.display import DISPLAYS
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import UNITS, Units
@@ -143,7 +142,6 @@ class DesignRecord(Document):
         "gains": "gains",
         "coupling": "coupling",
         "contact": "contact",
-        "rendered": "rendered",
         "transparency": "transparency",
         "certificate": "certificate",
         "uncertainty": "uncertainty",
@@ -165,7 +163,6 @@ class DesignRecord(Document):
     repairs: list[RepairRecord] | None = None
     prices: list[PriceRecord] | None = None
     contact: ContactRecord | None = None
-    rendered: RenderedRecord | None = None
     at_bound: list[str]
     left_out: list[str]
     warnings: list[str]

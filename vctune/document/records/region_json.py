@@ -31,9 +31,6 @@ Key = Literal[
     "coupling.mass",
     "coupling.drag",
     "coupling.stiffness",
-    "environment.mass",
-    "environment.damping",
-    "environment.stiffness",
 ]
 Index = Annotated[int, Field(ge=0)]
 Edges = Annotated[list[NotNegative], Field(min_length=2)]
@@ -52,7 +49,7 @@ class DemandsRecord(Part):
 
 
 class AxesRecord(Part):
-    """The two variables that span the plane: gains, or parameters of the environments for the listed design."""
+    """The two variables that span the plane."""
 
     x: Key
     y: Key
@@ -99,7 +96,7 @@ class CheckedProblemRecord(Part):
 
 
 class RegionDocument(Document):
-    """A plane of gains, or of environments for one design, and its cells, in SI units: the object of region.json."""
+    """A plane of gains and its cells, in SI units: the object of region.json."""
 
     SCHEMA = "vctune/region/1"
 
@@ -109,7 +106,7 @@ class RegionDocument(Document):
     others: dict[str, float | dict[str, float] | None] = Field(default_factory=dict)
     areas: dict[str, float] = Field(default_factory=dict)  # share of the plane for each verdict
     interrupted: bool = False
-    designs: list[DesignPoint]  # listed gain sets; exactly one if the cells are environments
+    designs: list[DesignPoint]  # listed gain sets
     edges: EdgesRecord
     cells: list[Cell]
     versions: dict[str, str | None] = Field(default_factory=dict)
@@ -119,8 +116,6 @@ class RegionDocument(Document):
         """Refuse cells that do not lie on the listed edges, and edges that do not increase."""
         if len(self.edges.x) != len(self.edges.y):
             raise ValueError(f"there are {len(self.edges.x)} edges of x and {len(self.edges.y)} of y, not as many")
-        if self.axes.x.startswith("environment.") and len(self.designs) != 1:
-            raise ValueError("cells of environments are those of one design")
         for number, (x_low, x_high, y_low, y_high, *_) in enumerate(self.cells):
             inside = x_low <= x_high < len(self.edges.x) and y_low <= y_high < len(self.edges.y)
             if not inside or (x_low, y_low) == (x_high, y_high):

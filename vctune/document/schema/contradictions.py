@@ -14,7 +14,7 @@ from vctune.document.schema.rotary_contradictions import missing_of_rotary
 from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
 from vctune.model.hands import HAND
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS
 from vctune.model.parts import PARTS
 
 MAX_DECADES = 12  # Greatest width of a band, in decades of frequency
@@ -47,7 +47,7 @@ def _several_axes(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 def _empty_ranges(raw: dict[str, Any]) -> Iterator[Contradiction]:
     """Yield the ranges whose least value is above the greatest."""
-    for key in (*KEYS, *SPRING_KEYS[3:], *HAND, *WORLD):
+    for key in (*KEYS, *SPRING_KEYS[3:], *HAND, "environment.mass", "environment.stiffness"):
         path = tuple(key.split("."))
         low, high = number_at(raw, *path, "min"), number_at(raw, *path, "max")
         if low is not None and high is not None and low > high:
@@ -104,58 +104,11 @@ def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
     if isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
         yield ("uncertainty", "unmodelled"), "is not proved with [environment]; leave one of them out"
     yield from _unproved_walls(raw)
-    yield from _endless_worlds(raw)
-
-
-def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the faults in the limits of the environments."""
-    table = raw["environment"]
-    late_samples, explicit = table.get("late", 0), table.get("rule") == "explicit"
-    if not (explicit or (isinstance(late_samples, int) and late_samples > 0)):
-        if number_at(raw, "environment", "damping", "max") not in (None, inf):
-            yield (
-                ("environment", "damping", "max"),
-                "limits the damping of environments that are passive as they run, of which the claim covers every one; "
-                "leave it out",
-            )
-        return
-    cause = f"late = {late_samples}" if late_samples else 'rule = "explicit"'
-    for name in ("mass", "damping", "stiffness"):
-        if number_at(raw, "environment", name, "max") in (None, inf):
-            yield (
-                ("environment", name),
-                f"needs a max with {cause}: such environments are not passive, and a great {name} makes every loop "
-                "grow",
-            )
-    least, most = number_at(raw, "environment", "mass", "min"), number_at(raw, "environment", "mass", "max")
-    if explicit and not late_samples and not least and most:
-        yield (
-            ("environment", "mass"),
-            'needs a min > 0 with rule = "explicit": a mass that is light enough grows by explicit Euler in every '
-            "loop; "
-            "or write max = 0 for springs and dampers alone",
-        )
-    coupling = raw.get("coupling")
-    rigid = isinstance(coupling, dict) and coupling.get("damping") == inf
-    if table.get("rule", "trapezoid") == "trapezoid" and late_samples % 2 and most and not rigid:
-        yield (
-            ("environment", "mass", "max"),
-            f"must be 0 with late = {late_samples}: by the trapezoidal rule, every mass whose force is an odd number "
-            'of samples late makes the loop grow; write rule = "implicit", or max = 0 for springs and dampers alone',
-        )
 
 
 def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
     """Yield the keys that the proof for walls does not allow, and a corner without walls."""
     table, corner = raw["environment"], number_at(raw, "environment", "corner_hz")
-    rule, late_samples = table.get("rule", "trapezoid"), table.get("late", 0)
-    if table.get("walls") is True and (rule != "trapezoid" or late_samples):
-        cause = f"late = {late_samples}" if late_samples else f'rule = "{rule}"'
-        yield (
-            ("environment", "walls"),
-            f"needs environments on time and by the trapezoidal rule, not {cause}: the condition for walls needs a "
-            "force that does not decrease with the position of the same sample; leave one of them out",
-        )
     if table.get("walls") is not True:
         if corner is not None:
             yield ("environment", "corner_hz"), "applies only to walls; write walls = true, or leave it out"

@@ -145,11 +145,10 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
     if table is None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)
-    high = World(
-        *(inf if bounds.max is None else bounds.max for bounds in (table.mass, table.damping, table.stiffness))
-    )
+    heaviest, stiffest = (inf if bounds.max is None else bounds.max for bounds in (table.mass, table.stiffness))
+    high = World(heaviest, inf, stiffest)
     corner = None if table.corner_hz is None else 2 * pi * table.corner_hz
-    worlds = Worlds(low, high, table.walls, corner, table.rule, table.late)
+    worlds = Worlds(low, high, table.walls, corner)
     return None if worlds == EVERY_WORLD else worlds
 
 

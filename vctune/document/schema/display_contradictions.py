@@ -18,6 +18,7 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("coupling", "mass"): "its coupling is coupling.damping beside coupling.stiffness",
     ("coupling", "drag"): "its coupling is coupling.damping beside coupling.stiffness",
     ("stability", "band_hz"): "its demands are proved at every frequency up to the Nyquist frequency",
+    ("environment",): "its demands are proved with every passive environment",
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
 # Keys that do not apply to a servo, each with the reason
@@ -62,7 +63,6 @@ def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
                 )
     else:
         yield from _meaningless(raw, OF_ADMITTANCE, 'device.display = "impedance"')
-        yield from _unproved_in_time(raw)
         yield from _unproved_impedance(device)
 
 
@@ -91,17 +91,6 @@ def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
         raw, "device", "servo", "stiffness"
     ):
         yield ("operator",), "no hand of it pushes, so that nothing is fed back; give one of its ranges a positive max"
-
-
-def _unproved_in_time(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield a rule or a lateness of environments for which vctune does not design an impedance display."""
-    table = raw.get("environment")
-    if isinstance(table, dict) and (table.get("rule", "trapezoid") != "trapezoid" or table.get("late", 0) != 0):
-        key = "late" if table.get("late", 0) != 0 else "rule"
-        yield (
-            ("environment", key),
-            "an impedance display is designed for environments by the trapezoidal rule that are on time; leave it out",
-        )
 
 
 def _unproved_impedance(device: dict[str, Any]) -> Iterator[Contradiction]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from vctune.model.worlds import MOST_LATE
+from vctune.model.experiment import MOST_LATE
 
 # Least and greatest positive number of a key that does not permit inf, in the units of the file
 LEAST, MOST = 1e-20, 1e20

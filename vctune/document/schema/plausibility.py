@@ -8,7 +8,6 @@ from vctune.document.text.codes import Note
 from vctune.document.text.output_files import RESERVED, folder_name
 from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
-from vctune.model.worlds import Worlds
 
 # Sample time, s, from which vctune asks whether it is in seconds: twice the sample time of the slowest example
 SLOWEST = 0.1
@@ -49,9 +48,9 @@ def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | No
     if environment.wall and not (worlds.walls and environment.damping == 0):
         damped = "a wall with a damper, which acts on one side,", "damping"
         return damped if worlds.walls else ("a wall that comes and goes", "wall")
-    if environment.late != worlds.late:
-        return f"a force {environment.late} samples late" if environment.late else "a force on time", "late"
-    if not _stepped_alike(environment, worlds):
+    if environment.late:
+        return f"a force {environment.late} samples late", "late"
+    if not _stepped_alike(environment):
         return f"{'a mass' if environment.mass > 0 else 'a spring'} by {_RULES[environment.rule]}", "rule"
     for name, unit in (("mass", units.mass), ("damping", units.damping), ("stiffness", units.stiffness)):
         value = getattr(environment, name)
@@ -63,11 +62,11 @@ def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | No
 _RULES = {"backward": "backward Euler", "trapezoid": "the trapezoidal rule", "explicit": "explicit Euler"}
 
 
-def _stepped_alike(environment: Environment, worlds: Worlds) -> bool:
-    """Return whether a box contains an environment that behaves as a given environment does with its own rule."""
-    rule = "implicit" if environment.rule == "backward" else environment.rule
-    alike = environment.mass == 0 and (environment.stiffness == 0 or (rule == "implicit" and worlds.lossless))
-    return rule == worlds.rule or alike
+def _stepped_alike(environment: Environment) -> bool:
+    """Return whether an environment behaves as one by the trapezoidal rule does."""
+    if environment.rule == "trapezoid":
+        return True
+    return environment.mass == 0 and (environment.stiffness == 0 or environment.rule == "backward")
 
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:

@@ -10,7 +10,6 @@ from vctune.document.schema.device_schema import AnyDeviceTable, UncertaintyTabl
 from vctune.document.schema.experiment_schema import ExperimentTable
 from vctune.document.schema.fields import (
     Edge,
-    Late,
     NotNegative,
     NotNegativeOrInf,
     Positive,
@@ -20,7 +19,6 @@ from vctune.document.schema.fields import (
 )
 from vctune.model.display import DisplayName
 from vctune.model.numbers.units import UnitSystem
-from vctune.model.worlds import WorldRule
 
 
 class PositiveRange(Table):
@@ -78,11 +76,6 @@ class WorldDampingTable(Table):
     """Damping of the environments, N s/m."""
 
     min: NotNegative = Field(0.0, description="Least damping, N s/m.")
-    max: NotNegativeOrInf | None = Field(
-        None,
-        description='Greatest damping, N s/m. Environments with late > 0 or rule = "explicit" are not passive '
-        "and need this limit. All other environments have no upper limit.",
-    )
 
 
 class WorldStiffnessTable(Table):
@@ -114,15 +107,6 @@ class WorldsTable(Table):
         None,
         description="Corner frequency of the multiplier in the proof for walls, Hz. Default: vctune chooses the "
         "frequency with the greatest margin.",
-    )
-    rule: WorldRule = Field(
-        "trapezoid",
-        description="Rule by which the firmware integrates mass and spring: the lossless trapezoidal rule, "
-        "explicit Euler, or implicit Euler, which damps.",
-    )
-    late: Late = Field(
-        0,
-        description="Delay of the environment's force in whole samples. A slow game loop can cause this delay.",
     )
 
 

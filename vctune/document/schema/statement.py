@@ -91,12 +91,10 @@ def _worlds(worlds: Worlds) -> dict[str, Any]:
     low, high = worlds.low, worlds.high
     return {
         "mass": {"min": low.mass, "max": high.mass},
-        "damping": {"min": low.damping, **({"max": high.damping} if high.damping < inf else {})},
+        "damping": {"min": low.damping},
         "stiffness": {"min": low.stiffness, "max": high.stiffness},
         **({"walls": True} if worlds.walls else {}),
         **({"corner_hz": _edge(worlds.corner)} if worlds.corner is not None else {}),
-        **({"rule": worlds.rule} if worlds.rule != "trapezoid" else {}),
-        **({"late": worlds.late} if worlds.late else {}),
     }
 
 

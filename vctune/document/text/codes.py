@@ -47,7 +47,6 @@ Code = Literal[
     "missing-package",
     "more-mistakes",
     "moved-key",
-    "no-bound",
     "no-compiler",
     "no-controller",
     "no-design",

@@ -14,16 +14,10 @@ SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True)) | {S
 QUANTITIES = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping"), strict=True)) | {
     SPRING_KEYS[3]: "stiffness"
 }
-# Keys of the parameters of a rendered environment that can be the axes of a plane
-WORLD = ("environment.mass", "environment.damping", "environment.stiffness")
-# Names of the parameters of a rendered environment on an axis of a figure
-IN_WORDS = dict(zip(WORLD, ("mass of the tool", "least damping", "stiffness of the wall"), strict=True))
 
 
 def labelled(key: str, units: Units) -> str:
-    """Return a variable's symbol and unit, such as "K_v, N s/m", or the name and unit of an environment's number."""
-    if key in IN_WORDS:
-        return f"{units.translated(IN_WORDS[key])}, {units.of(key.partition('.')[2])}"
+    """Return a variable's symbol and unit, such as "K_v, N s/m"."""
     return f"{SYMBOLS[key]}, {units.of(QUANTITIES[key])}"
 
 

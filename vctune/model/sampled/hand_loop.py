@@ -216,49 +216,10 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
     return Seen(required.lost, 0.5 * (P.even * F.even + F.square * (P.odd * F.odd)), required.size)
 
 
-class SeenByTool(NamedTuple):
-    """The impedance that the virtual tool of an impedance display in a hand meets, coupling included."""
-
-    given: Number  # resistance that the coupling gives, and resistance that the loop requires, both times `size`
-    lost: Number
-    swing: Number  # minus the imaginary part, times s size; > 0 for a spring
-    size: Number  # denominator; > 0 unless the loop has a pole with the tool held
-
-    @property
-    def whole(self) -> Seen:
-        """The impedance as the impedance of one loop, without a separate coupling."""
-        return Seen(self.lost - self.given, self.swing, self.size)
-
-    @property
-    def apart(self) -> tuple[OfferedBySeries, Seen]:
-        """The resistance that the coupling gives, and the rest of the impedance."""
-        return OfferedBySeries(self.given / self.size, 0.0), Seen(self.lost, self.swing, self.size)
-
-
-def seen_by_tool(loop: ForceInHand, gains: Gains, at: Offered, share: Number) -> SeenByTool:
-    """Return the impedance that the virtual tool of an impedance display meets (model/README.md, section 18)."""
-    alone, F, P = seen_in_hand(loop, gains), loop.closed(gains), loop.numerator(gains)
-    held = EvenOdd(at.spring, at.above, F.square) * P.scaled(0.5) + F.scaled(-share)
-    return SeenByTool(
-        given=share * (at.above * alone.size),
-        lost=alone.lost * at.below,
-        swing=share * (at.spring * alone.size) - alone.swing * at.below,
-        size=held.abs2(),
-    )
-
-
 def met_in_hand(
-    loop: AnyLoopInHand,
-    device: Device,
-    gains: Gains,
-    coupling: AnyCoupling,
-    share: float,
-    theta: Number,
-    ops: Arithmetic,
+    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Number, ops: Arithmetic
 ) -> tuple[OfferedBySeries, Seen]:
     """Return the two parts of the impedance that an environment meets: the coupling's and the loop's."""
-    if isinstance(coupling, SpringDamper) and isinstance(loop, ForceInHand):
-        return seen_by_tool(loop, gains, offered_at_spring(coupling, device, theta, ops), share).apart
     return offered_at(series_coupling(coupling), device.sample_time, theta, ops), seen_in_hand(loop, gains)
 
 

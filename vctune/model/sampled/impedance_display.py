@@ -24,11 +24,6 @@ class ForceInHand(NamedTuple):
         """Return F."""
         return self.open + self.velocity.scaled(gains.velocity)
 
-    def clamped(self, gains: Gains, coupling: SpringDamper) -> EvenOdd:
-        """Return F for a virtual tool that is held fixed. The coupling is then a part of the loop."""
-        held = self.velocity.scaled(gains.velocity + coupling.damping)
-        return self.open + held + self.position.scaled(coupling.stiffness)
-
     def numerator(self, _gains: Gains) -> EvenOdd:
         """Return the numerator of G_y/s^2 over the denominator 2 j s F. It does not depend on the gains."""
         return self.met

@@ -4,7 +4,7 @@ section 7."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 
@@ -18,7 +18,6 @@ from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
-from vctune.model.numbers.keys import WORLD
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
@@ -36,9 +35,8 @@ from vctune.model.sampled.plant_in_hand import (
 )
 from vctune.model.sampled.servo_plant import ServoPlant
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
-from vctune.model.sampled.worlds.loop_in_late_worlds import sides_of
 from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
-from vctune.model.worlds import World, Worlds, WorldsMet
+from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.margins_of_claims import (
     Design,
     LoopDelay,
@@ -51,12 +49,10 @@ from vctune.proof.claims.margins_of_claims import (
     hand_margin,
     high_margin,
     limp_hand_margin,
-    limp_margins_in_late_worlds,
     limp_margins_in_worlds,
     limp_strip_of_walls,
     loop_gain_margin,
     low_margin,
-    margins_in_late_worlds,
     margins_in_worlds,
     model_curve,
     resistance_margin,
@@ -80,8 +76,6 @@ SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
 AT_REST = (FREQUENCY, STIFFNESS)
 
 
-# The names of the rows of boxes of environments: least mass, damping and stiffness, then the greatest
-WORLD_ENDS = tuple(tuple(f"{key}.{end}" for key in WORLD) for end in ("min", "max"))
 NO_HAND = Hand(0, 0, 0)
 # The name of the value that states the least damping of a box of hands (`any_spring_margins`)
 LEAST_DAMPING = "least operator.damping"
@@ -183,7 +177,6 @@ def hands_margins(
     delays: Delays,
     ops: ArrayArithmetic = OPS,
     lead: float = 0.0,
-    sides: tuple[str, ...] | None = None,
 ) -> Margins:
     """Return margins in every hand, one of which must be positive at each point."""
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
@@ -206,19 +199,10 @@ def hands_margins(
             return walls_margins(strip, met, plain, lead, stated.device.sample_time, theta, ops)
 
         return with_walls
-    if not plain.lossless:
-        looked_at = sides_of(plain) if sides is None else sides
-
-        def in_time(theta: Number, v: Values) -> tuple[Number, ...]:
-            stated, share = Design(device(v), gains_of(v), coupling_of(v)), v.get(COUPLING_SHARE, 1)
-            return margins_in_late_worlds(in_hand(v), stated, theta, share, worlds_of(v, worlds), looked_at, ops)
-
-        return in_time
-    names = posed(plain, demands.factor, inverse=demands.device.kind.inverse)
+    names = posed(plain, demands.factor)
 
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:
-        met, share = WorldsMet(worlds_of(v, worlds), factor), v.get(COUPLING_SHARE, decimal(1.0))
-        found = margins_in_worlds(in_hand(v), design(v), theta, met, ops, share)
+        found = margins_in_worlds(in_hand(v), design(v), theta, WorldsMet(worlds, factor), ops)
         return tuple(sum_of(getattr(found, name)) for name in names)
 
     return margins
@@ -238,16 +222,6 @@ def any_spring_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
         return (*found.for_every_spring, plant.step[0][0])  # alpha > 0: then p grows with the damping
 
     return margins
-
-
-def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
-    """Return environments whose ends come from a mapping of values."""
-    ends = (astuple(otherwise.low), astuple(otherwise.high))
-    least, most = (
-        World(*(values.get(name, end) for name, end in zip(names, numbers, strict=True)))
-        for names, numbers in zip(WORLD_ENDS, ends, strict=True)
-    )
-    return replace(otherwise, low=least, high=most)
 
 
 def whenever_margins(
@@ -326,16 +300,8 @@ def limp_hands_margins(
 
         return (with_walls,) if demands.worlds.high.mass < inf else ()
 
-    if not demands.worlds.lossless:
-
-        def side(name: str, theta: Number, v: Values) -> Number:
-            share = v.get(COUPLING_SHARE, 1)
-            return limp_margins_in_late_worlds(*at(theta, v), share, worlds_of(v, worlds), (name,), OPS)[0]
-
-        return tuple(partial(side, name) for name in sides_of(demands.worlds))
-
     def margin(name: str, theta: Number, v: Values) -> Number:
-        met = WorldsMet(worlds_of(v, worlds), factor)
+        met = WorldsMet(worlds, factor)
         return sum_of(getattr(limp_margins_in_worlds(*at(theta, v), met, OPS), name))
 
     names = posed(demands.worlds, demands.factor)

@@ -11,14 +11,13 @@ import numpy as np
 from flint import arb
 
 from vctune.model.device import Device
-from vctune.model.gains import Gains, SpringDamper
+from vctune.model.gains import Gains
 from vctune.model.hand_arrays import stacked
 from vctune.model.hands import MASS, STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
 from vctune.model.sampled.eliminated_spring import moves_as_two_states
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.sampled.worlds.loop_in_late_worlds import sides_at_nyquist, sides_of
 from vctune.model.sampled.worlds.loop_in_walls import LEADS
 from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
 from vctune.model.worlds import WorldsMet
@@ -42,12 +41,10 @@ from vctune.proof.claims.margins_of_claims import (
     any_hand_margin,
     hand_curve,
     hand_margin,
-    margins_in_late_worlds,
     margins_in_worlds,
 )
 from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.claims.whole_samples import NEXT_TO
-from vctune.proof.claims.worlds.one_member import prove_member
 from vctune.proof.claims.worlds.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.device_box import (
     DeviceBox,
@@ -62,7 +59,7 @@ from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_b
 from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
-from vctune.proof.engine.box_tests import alone, from_frequency, next_to_zero, positive
+from vctune.proof.engine.box_tests import alone, next_to_zero, positive
 from vctune.proof.engine.boxes import SAMPLES_BEFORE, Boxes, Values, band_of, over_band
 from vctune.proof.engine.branching import Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
@@ -82,8 +79,6 @@ MANY_PARTS = 3
 EASY_PARTS = 4_000  # Number of boxes after which the prover treats an interval of angles for each part separately
 # Distances from the ends of the angles, as shares of pi, at which the code looks for a witness
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
-# Distance from pi, as a share of pi, within which the prover examines only the sides that decide at pi
-AT_NYQUIST = 1e-5
 MAX_HALVINGS = 120  # Greatest number of halvings of a box: twenty in each of six rows
 
 
@@ -105,8 +100,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     if stable.verdict is not Verdict.PROVED:
         return stable
     asked = Asked(design, demands, box)
-    in_time = asked.walls or asked.in_time
-    near = resonance(design, demands.hands, box) if design.device.kind.own_loop and not in_time else None
+    near = resonance(design, demands.hands, box) if design.device.kind.own_loop and not asked.walls else None
     easy = EASY_BOXES * (EASY_AFTER if asked.for_every_spring else 1)
     found = _decided(asked, asked.ends(), asked.tests, easy if near else MAX_BOXES, whenever=asked.whenever)
     if near and found.verdict is Verdict.UNDECIDED:
@@ -123,12 +117,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
     """Prove the loop stable in the hand at the centre of the box, with one of the required environments."""
     assert demands.hands is not None
-    middle, coupling = demands.hands.middle, design.coupling
-    held = coupling if demands.worlds is not None and isinstance(coupling, SpringDamper) else None
-    stable, worlds = prove_poles_in(design.device, middle, design.gains, held), demands.worlds
-    if stable.verdict is Verdict.PROVED and worlds is not None and not worlds.passive:
-        boxes, stable = stable.boxes, prove_member(design, middle, worlds)
-        stable = replace(stable, boxes=stable.boxes + boxes)
+    middle = demands.hands.middle
+    stable = prove_poles_in(design.device, middle, design.gains)
     return stable if stable.verdict is Verdict.PROVED else replace(stable, hand=middle)
 
 
@@ -155,18 +145,12 @@ class Asked:
     @property
     def shared(self) -> bool:
         """Whether each share of the coupling has margins of its own, so that the share is a row."""
-        of_spring = self.design.device.kind.inverse and self.demands.worlds is not None
-        return (of_spring or self.walls or self.in_time) and self.demands.factor > 1
+        return self.walls and self.demands.factor > 1
 
     @property
     def walls(self) -> bool:
         """Whether environments may be walls."""
         return self.demands.worlds is not None and self.demands.worlds.corner is not None
-
-    @property
-    def in_time(self) -> bool:
-        """Whether the environments run late or step by Euler's rules."""
-        return self.demands.worlds is not None and not self.demands.worlds.lossless
 
     @property
     def whenever(self) -> Callable[[Part, Values], Test] | None:
@@ -215,11 +199,6 @@ class Asked:
 
     def _test(self, part: Part, fixed: Values, near: Resonance | None, lead: float) -> Test:
         test = _of_margins(self.demands, self.uncertain, part, fixed, lead=lead)
-        if self.in_time:
-            assert self.demands.worlds is not None
-            sides = sides_at_nyquist(self.demands.worlds, rigid=self.design.coupling.rigid)
-            at_nyquist = _of_margins(self.demands, self.uncertain, part, fixed, sides=sides)
-            test = from_frequency(pi * (1 - AT_NYQUIST), at_nyquist, test)
         at_rest = limp_hands_margins(self.demands, self.uncertain, part.delays, lead) if self.limp else ()
         if at_rest:
             test = with_own_share(next_to_zero(AT_REST, at_rest, fixed, test), self.design.device, self.names)
@@ -238,10 +217,9 @@ def _of_margins(
     fixed: Values,
     near: Resonance | None = None,
     lead: float = 0.0,
-    sides: tuple[str, ...] | None = None,
 ) -> Test:
     """Return the test that one of the margins is positive, for hands near a resonance or for all hands."""
-    both = [hands_margins(demands, uncertain, part.delays, ops, lead, sides) for ops in (ENCLOSURES, TAYLOR)]
+    both = [hands_margins(demands, uncertain, part.delays, ops, lead) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
     spans = part.spans
     if demands.worlds is not None:
@@ -478,11 +456,11 @@ def _in_doubt(
     return in_rad_per_s(outcome, device)
 
 
-def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper | None = None) -> Outcome:
+def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
     """Prove that the sampled loop is stable in one hand while the environment is at rest."""
     plant = plant_in_hand(device_ball(device), hand.mapped(ball), delays_of(device), BALLS)
-    law, wall = gains_ball(gains), None if held is None else SpringDamper(ball(held.damping), ball(held.stiffness))
-    outcome, angle = turned_angle(lambda theta: hand_curve(plant, law, theta, BALLS, wall), 0.0, HALF_TURN)
+    law = gains_ball(gains)
+    outcome, angle = turned_angle(lambda theta: hand_curve(plant, law, theta, BALLS), 0.0, HALF_TURN)
     if outcome.verdict is not Verdict.PROVED:
         return in_rad_per_s(outcome, device)
     return Outcome(Verdict.PROVED if abs(angle) < pi / 2 else Verdict.REFUTED, outcome.boxes)
@@ -499,16 +477,8 @@ def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float,
     plant = plant_in_hand(exact.device, hand.mapped(ball), delays, BALLS)
     if demands.worlds is None:
         return bool(hand_margin(plant, exact, at, factor, BALLS) < 0)
-    if not demands.worlds.lossless:
-        worlds, sides = demands.worlds.converted(ball), sides_of(demands.worlds)
-        if theta >= pi * (1 - AT_NYQUIST):
-            at, sides = arb.pi(), sides_at_nyquist(demands.worlds, rigid=design.coupling.rigid)
-        found = margins_in_late_worlds(plant, exact, at, ball(share), worlds, sides, BALLS)
-        return all(bool(each < 0) for each in found)
-    met, inverse = WorldsMet(demands.worlds.converted(ball), factor), design.device.kind.inverse
-    found = margins_in_worlds(plant, exact, at, met, BALLS, ball(share))
-    names = posed(demands.worlds, demands.factor, inverse=inverse)
-    return all(bool(sum_of(getattr(found, name)) < 0) for name in names)
+    found = margins_in_worlds(plant, exact, at, WorldsMet(demands.worlds.converted(ball), factor), BALLS)
+    return all(bool(sum_of(getattr(found, name)) < 0) for name in posed(demands.worlds, demands.factor))
 
 
 def _ends(

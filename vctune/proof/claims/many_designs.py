@@ -30,7 +30,7 @@ from vctune.proof.engine.branching import prove as prove_boxes
 # Identifiers of the claims for which `Certified.boxes` counts boxes, in the order of the counts
 ON_ARRAYS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable"
 # Identifiers of the claims that this module can prove for cells
-OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands", "worlds"
+OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands"
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,16 +44,11 @@ class Certified:
 def prove(demands: Demands, cells: Cells) -> Certified:
     """Prove all constraints throughout each cell (proof/README.md, section 8)."""
     proofs = Certified(np.zeros(len(cells), bool), np.zeros((4, len(cells)), np.intp))
-    known = set(claims_asked(demands)) <= set(OF_CELLS) and _worlds_are_known(demands)
+    known = set(claims_asked(demands)) <= set(OF_CELLS) and demands.worlds is None
     for at in by_integrator(cells) if known else ():
         part = _proofs(demands, cells.subset(at))
         proofs.proved[at], proofs.boxes[:, at] = part.proved, part.boxes
     return proofs
-
-
-def _worlds_are_known(demands: Demands) -> bool:
-    """Return whether the margins for cells cover the environments."""
-    return demands.worlds is None or (demands.worlds.lossless and not demands.device.kind.inverse)
 
 
 def _proofs(demands: Demands, cells: Cells) -> Certified:

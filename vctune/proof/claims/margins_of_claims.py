@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, nextafter, pi
 
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.loop.affine import loop_constants
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import llewellyn_demand, moduli
@@ -20,31 +19,26 @@ from vctune.model.sampled.hand_loop import (
     CommandInHand,
     NextToRest,
     loop_in_hand,
-    offered_at_spring,
     required_in_hand,
     required_in_limp_hand,
     room,
-    seen_by_tool,
     seen_in_hand,
     seen_in_limp_hand,
 )
-from vctune.model.sampled.impedance_display import ForceInHand, Required
+from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, return_difference
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand
 from vctune.model.sampled.velocity_loop import difference_slope
-from vctune.model.sampled.worlds.loop_in_late_worlds import half_planes
 from vctune.model.sampled.worlds.loop_in_walls import Strip, strip_in_walls
 from vctune.model.sampled.worlds.loop_in_worlds import (
-    UNCOUPLED,
     Disjuncts,
     Offered,
     Seen,
     disjuncts,
     limp_disjuncts,
     offered_at,
-    sum_of,
 )
-from vctune.model.worlds import Worlds, WorldsMet
+from vctune.model.worlds import WorldsMet
 
 HALF_TURN = nextafter(pi, inf)  # theta = omega T at the Nyquist frequency, rounded upwards
 
@@ -170,25 +164,18 @@ def limp_hand_margin(
 
 
 def margins_in_worlds(
-    plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic, share: Number = 1.0
+    plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic
 ) -> Disjuncts:
     """Return the margins in a hand with a box of environments, each as the terms of its sum. At least one margin must
     be positive."""
-    offered, seen, share = met_by_environment(plant, design, theta, share, ops)
-    factor = 1 if isinstance(design.coupling, SpringDamper) else met.factor
-    return disjuncts(offered, met.worlds, design.device.sample_time, seen, factor, theta, ops)
+    offered, seen = met_by_environment(plant, design, theta, ops)
+    return disjuncts(offered, met.worlds, design.device.sample_time, seen, met.factor, theta, ops)
 
 
-def met_by_environment(
-    plant: AnyPlantInHand, design: Design, theta: Number, share: Number, ops: Arithmetic
-) -> tuple[Offered, Seen, Number]:
-    """Return the impedances that an environment meets, of the coupling and of the loop, and the coupling's share."""
-    loop, coupling = loop_in_hand(plant, theta, ops), design.coupling
-    if isinstance(coupling, SpringDamper) and isinstance(loop, ForceInHand):
-        at = offered_at_spring(coupling, design.device, theta, ops)
-        return UNCOUPLED, seen_by_tool(loop, design.gains, at, share).whole, 1
-    offered = offered_at(design.series, design.device.sample_time, theta, ops)
-    return offered, seen_in_hand(loop, design.gains), share
+def met_by_environment(plant: AnyPlantInHand, design: Design, theta: Number, ops: Arithmetic) -> tuple[Offered, Seen]:
+    """Return the impedances that an environment meets: of the coupling and of the loop."""
+    seen = seen_in_hand(loop_in_hand(plant, theta, ops), design.gains)
+    return offered_at(design.series, design.device.sample_time, theta, ops), seen
 
 
 def limp_margins_in_worlds(
@@ -199,56 +186,11 @@ def limp_margins_in_worlds(
     return limp_disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
 
 
-def margins_in_late_worlds(
-    plant: AnyPlantInHand,
-    design: Design,
-    theta: Number,
-    share: Number,
-    worlds: Worlds,
-    names: Sequence[str],
-    ops: Arithmetic,
-) -> tuple[Number, ...]:
-    """Return margins in a hand with every environment of a box that may run late or by Euler's rules."""
-    return _beyond(*met_by_environment(plant, design, theta, share, ops), design, theta, worlds, names, ops)
-
-
-def limp_margins_in_late_worlds(
-    plant: PlantInHand,
-    design: Design,
-    theta: Number,
-    rest: NextToRest,
-    share: Number,
-    worlds: Worlds,
-    names: Sequence[str],
-    ops: Arithmetic,
-) -> tuple[Number, ...]:
-    """Return `margins_in_late_worlds` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness."""
-    seen = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops)
-    whole = Seen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
-    offered = offered_at(design.series, design.device.sample_time, theta, ops)
-    return _beyond(offered, whole, share, design, theta, worlds, names, ops)
-
-
-def _beyond(
-    offered: Offered,
-    seen: Seen,
-    share: Number,
-    design: Design,
-    theta: Number,
-    worlds: Worlds,
-    names: Sequence[str],
-    ops: Arithmetic,
-) -> tuple[Number, ...]:
-    """Return the distance of a loop beyond each side of the polygon of environments, in the order of `names`."""
-    planes = half_planes(worlds, names, design.device.sample_time, theta, ops, rigid=design.coupling.rigid)
-    return tuple(sum_of(planes[name].terms(offered, seen, share)) for name in names)
-
-
 def strip_of_walls(
     plant: AnyPlantInHand, design: Design, theta: Number, share: Number, met: WorldsMet, ops: Arithmetic
 ) -> Strip:
     """Return the ranges over which the condition of walls must hold in a hand, for one share of the coupling."""
-    offered, seen, share = met_by_environment(plant, design, theta, share, ops)
+    offered, seen = met_by_environment(plant, design, theta, ops)
     return strip_in_walls(offered, met.worlds, design.device.sample_time, seen, share, theta, ops)
 
 
@@ -270,13 +212,11 @@ def any_hand_margin(
     return room(design.coupling, design.device, required, factor, theta, ops), required.size
 
 
-def hand_curve(
-    plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic, held: SpringDamper | None = None
-) -> Pair:
+def hand_curve(plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic) -> Pair:
     """Return F of the loop in a hand, rotated to be real at both ends. The curve of a stable loop makes no turn around
     0."""
     loop, sine, half_poles = loop_in_hand(plant, theta, ops), ops.sin(theta / 2), plant.poles / 2
-    F = loop.clamped(gains, held) if held is not None and isinstance(loop, ForceInHand) else loop.closed(gains)
+    F = loop.closed(gains)
     turned = Pair(ops.cos(theta * half_poles), -ops.sin(theta * half_poles))
     return Pair(F.even, sine * F.odd) * turned
 

@@ -137,16 +137,6 @@ def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Value
     return by_place
 
 
-def from_frequency(start: float, there: Test, test: Test) -> Test:
-    """Return a test that applies one of two tests, depending on the frequency."""
-
-    def by_place(boxes: Boxes) -> Decided:
-        at = boxes.low[0] >= start
-        return _by_kind([(at, there), (~at, test)], boxes)
-
-    return by_place
-
-
 def alone(margins: Margins) -> Margin:
     """Return the single margin of a function that returns a tuple of one margin."""
     return lambda frequency, values: margins(frequency, values)[0]

@@ -14,7 +14,7 @@ from vctune.analysis.phases import sensor_miss
 from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.design_json import BoxRecord, DesignRecord, OptimalityRecord
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.keys import KEYS, WORLD, labelled
+from vctune.model.numbers.keys import KEYS, labelled
 from vctune.model.problem import Band, Problem
 from vctune.report.figures.diagram import loop_figure
 from vctune.report.figures.hands_figure import any_hand_figure, hands_figure
@@ -38,7 +38,6 @@ from vctune.report.svg.panel import Panel
 from vctune.report.typography import quantity
 
 ROOM_FOR_WORDS = 2.1  # End of the latency axis, as a multiple of the longest latency
-MAP_LEVELS = 4  # Number of times that the code halves the cells of the map of environments, down to a sixteenth
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +58,6 @@ def figures(design: Design) -> dict[str, Drawing]:
         **_in_hands(design),
         **({"llewellyn": _llewellyn(design)} if design.problem.passive else {}),
         **({"latency": _latency(contact, design.problem)} if contact is not None else {}),
-        **_rendered(design),
         "impedance": _impedance(design),
         "transparency": _transparency(design),
         **({"nyquist": _nyquist(design)} if design.gains.closed or design.problem.device.kind.banded else {}),
@@ -80,18 +78,6 @@ def _in_hands(design: Design) -> dict[str, Drawing]:
         return {}
     before_passive = [] if design.problem.worlds else [each for each in design.least if isinstance(each, RatioInHand)]
     return {"hands": hands_figure(design.problem, hands, design.gains, design.coupling, before_passive)}
-
-
-def _rendered(design: Design) -> dict[str, Drawing]:
-    """Return a coarse map of the stable environments if the problem states lossless environments without lateness."""
-    problem = design.problem
-    if problem.worlds is None or not problem.worlds.lossless:
-        return {}
-    from vctune.report.figures.world_figure import world_figure
-    from vctune.study.world_region import world_plane, world_region
-
-    plane = world_plane(problem, WORLD[2], WORLD[0], MAP_LEVELS)
-    return {"z-width": world_figure(problem, world_region(problem, design.gains, design.coupling, plane))}
 
 
 def _latency(contact: ContactRecord, problem: Problem) -> Drawing:

@@ -14,6 +14,7 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from vctune.analysis.demands import transparency_error
+from vctune.analysis.extrema import Floats
 from vctune.analysis.tracking import tracking_terms
 from vctune.design.prepared import prepare
 from vctune.design.search.grid import least_errors
@@ -26,8 +27,8 @@ from vctune.model.numbers.keys import labelled
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.report.figures.with_matplotlib import STYLE, canvas
-from vctune.report.figures.world_figure import BAD, FILLS, GOOD, INTERRUPTED, LABELS, cells, lowest, marks, place, spot
 from vctune.report.svg.elements import INK, ORANGE, PAPER, RED
+from vctune.report.svg.scales import decades_between, round_numbers
 from vctune.report.typography import tick
 from vctune.running import check_time
 from vctune.study.plane import Plane, Squares
@@ -35,6 +36,14 @@ from vctune.study.region import Kind, Region
 from vctune.study.region_check import Recheck
 from vctune.study.region_record import Design
 
+# Colours and hatchings that remain distinct in grey and for readers with a colour deficiency
+GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "--")
+FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
+LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
+# Height of the strip for the line K_p = 0, and distance of the strip from the plane, as shares of the plane
+STRIP, GAP = 0.03, 0.008
+INTERRUPTED = "interrupted: some undecided cells were not examined"
+APART = (0.07, 0.035)  # Least distance between the ticks on x and on y, as a share of the axis
 # Number of nodes along each axis of the mesh for contours, and number of parts between which the code checks the time
 # limit
 MESH, STEPS = 48, 8
@@ -181,3 +190,61 @@ def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
     at = place(plane, 0, x), place(plane, 1, y)
     if np.isfinite(sum(at)).any():
         axes.plot(*at, "--", color=INK, linewidth=1.4, label="τ K_p = b + K_v")
+
+
+def marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
+    """Return the values of the ticks on an axis and their positions."""
+    edges = plane.edges[k]
+    low = edges[edges > 0][0]
+    values = 10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(edges[-1])) + 1)
+    if len(values) < 3:
+        values = np.array(decades_between(low, edges[-1]))
+    if edges[-1] < 3 * low:
+        values = np.array(round_numbers(low, edges[-1], 6))
+    values = values[(values >= low) & (values <= edges[-1])]
+    at = place(plane, k, values)
+    zero = [] if edges[0] > 0 else [-(STRIP + GAP) / 2 if plane.has_line(k) else 0.0]
+    kept: list[int] = []
+    for i in np.flatnonzero(np.isfinite(at)).tolist()[::-1]:  # from the top, where the ticks are farthest apart
+        nearest = min((abs(at[i] - other) for other in [*zero, *at[kept[-1:]]]), default=1.0)
+        kept += [i] if nearest >= APART[k] else []
+    return np.concatenate((np.zeros(len(zero)), values[kept])), np.concatenate((zero, at[kept]))
+
+
+def lowest(plane: Plane, k: int) -> float:
+    """Return the lower end of an axis, or of its strip if the axis has one."""
+    return -STRIP if plane.has_line(k) else 0.0
+
+
+def place(plane: Plane, k: int, values: Floats) -> Floats:
+    """Return the positions of values on an axis, between 0 and 1; nan for values outside the axis."""
+    edges = plane.edges[k]
+    return np.interp(values, edges, np.linspace(0, 1, len(edges)), left=np.nan, right=np.nan)
+
+
+def spot(plane: Plane, k: int, value: float) -> float:
+    """Return the position of a design or of an environment on an axis; K_p = 0 lies on the strip."""
+    on_line = value == 0 and plane.has_line(k)
+    return -(STRIP + GAP) / 2 if on_line else float(place(plane, k, np.array([value]))[0])
+
+
+def _joined(squares: Squares, along: int) -> Squares:
+    """Join cells that touch along an axis, 0 or 1, and have the same extent across it."""
+    low, high = 2 * along, 2 * along + 1
+    start, end = 2 - low, 3 - low
+    ordered = squares[:, np.lexsort(squares[[low, end, start]])]
+    apart = (ordered[low, 1:] != ordered[high, :-1]) | (np.diff(ordered[[start, end]]) != 0).any(axis=0)
+    first = np.flatnonzero(np.append(True, apart))[: ordered.shape[1]]
+    joined = ordered[:, first]
+    joined[high] = ordered[high, np.append(first[1:] - 1, -1)[: len(first)]]
+    return joined
+
+
+def cells(plane: Plane, squares: Squares) -> Floats:
+    """Return the corners of joined cells, shape (joined cells, 5, 2); the last corner repeats the first."""
+    lines = (squares[[0, 2]] == squares[[1, 3]]).any(axis=0)
+    squares = np.concatenate([_joined(_joined(part, 1), 0) for part in (squares[:, lines], squares[:, ~lines])], axis=1)
+    low, high = squares[[0, 2]] / (len(plane.edges[0]) - 1), squares[[1, 3]] / (len(plane.edges[0]) - 1)
+    on_line = low == high
+    (x0, y0), (x1, y1) = np.where(on_line, -STRIP, low), np.where(on_line, -GAP, high)
+    return np.stack([np.stack((x, y), axis=1) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))], axis=1)

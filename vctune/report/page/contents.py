@@ -32,12 +32,6 @@ READINGS = {
         "The force of a contact of stiffness K arrives late by the latency L. At rest this acts as a damping of −K L. "
         "The drag D must compensate for it. Each bar shows one part of the latency.",
     ),
-    "z-width": (
-        "What may be rendered",
-        "Each point is a spring and a tool, with any damping. Blue points are proved stable in every hand. At an "
-        "orange point the loop can oscillate in some hand once the safety factor is used up. The frame shows "
-        "the environments that the problem requires.",
-    ),
     "impedance": (
         "What the hand feels, beside what it should feel",
         "In the shaded transparency band each line with marks should lie on the thin line of its ideal. The device "
@@ -91,11 +85,6 @@ IN_WORLDS = (
     " The curves are for any passive environment, which is more than the claim covers. Where the ratio is below 1, the "
     "loop is stable only because the problem limits its environments."
 )
-# The same addition if the stated environments run late or step by explicit Euler
-IN_ACTIVE_WORLDS = (
-    " The environments of the problem are not passive as they run, so these curves do not show whether the loop is "
-    "stable with them. The claim shows it, because its ratio above includes them."
-)
 
 
 def reading(figure: str, display: str, worlds: Worlds | None) -> str:
@@ -103,7 +92,7 @@ def reading(figure: str, display: str, worlds: Worlds | None) -> str:
     own = OF_DISPLAY.get(display, {}).get(figure, READINGS[figure][1])
     if worlds is None or figure != "hands":
         return own
-    return own + (IN_WORLDS if worlds.passive else IN_ACTIVE_WORLDS)
+    return own + IN_WORLDS
 
 
 def report_paths(folder: Path) -> list[Path]:

@@ -99,8 +99,6 @@ def findings(record: DesignRecord, problem: Problem) -> dict[str, str]:
         f"; a wall feels like {quantity(here.stiffness, units.stiffness, 3)} at {WALL_HZ:g} Hz" if kind.own_loop else ""
     )
     found["impedance"] = f"In free motion the handle feels like {mass} at {FREE_HZ[0]:g} Hz{wall}."
-    if record.rendered is not None and (said := record.rendered.said(units)):
-        found["z-width"] = f"{said[0].upper()}{said[1:]}."
     if (contact := record.contact) is not None:
         longest = max(contact.parts, key=lambda part: part.latency_s)
         share = f"{quantity(longest.latency_s, 's', 3)} of {quantity(contact.latency_s, 's', 3)}"

@@ -278,9 +278,8 @@ def assumptions(problem: Problem) -> list[str]:
         )
     if problem.worlds is not None:
         linear = problem.worlds.linear.in_words(problem.units)
-        stepped = "stepped by the trapezoidal rule, " if problem.worlds.rule == "trapezoid" else ""
         lines.append(
-            f"The environment is one of {linear}: a mass, a damper and a spring, {stepped}"
+            f"The environment is one of {linear}: a mass, a damper and a spring, stepped by the trapezoidal rule, "
             + (
                 "that do not change. The spring may be a wall: a force that depends only on the position and rises "
                 "with slopes within the range of stiffness. A wall is one-sided or piecewise linear, at any position, "

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from vctune.model.device import Commanded
+from vctune.model.experiment import MOST_LATE
 from vctune.model.numbers.units import Units
-from vctune.model.worlds import MOST_LATE
 from vctune.simulation.firmware.expression import Expression, Symbol, Term, choice, floor, maximum, minimum
 
 

@@ -39,9 +39,6 @@ class Disjuncts(NamedTuple):
     turned: tuple[Number, ...] | None
 
 
-UNCOUPLED = Offered(0, 0)  # No coupling
-
-
 def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Offered:
     """Return Z_c at theta = omega T."""
     return Offered(
@@ -49,11 +46,9 @@ def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arit
     )
 
 
-def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str, ...]:
+def posed(worlds: Worlds, factor: float) -> tuple[str, ...]:
     """Return the names of the margins that can be positive in a box of environments."""
-    if worlds.resistive:
-        return ("resistive",)
-    turned = () if factor == 1 or inverse else ("turned",)
+    turned = () if factor == 1 else ("turned",)
     above = () if _endless(worlds.high.mass) else ("above", *turned)
     return "resistive", *above, *(() if _endless(worlds.high.stiffness) else ("below",))
 
