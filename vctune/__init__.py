@@ -8,7 +8,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from vctune.analysis.responses.device_loop import Loop as Loop
+    from vctune.analysis.responses import Loop as Loop
     from vctune.api.bounding import bound as bound
     from vctune.api.checking import check as check
     from vctune.api.checking import check_region as check_region
@@ -77,7 +77,7 @@ _HOME = {
     "InputError": "document.text.errors",
     "Judgement": "design.verdict.judge",
     "LeastOperator": "model.hands",
-    "Loop": "analysis.responses.device_loop",
+    "Loop": "analysis.responses",
     "Problem": "model.problem",
     "ProblemFile": "document.reading",
     "Range": "model.problem",

@@ -12,91 +12,23 @@ import pytest
 import random_devices
 import random_servos
 from conftest import DEVICE, for_passive_hands
-from flint import acb, acb_poly, arb, ctx
 from matplotlib.figure import Figure
 
 import vctune
 from vctune.analysis.margins import loop_margins
 from vctune.design.verdict.design_record import record_of
 from vctune.document.reading import ProblemFile, parse_problem
-from vctune.model.device import Device, ForceSensor, VelocityEstimate
-from vctune.model.gains import Coupling, Gains, SpringDamper
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
-from vctune.model.sampled.characteristic import characteristic_polynomial
-from vctune.proof.claims.sampled_poles import exact_plant, spectral_radius
-from vctune.proof.enclosures.arb_balls import gains_ball
+from vctune.proof.claims.sampled_poles import spectral_radius
 from vctune.report.figures.design_figures import Design, figures
 
-SEVEN = 7
-"""Which of the combinations of parts are taken: coprime to how many there are, so that all come in time."""
+SEVEN = 7  # which combinations of parts are taken: coprime to how many there are
 
 
 def angles(device):
     return np.geomspace(1e-3, 1, 30) * pi / device.sample_time
-
-
-def agree(transfer, omega, rel=1e-8):
-    """Whether the matrices have the response of the formulas, where it is not far below its greatest value."""
-    ours, theirs = transfer.at(omega).values, transfer.state_space.at(np.exp(1j * omega * transfer.device.sample_time))
-    return np.abs(ours - theirs) <= rel * (np.abs(ours) + 1e-6 * np.abs(ours).max())
-
-
-@pytest.mark.parametrize("number", range(0, 8 * SEVEN, SEVEN))
-def test_matrices_have_the_responses_of_the_formulas(number):
-    rng = np.random.default_rng((37, number))
-    device = random_devices.with_parts(rng, number)
-    (gains, coupling), hand = random_devices.ordinary_gains(device, rng), random_devices.hand_for(device, rng)
-    let_go, held = vctune.Loop(device, gains, coupling), vctune.Loop(device, gains, coupling, hand)
-    for each in (let_go.L, let_go.S, held.L, held.S, held.Z_seen):
-        assert agree(each, angles(device)).all(), each
-    assert agree(let_go.Z_c, angles(device)[:-1]).all()
-    nobody = vctune.Loop(device, gains, coupling, Hand(0.0, 0.0, 0.0))
-    assert nobody.L.at(angles(device)).values == pytest.approx(let_go.L.at(angles(device)).values, rel=1e-9)
-
-
-@pytest.mark.parametrize("number", range(6))
-def test_matrices_of_servos(number):
-    rng = np.random.default_rng((38, number))
-    servo = random_servos.device_of(random_servos.random_servo(rng))
-    if number % 3 == 1:  # a filter of the firmware
-        sensor = servo.force_sensor or ForceSensor()
-        servo = replace(servo, force_sensor=replace(sensor, filter_coefficient=0.3))
-    if number % 2:  # a spring of the firmware, and a disc of responses that no loop shows
-        servo = replace(servo, servo=replace(servo.servo, stiffness=40.0, radii=((1.0, 0.1), (10.0, 0.3))))
-    loop = vctune.Loop(servo, Gains(0.0, 0.0), hand=Hand(0.3, 5.0, 900.0))
-    for each in (loop.Z_seen, loop.motion):
-        assert agree(each, angles(servo)).all(), each
-    slow = np.array([1e-6]) / servo.sample_time
-    assert loop.motion.at(slow).values == pytest.approx([1.0], abs=1e-3)
-    assert loop.motion.state_space.at(np.array(1.0)) == pytest.approx(1.0)
-
-
-def test_matrices_of_an_impedance_display():
-    device = Device(0.05, 0.1, 1e-3, 1.4e-3, display="impedance", velocity=VelocityEstimate("difference", 80.0, 2))
-    for hand in (None, Hand(0.1, 5.0, 500.0)):
-        loop = vctune.Loop(device, Gains(4.0, 0.0), SpringDamper(2.0, 800.0), hand)
-        for each in (loop.L, loop.S, loop.Y_seen, loop.Z_c):
-            assert agree(each, angles(device)).all(), each
-
-
-def true_poles(device, gains):
-    """The zeros of the characteristic polynomial of the device's decimals, in 300 bits."""
-    before, ctx.prec = ctx.prec, 300
-    try:
-        enclosed = characteristic_polynomial(exact_plant(device), gains_ball(gains))
-        exact = acb_poly([acb(arb(c).mid()) for c in reversed(enclosed)])
-        return [complex(root) for root in exact.roots(tol=1e-25)]
-    finally:
-        ctx.prec = before
-
-
-def farthest(found, expected):
-    """How far poles are apart; those that are found beyond the expected are memory, at 0."""
-    left, apart = list(found), []
-    for pole in sorted(expected, key=abs, reverse=True):
-        nearest = int(np.argmin(np.abs(np.array(left) - pole)))
-        apart.append(abs(left.pop(nearest) - pole))
-    return max(apart + [abs(pole) for pole in left])
 
 
 def margins_of(L):
@@ -106,7 +38,7 @@ def margins_of(L):
     nyquist = pi / L.device.sample_time
     omega = np.union1d(L.at().omega, near[near < nyquist])
     factors, phases, *_ = control.stability_margins(L.at(omega).to_control(), returnall=True)
-    at_nyquist = complex(L.to_control()(-1)).real  # which python-control leaves out
+    at_nyquist = L.at(np.array([nyquist])).values[0].real  # which python-control leaves out
     factors = [*factors, *([-1 / at_nyquist] if at_nyquist < 0 else [])]
     return min(factors, key=lambda x: abs(np.log(x)), default=inf), min(phases, key=abs, default=inf)
 
@@ -123,33 +55,25 @@ def stable_device(rng, number):
 def against_python_control(number):
     device, gains = stable_device(np.random.default_rng((39, number)), SEVEN * number)
     loop = vctune.Loop(device, gains)
-    L, S = loop.L.to_control(), loop.S.to_control()
-    assert L.dt == S.dt == device.sample_time
-    expected, radius = true_poles(device, gains), spectral_radius(device, gains)
-    for closed in (S, control.feedback(1, L)):
-        assert farthest(closed.poles(), expected) < 1e-9
-        assert np.abs(closed.poles()).max() == pytest.approx(radius, abs=1e-9)
+    assert loop.L.to_control().dt == device.sample_time
     ours, (factor, phase) = loop_margins(device, gains), margins_of(loop.L)
     assert ours.gain == pytest.approx(factor, rel=1e-9)
     assert degrees(ours.phase) == pytest.approx(phase, rel=1e-9)
 
 
 @pytest.mark.parametrize("number", range(2))
-def test_python_control_has_the_same_margins_and_poles(number):
+def test_python_control_has_the_same_margins(number):
     against_python_control(number)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(2, 50))
-def test_python_control_has_the_same_margins_and_poles_of_fifty_devices(number):
+def test_python_control_has_the_same_margins_of_fifty_devices(number):
     against_python_control(number)
 
 
 def test_python_control_is_told_names_and_frequencies():
     loop = vctune.Device(0.4, 2.0, 1e-3, delay=1e-3).loop(Gains(100.0, 4000.0), Coupling(30.0, 0.2, 0.5))
-    states = loop.L.to_control()
-    assert states.input_labels == ["force"] and states.output_labels == ["answer"]
-    assert states.state_labels == ["command[k-1]", "position", "velocity"]
     data = loop.Z_c.at(np.array([10.0, 20.0, 30.0, 40.0, 50.0])).to_control()
     assert isinstance(data, control.FrequencyResponseData) and data.dt == 1e-3
     assert data.frdata.ravel() == pytest.approx(loop.Z_c.at(data.omega).values, rel=1e-15)
@@ -211,8 +135,7 @@ def test_what_a_loop_has_not_is_refused():
 
 def test_without_gains_nothing_answers():
     idle = vctune.Loop(Device(0.4, 2.0, 1e-3), Gains(0.0, 0.0))
-    assert idle.L.state_space.states == () and not idle.L.at().values.any()
-    assert idle.S.to_control().D == [[1.0]]
+    assert not idle.L.at().values.any() and (idle.S.at().values == 1).all()
 
 
 def test_libraries_are_imported_where_they_are_used_alone(monkeypatch):
@@ -227,13 +150,11 @@ def test_libraries_are_imported_where_they_are_used_alone(monkeypatch):
 
 def test_reprs_are_short(solved):
     loop = solved.loop()
-    shown = [solved, solved.judgement, loop.L, loop.L.at(), loop.L.state_space, solved.problem.device]
+    shown = [solved, solved.judgement, loop.L, loop.L.at(), solved.problem.device]
     assert all(len(repr(each)) < 200 for each in shown), [repr(each) for each in shown]
     assert repr(vctune.Device(0.4, 2.0, 1e-3, delay=1e-4)) == (
         "Device(mass=0.4, damping=2.0, sample_time=0.001, delay=0.0001)"
     )
-    for each in (*shown[2:5], loop, vctune.Device(0.4, 2.0, 1e-3)):
-        assert each._repr_html_().startswith("<table>")
 
 
 def test_figures_are_drawn_on_axes_that_are_given(wheel, solved):

@@ -17,7 +17,7 @@ from pages import PARTS, made, recorded
 
 from vctune.analysis.demands import transparency_error
 from vctune.analysis.margins import unstable_poles
-from vctune.analysis.responses.device_loop import Loop
+from vctune.analysis.responses import Loop
 from vctune.cli.printing.design_table import print_design
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.responses.device_loop import Loop
+from vctune.analysis.responses import Loop
 from vctune.design.nlp.nlp_structure import NlpStructure
 from vctune.design.search.scan import ScanResult
 from vctune.design.search.start import Start

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vctune.analysis.responses.device_loop import Loop
+from vctune.analysis.responses import Loop
 from vctune.document.reading import GAINS_DOCUMENTS, GainsFile, ProblemFile, pose, read_gains, read_problem
 from vctune.document.schema.device_contradictions import impossible_parts
 from vctune.document.schema.device_schema import DeviceTable

@@ -24,7 +24,7 @@ from vctune.analysis.in_hands import (
     least_ratios_of_devices,
 )
 from vctune.analysis.in_walls import corner_of
-from vctune.analysis.responses.device_loop import Loop
+from vctune.analysis.responses import Loop
 from vctune.design.prepared import Posed, pose, with_acting_terms, with_corner
 from vctune.design.search.worst import worst_inside
 from vctune.markup import html_facts, span

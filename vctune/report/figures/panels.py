@@ -9,7 +9,7 @@ import numpy as np
 
 from vctune.analysis.feel import NO_LOOP, impedance_at_handle
 from vctune.analysis.margins import loop_margins
-from vctune.analysis.responses.device_loop import Loop
+from vctune.analysis.responses import Loop
 from vctune.design.prepared import pose
 from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit

@@ -1,22 +1,20 @@
-"""Provide the transfer functions of a device's sampled loop, without a hand or in a hand, with their units."""
+"""The transfer functions of a device's sampled loop as arrays over frequency, without a hand or in a hand."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from math import pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.responses.plant_states import PlantStates, plant_states, servo_states, velocity_states
-from vctune.analysis.responses.states import INPUT, Row, Signal, closed, filtered, matrices, substituted, total
-from vctune.analysis.responses.transfer import StateSpace, Transfer
+from vctune.analysis.resonance import round_at_resonance
 from vctune.analysis.sampled_loop import Complex, loop_gain
-from vctune.markup import html_table
-from vctune.model.coupling import trapezoidal
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand
-from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import EvenOdd
 from vctune.model.numbers.units import UNITS, Units
@@ -25,7 +23,70 @@ from vctune.model.sampled.impedance_display import ForceInHand, firmware_filter,
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.sampled.worlds.loop_in_worlds import offered_at
 
+if TYPE_CHECKING:
+    import control
+
+POINTS, DECADES = 1600, 5.0  # Number of drawn frequencies, and number of decades below Nyquist
+SPLINE = 3  # Order of python-control's interpolation
 LET_GO = Hand(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """A transfer function at frequencies up to Nyquist."""
+
+    symbol: str  # symbol of the transfer function
+    omega: Floats  # frequency, rad/s, in ascending order, shape (n,)
+    values: Complex  # complex values, in `unit`, shape (n,)
+    unit: str  # unit of the values; "1" if they are dimensionless
+    sample_time: float  # T, s
+
+    @property
+    def hz(self) -> Floats:
+        """The frequencies, Hz."""
+        return self.omega / (2 * pi)
+
+    def to_control(self) -> control.FrequencyResponseData:
+        """Return the response as python-control's object, with dt in s (needs the extra `control`)."""
+        import control
+
+        return control.FrequencyResponseData(
+            self.values, self.omega, dt=self.sample_time, smooth=self.omega.size > SPLINE, name=self.symbol
+        )
+
+    def __repr__(self) -> str:
+        return f"Response({self.symbol} [{self.unit}], {self.omega.size} frequencies{self._band})"
+
+    @property
+    def _band(self) -> str:
+        return f", {self.hz[0]:.4g} to {self.hz[-1]:.4g} Hz" if self.omega.size else ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Transfer:
+    """A transfer function of the sampled loop."""
+
+    symbol: str  # symbol of the function, such as L, S or Z_c
+    unit: str  # unit of the values; "1" if they are dimensionless
+    device: Device = field(repr=False)  # device of the loop, with plain numbers
+    response: Callable[[Floats], Complex] = field(repr=False)  # values at angles theta = omega T
+
+    def at(self, omega: Floats | None = None) -> Response:
+        """Return the values at frequencies, rad/s; by default at those of the report's figures, up to Nyquist."""
+        grid = up_to_nyquist(self.device) if omega is None else np.atleast_1d(np.asarray(omega, float))
+        T = float(self.device.sample_time)
+        values = np.asarray(self.response(grid * T) + 0 * grid, np.complex128)
+        return Response(self.symbol, grid, values, self.unit, T)
+
+    def to_control(self) -> control.FrequencyResponseData:
+        """Return `at()` as python-control's object, with dt in s (needs the extra `control`)."""
+        return self.at().to_control()
+
+
+def up_to_nyquist(device: Device) -> Floats:
+    """Return five decades of frequencies up to Nyquist, rad/s, with more of them around a structure's resonance."""
+    top = 0.5 / float(device.sample_time)
+    return 2 * pi * round_at_resonance(device, np.geomspace(top * 10.0**-DECADES, top, POINTS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,26 +112,15 @@ class Loop:
     def L(self) -> Transfer:
         """Open loop L = K_v G_v + K_p G_x, from the acting force to the force that the law returns."""
         self._require_loop("L")
-        signals = Signal("force", self._units.force), Signal("answer", self._units.force)
 
-        def realised() -> StateSpace:
-            plant = self._law_alone()
-            return self._matrices(plant.states, self._answer(plant), signals)
-
-        return Transfer("L", "1", self.device, self._open_loop, realised)
+        return Transfer("L", "1", self.device, self._open_loop)
 
     @property
     def S(self) -> Transfer:
         """Sensitivity S = 1/(1 + L), from a disturbance of the commanded force to the commanded force."""
         self._require_loop("S")
-        signals = Signal("disturbance", self._units.force), Signal("command", self._units.force)
 
-        def realised() -> StateSpace:
-            plant = self._law_alone()
-            command = total([(1.0, {INPUT: 1.0}), (-1.0, self._answer(plant))])
-            return self._matrices(closed(plant.states, command), command, signals)
-
-        return Transfer("S", "1", self.device, lambda theta: 1 / (1 + self._open_loop(theta)), realised)
+        return Transfer("S", "1", self.device, lambda theta: 1 / (1 + self._open_loop(theta)))
 
     @property
     def Z_seen(self) -> Transfer:
@@ -84,42 +134,27 @@ class Loop:
             raise ValueError("Z_seen: no hand is at the handle, and nothing is sensed; state one, hand=Hand(M, B, K)")
         if not self.device.kind.senses_force:
             raise ValueError("Z_seen: an impedance display meets its environment by its motion; take Y_seen")
-        signals = Signal("velocity", self._units.speed), Signal("sensed force", self._units.force)
 
-        def realised() -> StateSpace:
-            if self.device.servo is not None:
-                servo = servo_states(self.device, hand)
-                return self._matrices(servo.states, servo.felt, signals)
-            plant = plant_states(self.device, hand)
-            return self._matrices(self._driven(plant), plant.felt, signals)
-
-        return Transfer("Z_seen", self._units.damping, self.device, self._seen, realised)
+        return Transfer("Z_seen", self._units.damping, self.device, self._seen)
 
     @property
     def Y_seen(self) -> Transfer:
         """The admittance of an impedance display, as its environment sees it, from force to differenced position."""
         if self.device.kind.senses_force:
             raise ValueError("Y_seen: an admittance display meets its environment by its force; take Z_seen")
-        signals = Signal("force", self._units.force), Signal("velocity", self._units.speed)
-
-        def realised() -> StateSpace:
-            plant = plant_states(self.device, self.hand or LET_GO)
-            command = total([(1.0, {INPUT: 1.0}), (-1.0, self._answer(plant))])
-            return self._matrices(closed(plant.states, command), {"difference": 1.0}, signals)
 
         def met(theta: Floats) -> Complex:
             found = self._held(theta)
             assert isinstance(found, ForceInHand)
             return -0.5j * np.sin(theta / 2) * _quotient(found.met, found.closed(self.gains), theta)
 
-        return Transfer("Y_seen", self._units.mobility, self.device, met, realised)
+        return Transfer("Y_seen", self._units.mobility, self.device, met)
 
     @property
     def Z_c(self) -> Transfer:
         """The impedance of the virtual coupling in its discrete form."""
         if self.coupling is None:
             raise ValueError("Z_c: the loop has no coupling; state one, coupling=Coupling(b_c, m_c, b_0)")
-        signals = Signal("velocity", self._units.speed), Signal("coupling force", self._units.force)
         coupling, device = self.coupling, self.device
 
         def response(theta: Floats) -> Complex:
@@ -130,11 +165,7 @@ class Loop:
             found = offered_at(coupling, device.sample_time, theta, FLOATS)
             return np.asarray(found.resistance + 1j * found.reactance / np.cos(theta / 2))
 
-        def realised() -> StateSpace:
-            states, force = _coupling_states(device, coupling)
-            return self._matrices(states, force, signals)
-
-        return Transfer("Z_c", self._units.damping, device, response, realised)
+        return Transfer("Z_c", self._units.damping, device, response)
 
     @property
     def motion(self) -> Transfer:
@@ -145,13 +176,7 @@ class Loop:
         alone = replace(self.device.sensing_at_once, servo=replace(servo, stiffness=None, radii=()))
         # a damper of 1 N s/m resists with the velocity of the handle
         felt = Loop(alone, self.gains, hand=Hand(0.0, 1.0, 0.0)).Z_seen
-        speed = self._units.speed
-        signals = Signal("commanded velocity", speed), Signal("velocity", speed)
-        return replace(
-            felt, symbol="motion", unit="1", realised=lambda: replace(
-                felt.state_space, inputs=(str(signals[0]),), outputs=(str(signals[1]),)
-            )
-        )  # fmt: skip
+        return replace(felt, symbol="motion", unit="1")
 
     @property
     def _units(self) -> Units:
@@ -160,22 +185,6 @@ class Loop:
     def _require_loop(self, symbol: str) -> None:
         if not self.device.kind.own_loop:
             raise ValueError(f"{symbol}: the loop of a servo is its vendor's; take motion, or Z_seen in a hand")
-
-    def _law_alone(self) -> PlantStates:
-        """Return the plant with the outputs that the law needs. If K_p is 0, the only output is the velocity."""
-        made = plant_states if self.gains.position else velocity_states
-        return made(self.device, self.hand or LET_GO)
-
-    def _answer(self, plant: PlantStates) -> Row:
-        """Return the force that the law commands while the environment is at rest."""
-        return total([(float(self.gains.velocity), plant.velocity), (float(self.gains.position), plant.position)])
-
-    def _driven(self, plant: PlantStates) -> dict[str, Row]:
-        """Return the states for a moving environment. The law then acts on the errors of velocity and position."""
-        T, K_v, K_p = float(self.device.sample_time), float(self.gains.velocity), float(self.gains.position)
-        command = total([(K_v + K_p * T / 2, {INPUT: 1.0}), (K_p, {"error": 1.0}), (-K_v, plant.velocity)])
-        error = total([(1.0, {"error": 1.0, INPUT: T}), (-1.0, substituted(plant.moved, command))])
-        return closed(plant.states, command) | {"error": error}
 
     def _held(self, theta: Floats) -> AnyLoopInHand:
         device, servo = self.device, self.device.servo
@@ -197,48 +206,8 @@ class Loop:
         found = seen_in_hand(self._held(theta), self.gains)
         return np.asarray(-(found.lost + 1j * found.swing / np.sin(theta / 2)) / found.size)
 
-    def _matrices(self, states: dict[str, Row], output: Row, signals: tuple[Signal, Signal]) -> StateSpace:
-        units = {name: self._units.of(OF_STATE.get(name.partition("[")[0].split()[0], "force")) for name in states}
-        return matrices(states, output, units, signals, float(self.device.sample_time))
-
-    def _repr_html_(self) -> str:
-        return html_table("loop", [(type(each).__name__, str(each)) for each in self._parts if each is not None])
-
-    @property
-    def _parts(self) -> tuple[Device, Gains, AnyCoupling | None, Hand | None]:
-        return self.device, self.gains, self.coupling, self.hand
-
-
-# Quantity of a state by the first word of its name; all other states are forces
-OF_STATE = {
-    "position": "position",
-    "bend": "position",
-    "error": "position",
-    "velocity": "speed",
-    "handle": "speed",
-    "difference": "speed",
-    "commanded": "speed",
-}
-
 
 def _quotient(above: EvenOdd, below: EvenOdd, theta: Floats) -> Complex:
     """Return the quotient of two numbers even + j s odd as complex numbers."""
     sin = 1j * np.sin(theta / 2)
     return np.asarray((above.even + sin * above.odd) / (below.even + sin * below.odd))
-
-
-def _coupling_states(device: Device, coupling: AnyCoupling) -> tuple[dict[str, Row], Row]:
-    """Return the states of a coupling with a velocity as its input, and the row of its force."""
-    T, states = float(device.sample_time), dict[str, Row]()
-    velocity: Row = {INPUT: 1.0}
-    if isinstance(coupling, SpringDamper):
-        stretched = total([(1.0, {"position": 1.0}), (T, velocity)])
-        states["position"], estimate = stretched, device.velocity
-        if estimate is not None and estimate.filter_hz is not None:
-            share, _ = low_pass_coefficients(float(estimate.filter_hz), T, FLOATS)
-            velocity = filtered(states, "velocity", velocity, share, estimate.filter_order)
-        return states, total([(coupling.damping, velocity), (coupling.stiffness, stretched)])
-    step, decay = (float(x) for x in trapezoidal(coupling, T))
-    force = total([(1.0, {"force": 1.0}), (step, velocity)])
-    states["force"] = total([(decay, force), (-step, velocity)])
-    return states, total([(1.0, force), (float(coupling.drag), velocity)])

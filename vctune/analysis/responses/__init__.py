@@ -1,1 +1,0 @@
-"""Provide the sampled loop as arrays and matrices, for other tools."""
