@@ -32,7 +32,7 @@ CHAPTERS = {
     ),
     "How it works": (
         "vctune/model/README.md", "vctune/design/README.md", "vctune/design/bound/README.md", "vctune/proof/README.md",
-        "vctune/analysis/README.md", "vctune/bench/README.md", "results/criteria.md", "results/bench/*.md",
+        "vctune/analysis/README.md", "vctune/bench/README.md", "results/bench/*.md",
     ),
     "The project": (
         "CHANGELOG.md", ".github/CONTRIBUTING.md", ".github/SECURITY.md", "tests/README.md", "docs/README.md",

@@ -17,7 +17,7 @@ from vctune.design.verdict.parameter_changes import parameter_changes
 from vctune.design.verdict.repair import OF_FIXED, OF_FREE, OF_FREE_IN_USE, find_repairs
 from vctune.design.verdict.trial import RepairTest
 
-FIXED = (ROOT / "results/friction-wheel-hands/gains.toml").read_text().partition("[design]")[0]
+FIXED = (ROOT / "tests/gains/friction-wheel-hands.toml").read_text().partition("[design]")[0]
 """Gains that are certified in the default hands, with 1.05 of the required R."""
 
 

@@ -241,7 +241,7 @@ def test_coefficients_go_back_to_their_coupling():
 
 def test_in_single_precision_it_is_the_rounded_constants_that_are_proved():
     file = read_problem(ROOT / "problems/friction-wheel-hands.toml")
-    given = read_gains(ROOT / "results/friction-wheel-hands/gains.toml")
+    given = read_gains(ROOT / "tests/gains/friction-wheel-hands.toml")
     made = firmware(file, given.gains, given.coupling, "single")
     problem, (gains, coupling) = rounded(file.problem, made.coefficients)
     assert certified(made)

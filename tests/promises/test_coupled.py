@@ -45,7 +45,7 @@ class Certified:
 
 def certified(name: str) -> Certified:
     problem = read_problem(ROOT / f"problems/{name}.toml").problem
-    design = read_gains(ROOT / f"results/{name}/gains.toml")
+    design = read_gains(ROOT / f"tests/gains/{name}.toml")
     judgement = judge(problem, design.gains, design.coupling)
     assert judgement.status is Status.CERTIFIED
     low, high = judgement.certificate.proved_band

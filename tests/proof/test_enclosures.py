@@ -190,7 +190,7 @@ def test_what_is_not_a_number_proves_nothing():
 def test_arrays_prove_what_arb_proves(name, spread):
     """Random designs around a good one: never proved against Arb, and nothing of a usual kind left open."""
     problem = read_problem(ROOT / f"problems/{name}.toml").problem
-    file = read_gains(ROOT / f"results/{name}/gains.toml")
+    file = read_gains(ROOT / f"tests/gains/{name}.toml")
     best = [file.gains.velocity, file.gains.position, file.coupling.damping, file.coupling.mass, file.coupling.drag]
     values = np.array(best)[:, None] * np.exp(np.random.default_rng(2).normal(0, spread, (5, 60)))
     values[1, ::5] = 0.0

@@ -240,7 +240,7 @@ def test_saturation_is_a_share():
 
 def test_the_papers_experiments_on_the_friction_wheel(tmp_path):
     """Section 5: non-overlap below 0.05 N, 2 % of 200 N/m, 3 % of 14 N s/m; better than the PID on the same device."""
-    gains = ROOT / "results/friction-wheel/gains.toml"
+    gains = ROOT / "tests/gains/friction-wheel.toml"
     done = vctune("simulate", ROOT / "problems/friction-wheel.toml", gains, "--json", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (ExitCode.OK, "")
     made = {one["name"]: one for one in strict(done.stdout)["experiments"]}

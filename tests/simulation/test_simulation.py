@@ -242,7 +242,7 @@ def test_default_step_is_within_a_tenth_of_a_millinewton_of_cvodes(controller):
 def test_default_step_in_the_papers_experiments():
     """The friction wheel's own experiments, both controllers; quantisers apart, which turn any error into a quantum."""
     file = read_problem(ROOT / "problems/friction-wheel.toml").problem
-    design = read_gains(ROOT / "results/friction-wheel/gains.toml")
+    design = read_gains(ROOT / "tests/gains/friction-wheel.toml")
     for one in file.experiments:
         e = replace(one, sensors=PERFECT, operator=replace(one.operator, cycles=2))
         for scene in (
