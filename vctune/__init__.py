@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from vctune.api.identifying import write_identification as write_identification
     from vctune.api.regions import region as region
     from vctune.api.solving import solve as solve
-    from vctune.api.studies import front as front
     from vctune.api.studies import sweep as sweep
     from vctune.design.result import Solved as Solved
     from vctune.design.verdict.design_record import design_record as design_record
@@ -101,7 +100,6 @@ _HOME = {
     "draw_required_in_hands": "report.figures.hands_figure",
     "explain": "api.explaining",
     "export": "api.exporting",
-    "front": "api.studies",
     "identify": "api.identifying",
     "judge": "design.verdict.judge",
     "problem": "document.building",

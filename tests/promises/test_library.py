@@ -142,7 +142,6 @@ def test_bad_problems(source, text):
         (lambda: vctune.simulate(WHEEL, experiment="wall"), "none is called 'wall'; there are: spring"),
         (lambda: vctune.bound(VIOLATED), "fixes every number"),
         (lambda: vctune.bound(WHEEL, gap=0.0), "gap: 0 is out of range"),
-        (lambda: vctune.front(VIOLATED), "fixes every number: there is nothing to trade"),
         (lambda: vctune.region(WHEEL, "gains.velocity", "device.mass"), "device.mass: is no variable"),
         (lambda: vctune.region(WHEEL, resolution=1.0), "resolution: 1 is out of range"),
         (lambda: vctune.sweep(WHEEL), "axes: is missing"),

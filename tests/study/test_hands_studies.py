@@ -1,4 +1,4 @@
-"""Studies of problems whose demands are met in hands: regions, bounds, sweeps, fronts, checks, repairs."""
+"""Studies of problems whose demands are met in hands: regions, bounds, sweeps, checks, repairs."""
 
 from __future__ import annotations
 
@@ -46,7 +46,6 @@ from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.arb_balls import BALLS, ball, device_ball
 from vctune.proof.engine.boxes import Cells
 from vctune.proof.engine.interval import Verdict
-from vctune.study import front as fronts
 from vctune.study.plane import plane
 from vctune.study.region import Kind, easiest, free_damping, region
 from vctune.study.region_estimate import COUPLING_DAMPING, estimate
@@ -479,14 +478,6 @@ def test_a_region_is_a_baseline_for_other_hands(tmp_path):
 def test_a_range_of_hands_is_an_axis():
     swept = vctune.sweep(posed(FIXED.format(1.5)), {"operator.stiffness.max": [3000.0, 9000.0], "operator.mass": [0.0]})
     assert swept.table.status == ["certified", "violated"]
-
-
-def test_the_front_in_hands_has_no_band(monkeypatch, tmp_path):
-    monkeypatch.setattr(fronts, "EXPONENTS", np.array([0.0]))
-    (tmp_path / "wheel.toml").write_text(WHEEL.replace("{ min = 3000.0, max = 1e5 }", "1e5"))
-    found_ = vctune.front(tmp_path / "wheel.toml", folder=tmp_path / "front")
-    assert found_.band is None and len(found_.terms.status) == 1
-    assert {path.name for path in (tmp_path / "front").glob("*.csv")} == {"terms.csv"}
 
 
 def test_hands_count_in_no_claim_that_was_not_made():

@@ -10,29 +10,23 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
-from dataclasses import astuple, replace
 from math import isnan
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command import run, started, wait_until
-from conftest import ROOT, for_passive_hands
 from hypothesis import given
 from hypothesis import strategies as st
-from jsonschema import Draft202012Validator
 
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem, read_problem
-from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.schema.number_units import heading
 from vctune.document.study_file import read_study
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
-from vctune.model.transparency import Terms
 from vctune.study import sweep as sweeping
 from vctune.study.executors import _for_workers, worker_pool
-from vctune.study.front import nondominated
 from vctune.study.row import solve_point
 from vctune.study.rows import key_of, open_rows
 from vctune.study.study_summary import summary
@@ -518,80 +512,6 @@ def test_summary_of_a_table(tmp_path):
     assert sum(found.status.values()) == found.points == 6
     assert found.corner.high["stability.band_hz[1]"] == 600.0
     json.dumps(found.to_json(), allow_nan=False)
-
-
-@given(st.lists(st.tuples(*[st.integers(0, 4)] * 3), max_size=30))
-def test_nondominated_against_the_definition(costs):
-    array = np.array(costs, dtype=float).reshape(-1, 3)
-    kept = {costs[i] for i in nondominated(array)}
-
-    def beats(a, b):
-        return all(x <= y for x, y in zip(a, b, strict=True)) and a != b
-
-    assert kept == {cost for cost in costs if not any(beats(other, cost) for other in costs)}
-    assert len(kept) == len(nondominated(array))
-
-
-def test_front_of_a_problem(tmp_path):
-    problem = FREE.replace("sample_time", "delay = 0.0\nsample_time") + "[gains]\nposition = 3000.0\n"
-    (tmp_path / "device.toml").write_text(problem)
-    done = run("front", "device.toml", "--executor", "serial", cwd=tmp_path)
-    assert done.returncode == ExitCode.OK and done.stderr == ""
-    folder = tmp_path / "results/device/front"
-    assert {f"{name}.{kind}" for name in ("terms", "band") for kind in ("csv", "svg", "rows.jsonl")} <= {
-        file.name for file in folder.iterdir()
-    }
-    with (folder / "band.csv").open(newline="") as file:
-        band = list(csv.DictReader(file))
-    edges, errors = ([float(row[key]) for row in band] for key in ("stability.band_hz[1]", "error"))
-    assert edges == sorted(edges) and errors == sorted(errors) and len(edges) > 20
-    with (folder / "terms.csv").open(newline="") as file:
-        terms = [tuple(float(row[f"{key}_term"]) for key in TERMS) for row in csv.DictReader(file)]
-    assert terms and not any(a != b and all(x <= y for x, y in zip(a, b, strict=True)) for a in terms for b in terms)
-    before = {file.name: file.read_bytes() for file in folder.iterdir()}
-    again = run("front", "device.toml", "--jobs", 1, "--json", "--quiet", cwd=tmp_path)
-    assert (again.returncode, again.stderr) == (ExitCode.OK, "")
-    found = json.loads(again.stdout)
-    assert list(Draft202012Validator(SCHEMAS["front"]()).iter_errors(found)) == []
-    assert [row["stability.band_hz[1]"] for row in found["band"]] == edges and len(found["terms"]) == len(terms)
-    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
-
-
-def front_of(name, folder):
-    (folder / f"{name}.toml").write_text(for_passive_hands((ROOT / f"problems/{name}.toml").read_text()))
-    done = run("front", f"{name}.toml", cwd=folder)
-    assert done.returncode == ExitCode.OK
-    with (folder / f"results/{name}/front/terms.csv").open(newline="") as file:
-        rows = csv.DictReader(file)
-        return np.array([[float(row[f"{term}_term"]) for term in TERMS] for row in rows])
-
-
-@pytest.mark.slow
-def test_front_of_a_wrist_has_no_gap(tmp_path):
-    """Along K_p the front of the loops in use is not convex: weights alone jump across it."""
-    terms = front_of("cobot-wrist", tmp_path)
-    assert not any((a <= b).all() and (a < b).any() for a in terms for b in terms)
-    coupling = terms[terms[:, 1] < 0.5, 2]
-    assert len(coupling) >= 10
-    assert max(np.diff(coupling)) < 0.5 * (max(coupling) - min(coupling))
-
-
-@pytest.mark.slow
-def test_front_of_the_friction_wheel_is_one_design(tmp_path):
-    """At the bound of K_p one design is best in each of the three terms alone."""
-    (terms,) = front_of("friction-wheel", tmp_path)
-    problem = read_problem(ROOT / "problems/friction-wheel.toml").problem
-    for weights in np.eye(3):
-        alone = replace(problem, transparency=replace(problem.transparency, weights=Terms(*weights.tolist())))
-        best = solve(alone).judgement.transparency
-        assert terms @ weights == pytest.approx(astuple(best)[1:] @ weights, rel=1e-5)
-
-
-def test_front_needs_something_to_trade(tmp_path):
-    (tmp_path / "device.toml").write_text(FIXED)
-    done = run("front", "device.toml", cwd=tmp_path)
-    assert done.returncode == ExitCode.BAD_INPUT and "nothing to trade" in done.stderr
-    assert not (tmp_path / "results").exists()
 
 
 def test_workers_have_one_thread_where_no_server_starts_them(monkeypatch):

@@ -1,26 +1,24 @@
-"""Provide `vctune sweep` and `vctune front` as functions."""
+"""Provide `vctune sweep` as a function."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vctune.api.bounding import require_free
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.records.rows_json import FrontRecord, SweepRecord
+from vctune.document.records.rows_json import SweepRecord
 from vctune.document.study_file import Study, build_study
 from vctune.document.study_file import read_study as read_study
 from vctune.document.text.codes import has_code
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import make_folder, write_together
 from vctune.study.executors import WorkerPool, available_cores, worker_pool
-from vctune.study.front import band_front, band_study, terms_front, terms_study
 from vctune.study.rows import open_rows
 from vctune.study.study_summary import summary
 from vctune.study.study_table import Table, table_files, table_of
@@ -30,8 +28,6 @@ from vctune.study.sweep import sweep as run
 if TYPE_CHECKING:
     import pandas
     import polars
-
-Bar = Callable[[str, int], AbstractContextManager[OnDone]]  # Function that takes a study's name and number of points
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,22 +61,6 @@ class Swept:
 
     def _repr_html_(self) -> str:
         return self.table._repr_html_()
-
-
-@dataclass(frozen=True, slots=True)
-class Fronts:
-    """The Pareto-optimal designs of a problem."""
-
-    terms: Table
-    band: Table | None  # front between error and upper edge of the stability band
-
-    def record(self, problem: str) -> FrontRecord:
-        """Return both fronts as one record. Both have the same units."""
-        band = None if self.band is None else self.band.rows()
-        return FrontRecord(problem=problem, units=self.terms.units, terms=self.terms.rows(), band=band)
-
-    def _repr_html_(self) -> str:
-        return self.terms._repr_html_() + (self.band._repr_html_() if self.band is not None else "")
 
 
 def sweep(
@@ -131,51 +111,6 @@ def sweep(
     return swept
 
 
-def front(
-    problem: ProblemSource,
-    *,
-    folder: str | Path | None = None,
-    jobs: int | None = None,
-    executor: str = "serial",
-    time_limit: float = inf,
-    bar: Bar = lambda name, points: nullcontext(lambda known: None),
-) -> Fronts:
-    """Find two Pareto fronts of a problem: one between the three terms of the error, and one between error and band.
-
-    The second front needs a condition that refers to the stability band, see `Fronts`.
-
-    Parameters
-    ----------
-    problem : path of a problem file, its tables as a dict, or the problem; it must leave a variable free
-    folder, jobs, executor, time_limit : see `sweep`
-    bar : function that shows the progress of each sweep
-
-    Returns
-    -------
-    Fronts
-
-    Raises
-    ------
-    InputError
-        If the problem is invalid or fixes every variable; for the other cases see `sweep`.
-    """
-    file = require_free(problem_of(problem), "trade")
-    studies = [terms_study(file.document, file.problem)]
-    if file.problem.passive:
-        studies.append(band_study(file.document, file.problem))
-    with worker_pool(executor, jobs or available_cores()) as pool, _kept(folder) as place:
-        tables = []
-        for study in studies:
-            with bar(study.name, study.count) as on_done:
-                place_of = place / f"{study.name}.rows.jsonl"
-                swept = _swept(study, place_of, pool, on_done, restart=False, time_limit=time_limit)
-                tables.append(swept.table)
-        fronts = Fronts(terms_front(tables[0]), band_front(tables[1]) if len(tables) > 1 else None)
-        if folder is not None:
-            _write_fronts(fronts, file.problem.transparency.band.hz[1], place)
-    return fronts
-
-
 def _study(problem: ProblemSource | Study, axes: Mapping[str, Any] | None, sample: Mapping[str, Any] | None) -> Study:
     """Return the study that the arguments state: a study, a study file, or a problem with axes."""
     if isinstance(problem, Study):
@@ -215,16 +150,3 @@ def _write(swept: Swept, folder: Path) -> None:
     pictures = figure_file(figure, folder, "error") if figure else {}
     stale = [] if figure else [folder / "error.svg"]
     write_together({**table_files(swept.table, folder, "table"), **pictures}, stale)
-
-
-def _write_fronts(fronts: Fronts, edge: float, folder: Path) -> None:
-    """Write the fronts as tables and pictures."""
-    from vctune.report.figures.sweep_figures import band_figure, terms_figure
-    from vctune.report.figures.with_matplotlib import figure_file
-
-    files = {**table_files(fronts.terms, folder, "terms"), **figure_file(terms_figure(fronts.terms), folder, "terms")}
-    stale = [folder / name for name in ("band.csv", "band.parquet", "band.svg")] if fronts.band is None else []
-    if fronts.band is not None:
-        files |= table_files(fronts.band, folder, "band")
-        files |= figure_file(band_figure(fronts.band, edge), folder, "band")
-    write_together(files, stale)

@@ -19,7 +19,7 @@ EPILOG = (
 
 # Names of the commands
 COMMANDS = (
-    "bench", "bound", "check", "compare", "example", "explain", "export", "front", "identify", "region", "report",
+    "bench", "bound", "check", "compare", "example", "explain", "export", "identify", "region", "report",
     "schema", "simulate", "solve", "sweep",
 )  # fmt: skip
 

@@ -6,7 +6,7 @@ import click
 
 KINDS = (
     "problem", "gains", "study", "log", "design", "region", "rows", "simulation", "identification", "check", "sweep",
-    "front", "comparison", "export", "report", "bench", "explanation", "example",
+    "comparison", "export", "report", "bench", "explanation", "example",
 )  # fmt: skip
 
 
@@ -17,7 +17,7 @@ def schema(kind: str) -> None:
 
     Editors use the schema of the problem file to complete keys. vctune reads the kinds problem, gains, study and log.
     vctune writes the kinds design, region, rows (each line of rows.jsonl), simulation and identification. Commands with
-    --format json print the kinds check, sweep, front, comparison, export, report, bench, explanation and example.
+    --format json print the kinds check, sweep, comparison, export, report, bench, explanation and example.
     """
     import json
 

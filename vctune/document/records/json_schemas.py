@@ -18,7 +18,7 @@ from vctune.document.records.printed_json import (
     ReportRecord,
 )
 from vctune.document.records.region_json import RegionCheckRecord, RegionDocument
-from vctune.document.records.rows_json import FrontRecord, RowRecord, RowsHeader, SweepRecord
+from vctune.document.records.rows_json import RowRecord, RowsHeader, SweepRecord
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.document.schema.log_schema import LogDocument
 from vctune.document.schema.problem_schema import (
@@ -71,7 +71,6 @@ SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "identification": lambda: _of(IdentificationRecord),
     "check": lambda: _of(DesignRecord, RegionCheckRecord, RefusalRecord, each=True),
     "sweep": lambda: _of(SweepRecord),
-    "front": lambda: _of(FrontRecord),
     "comparison": lambda: _of(ComparisonRecord),
     "export": lambda: _of(ExportRecord),
     "report": lambda: _of(ReportRecord),

@@ -1,4 +1,4 @@
-"""Define the output of a study: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`."""
+"""Define the output of a study: the lines of rows.jsonl, and the object of `vctune sweep`."""
 
 from __future__ import annotations
 
@@ -123,14 +123,3 @@ class SweepRecord(Document):
     best: Cells | None  # certified rows with the least and the greatest error; None without a certified design
     worst: Cells | None
     corner: CornerRecord | None  # box that holds every point without a design; None if there is no such point
-
-
-class FrontRecord(Document):
-    """The two Pareto fronts of a problem."""
-
-    SCHEMA = "vctune/front/1"
-
-    problem: str  # name of the problem
-    units: dict[str, str]  # units of the numbers, by column
-    terms: list[Cells]  # rows of the front over the three error terms
-    band: list[Cells] | None  # rows of the front over the error and the upper edge of the stability band

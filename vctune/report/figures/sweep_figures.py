@@ -1,4 +1,4 @@
-"""Pictures of a sweep over one or two axes, and of a front."""
+"""Pictures of a sweep over one or two axes."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
-from vctune.document.records.gains_json import term_labels
 from vctune.report.figures.with_matplotlib import STYLE, canvas
-from vctune.report.svg.elements import BLUE, GREY, RED
+from vctune.report.svg.elements import BLUE, RED
 from vctune.study.study_table import Table
 
 WIDE = 10.0  # Positive values that span more than this ratio are drawn on a logarithmic axis
@@ -77,39 +76,6 @@ def _map(table: Table, across: tuple[str, Floats], up: tuple[str, Floats], *, gr
     _scale(axes, "y", y)
     axes.set(xlabel=x_key, ylabel=y_key)
     axes.grid(visible=not grid)
-    return figure
-
-
-def terms_figure(front: Table) -> Figure:
-    """Return the front between the three terms. Two terms are the axes, and the colour shows the third."""
-    labels = term_labels(front.display)
-    with rc_context(STYLE):
-        figure, axes = _frame()
-        x, y, colour = (front.numbers[term] for term in ("coupling_term", "tracking_term", "admittance_term"))
-        drawn = axes.scatter(x, y, c=colour, cmap=COLOURS, norm=LogNorm() if _wide(colour) else None, s=26)
-        if colour.size:
-            figure.colorbar(drawn, label=labels["admittance"])
-        _ring_idle(axes, front, x, y)
-        if front.idle.any():
-            axes.legend(loc="best")
-        _scale(axes, "x", x)
-        _scale(axes, "y", y)
-        axes.set(xlabel=labels["coupling"], ylabel=labels["tracking"])
-    return figure
-
-
-def band_figure(front: Table, transparency_edge_hz: float) -> Figure:
-    """Return the front of the error against the upper edge of the stability band."""
-    with rc_context(STYLE):
-        figure, axes = _frame()
-        edge = front.axes["stability.band_hz[1]"]
-        axes.plot(edge, front.numbers["error"], "o-", color=BLUE, markersize=4, label="certified, not dominated")
-        _ring_idle(axes, front, edge, front.numbers["error"])
-        axes.axvline(transparency_edge_hz, color=GREY, linewidth=1, linestyle="--", label="transparency band ends")
-        _scale(axes, "x", edge)
-        _scale(axes, "y", front.numbers["error"])
-        axes.set(xlabel="upper edge of the stability band, Hz", ylabel="transparency error")
-        axes.legend(loc="best")
     return figure
 
 
