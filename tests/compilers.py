@@ -38,6 +38,6 @@ def warned(name, folder, place):
     """Return what a compiler prints about the files of a folder; what it makes goes to another place."""
     options = [*WARNINGS, "-O2", f"-DVCTUNE_TIMER_PERIOD_NS={period(folder)}"]
     # newlib's own fenv.h and stdio.h are not needed by the controller: it has no I/O
-    sources = ["vctune_controller.c"] if name == "arm" else ["vctune_controller.c", "vctune_bridge.c", "replay.c"]
+    sources = ["vctune_controller.c"] if name == "arm" else ["vctune_controller.c", "replay.c"]
     found = [done(*COMPILERS[name], *options, "-c", each, "-o", place / "out.o", cwd=folder) for each in sources]
     return "".join(each.stderr or f"{each.args} ends with {each.returncode}" * (each.returncode != 0) for each in found)

@@ -51,7 +51,6 @@ def damping(folder):
         ("export", EDITED, []),
         ("region", FREE, []),
         ("bound", FREE, []),
-        ("front", FREE, []),
     ],
     ids=lambda given: given if isinstance(given, str) and given.isalpha() else "",
 )

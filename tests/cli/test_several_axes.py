@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 from command import run as vctune
@@ -100,18 +99,3 @@ def test_axes_without_gains_are_told_what_is_missing(arm):
 def test_other_commands_design_one_axis(arm):
     done = vctune("region", "arm.toml", cwd=arm)
     assert done.returncode == ExitCode.BAD_INPUT and "axis: makes several problems of one file" in done.stderr
-
-
-@pytest.mark.parametrize("to", ["c", "json", pytest.param("fmu", marks=pytest.mark.slow)])
-def test_each_axis_is_exported_into_its_folder(arm, to):
-    """With the names and the numbers of the axis, equal axes too."""
-    (arm / "arm.toml").write_text(f"{ARM}drag = 20.0\n{AXES}coupling.drag = 25.0\n")
-    done = vctune("export", "arm.toml", "--to", to, "--unproved", "--out", "made", "--json", cwd=arm)
-    assert done.returncode == ExitCode.OK, done.stderr
-    exports = strict(done.stdout)
-    assert [Path(each["folder"]) for each in exports] == [Path("made/arm") / axis / "firmware" for axis in "xyz"]
-    assert [each["name"] for each in exports] == [f"arm {axis}" for axis in "xyz"]
-    assert all((arm / each["folder"] / file).is_file() for each in exports for file in each["files"])
-    if to == "json":
-        files = [strict((arm / each["folder"] / "controller.json").read_text()) for each in exports]
-        assert [file["coupling"]["drag"] for file in files] == [20.0, 20.0, 25.0]

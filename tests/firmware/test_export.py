@@ -4,23 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
-import zipfile
 from dataclasses import replace
-from functools import cache
-from io import BytesIO
 
 import numpy as np
 import pytest
 from command import run as vctune
-from compilers import WARNINGS, by_each_compiler, done, has, period, warned
+from compilers import by_each_compiler, done, has, period, warned
 from conftest import DEVICE, FIXED, ROOT, mostly_slow
-from device_arithmetic import DOUBLES
-from device_pairs import real_of
-from exported import Stated, closed_loop
-from firmware import Device as Sampled
-from sampled_device_oracle import LET_GO, Hand, coupling_at, seen_at
 
-from vctune import InputError, export, simulate, write_export
+from vctune import InputError, export, write_export
 from vctune.document.reading import read_gains, read_problem
 from vctune.exit_codes import ExitCode
 from vctune.firmware.firmware import NOTHING, certified, firmware, rounded
@@ -156,78 +148,6 @@ def test_nothing_is_global_and_nothing_is_called(made, tmp_path):
     assert set(kinds) <= {"T", "t", "r"}  # no data, no bss, no undefined symbol: no malloc, no I/O, no library
 
 
-@pytest.fixture(scope="module")
-def stated(tmp_path_factory):
-    """Return the exported JSON of a device with parts, made when it is first asked for."""
-
-    @cache
-    def told(parts):
-        path = tmp_path_factory.mktemp(parts) / "device.toml"
-        path.write_text(DEVICE + PARTS[parts] + FIXED.format(160.0))
-        return export(path, to="json", unproved=True)
-
-    return told
-
-
-@pytest.mark.parametrize("parts", PARTS)
-def test_the_coefficients_are_the_loop_that_is_proved(stated, parts):
-    """The device, by an oracle, and the equations of the JSON make a loop that has the record's spectral radius."""
-    told = stated(parts)
-    record = json.loads(told.files["controller.json"])
-    device = told.firmware.device
-    held = Stated(record, damping=1e13)  # an environment that does not move
-    memory = Sampled(real_of(replace(device, velocity=None)), LET_GO, DOUBLES)
-    poles = np.linalg.eigvals(closed_loop(memory, held))
-    radius = max(abs(z) for z in poles if abs(z - 1) > 1e-6 and abs(z + 1) > 1e-6)  # x_e stands, no mass alternates
-    assert radius == pytest.approx(told.firmware.record.inner_loop.spectral_radius, rel=1e-8)
-
-
-@pytest.mark.parametrize("parts", PARTS)
-@pytest.mark.parametrize(
-    "environment",
-    [{"stiffness": 300.0, "rule": "trapezoid"}, {"mass": 0.2, "rule": "trapezoid"}, {"mass": 0.1, "damping": 2.0}],
-    ids=["spring", "mass", "backward"],
-)
-def test_in_a_hand_its_poles_are_those_of_the_theory(stated, parts, environment):
-    """(Z_seen + Z_c + Z_e) v_e = 0 at each, Z_seen and Z_c by oracles: law, trapezoid and timing are the proof's."""
-    told = stated(parts)
-    device, made = told.firmware.device, told.firmware
-    hand, T = Hand(0.1, 5.0, 500.0), device.sample_time
-    memory = Sampled(real_of(replace(device, velocity=None)), hand, DOUBLES)
-    poles = np.linalg.eigvals(closed_loop(memory, Stated(json.loads(told.files["controller.json"]), **environment)))
-    moving = [z for z in poles if abs(z - 1) > 1e-6 and abs(z + 1) > 1e-6 and abs(z) > 0.5]
-    assert len(moving) >= 3
-    real = real_of(device)
-    for z in moving:
-        s = 2 / T * (z - 1) / (z + 1) if environment.get("rule") else (z - 1) / (T * z)
-        rendered = (
-            environment.get("mass", 0.0) * s + environment.get("damping", 0.0) + environment.get("stiffness", 0.0) / s
-        )
-        mesh = [seen_at(real, made.gains, hand, z, DOUBLES), coupling_at(real, made.coupling, z, DOUBLES), rendered]
-        assert abs(sum(mesh)) < 1e-6 * sum(map(abs, mesh))
-
-
-def test_the_equations_of_the_json_are_those_of_the_vectors(made):
-    folder = made("filtered")
-    path = folder.parent.parent / "device.toml"
-    record = json.loads(export(path, to="json", unproved=True).files["controller.json"])
-    rendered = {"mass": 0.1, "damping": 3.0, "stiffness": 5000.0, "zero": 0.004, "wall": True}
-    stated = Stated(record, **rendered, limit=2.0)
-    lines = [line for line in (folder / "vectors.csv").read_text().splitlines() if line.startswith("0,")]
-    rows = np.array([list(map(float, line.split(",")[1:])) for line in lines])
-    stated.state |= {"measured": rows[0, 0], "reference": rows[0, 0]}
-    assert [stated.step(*row[:3]) for row in rows] == rows[:, 3].tolist()
-
-
-def test_the_page_of_the_equations_stands_alone(made):
-    told = export(made("filtered").parent.parent / "device.toml", to="json", unproved=True)
-    page, record = told.files["controller.html"], json.loads(told.files["controller.json"])
-    assert "<svg" in page and "http" not in page.replace("http://www.w3.org", "")
-    for one in record["equations"]:
-        assert f"<td><code>{one['name']}</code></td>" in page
-    assert repr(record["coefficients"]["coupling_step"]["value"]) in page
-
-
 def test_coefficients_go_back_to_their_coupling():
     rng = np.random.default_rng(1)
     for _ in range(300):
@@ -280,9 +200,7 @@ def test_a_design_that_does_not_survive_its_rounding_is_refused(tmp_path):
         ("under", "single", ExitCode.OK),
         ("over", "double", ExitCode.OK),
     ):
-        assert (
-            vctune("export", f"{name}.toml", "--precision", precision, "--to", "json", cwd=tmp_path).returncode == code
-        )
+        assert vctune("export", f"{name}.toml", "--precision", precision, cwd=tmp_path).returncode == code
     refused = vctune("export", "over.toml", "--precision", "single", "--out", "single", cwd=tmp_path)
     assert refused.returncode in (ExitCode.FAILED, ExitCode.UNDECIDED)
     assert "rounded to single precision" in refused.stderr and "max_sensitivity" in refused.stderr
@@ -294,11 +212,10 @@ def test_what_is_not_proved_is_refused_or_says_so_at_the_top_of_every_file(folde
     assert (refused.returncode, refused.stdout) == (ExitCode.FAILED, "")
     assert "violated" in refused.stderr and "--unproved" in refused.stderr
     assert not (folder / "results").exists()
-    for to in ("c", "json"):
-        done = vctune("export", "poor.toml", "--to", to, "--unproved", cwd=folder)
-        assert done.returncode == ExitCode.OK and done.stdout.startswith("NOT PROVED")
+    done = vctune("export", "poor.toml", "--unproved", cwd=folder)
+    assert done.returncode == ExitCode.OK and done.stdout.startswith("NOT PROVED")
     files = list((folder / "results/poor/firmware").iterdir())
-    assert len(files) == 8
+    assert len(files) == 5
     for path in files:
         assert "NOT PROVED" in "".join(path.read_text().splitlines(keepends=True)[:3]), path
     assert "#define VCTUNE_PROVED 0" in (folder / "results/poor/firmware/vctune_controller.h").read_text()
@@ -346,98 +263,8 @@ def test_a_design_is_exported_as_it_was_solved(folder):
 
 
 def test_an_export_names_its_formats():
-    with pytest.raises(InputError, match="one of c, fmu, json"):
+    with pytest.raises(InputError, match="one of c, ros2"):
         export({"device": {"mass": 1.0, "damping": 1.0, "sample_time": 1e-3}}, to="ada")
-
-
-@pytest.fixture(scope="module")
-def library(made, tmp_path_factory):
-    place = tmp_path_factory.mktemp("library") / "c"
-    shutil.copytree(made("filtered"), place)
-    assert done("make", "-s", "shared", cwd=place).returncode == 0
-    return place
-
-
-@has("make", "gcc")
-def test_the_compiled_controller_runs_as_the_simulated_one(made, library, tmp_path):
-    """Every trace to the last bit, with friction, encoder, noise, wall and limit."""
-    path = made("filtered").parent.parent / "device.toml"
-    design = read_problem(path).problem.fixed_design
-    plain = simulate(path, *design)
-    within = simulate(path, *design, controller=library)
-    for one, other in zip(plain.experiments, within.experiments, strict=True):
-        assert other.difference.force == 0
-        for name in ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed"):
-            assert getattr(one.design.traces, name).tolist() == getattr(other.design.traces, name).tolist(), name
-
-
-@has("make", "gcc")
-@pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.slow)])
-def test_a_firmware_that_commands_something_else_fails_and_one_that_rounds_otherwise_passes(made, precision, tmp_path):
-    """K_v ten times too small is far beyond the tolerance; a product that is multiplied out is within it."""
-    folder = made("filtered", precision)
-    path = folder.parent.parent / "device.toml"
-    found = {}
-    for name, file, old, new in (
-        ("exported", "Makefile", "", ""),
-        (
-            "rounded",
-            "vctune_controller.c",
-            "GAIN * (desired - velocity)",
-            "GAIN * desired - VCTUNE_VELOCITY_GAIN * velocity",
-        ),
-        ("tenth", "vctune_controller.h", "VCTUNE_VELOCITY_GAIN (150.0", "VCTUNE_VELOCITY_GAIN (15.0"),
-    ):
-        place = shutil.copytree(folder, tmp_path / name)
-        text = (place / file).read_text()
-        assert old in text
-        (place / file).write_text(text.replace(old, new))
-        assert done("make", "-s", "shared", cwd=place).returncode == 0
-        found[name] = simulate(path, controller=place, experiment="everything at once")
-    for name, agrees in (("exported", True), ("rounded", True), ("tenth", False)):
-        (one,) = found[name].experiments
-        assert (found[name].agrees, one.difference.passes, one.difference.precision) == (agrees, agrees, precision), (
-            name
-        )
-    exported, other, tenth = (made.experiments[0].difference for made in found.values())
-    assert exported.force == 0 < other.force <= other.tolerance and tenth.force > 10 * tenth.tolerance
-    strict = simulate(path, controller=tmp_path / "rounded", experiment="everything at once", tolerance=other.force / 2)
-    assert not strict.agrees
-
-
-@has("make", "gcc")
-def test_simulating_a_firmware_that_commands_something_else_exits_1(library, tmp_path):
-    shutil.copytree(library, tmp_path / "c")
-    header = tmp_path / "c/vctune_controller.h"
-    header.write_text(header.read_text().replace("VCTUNE_VELOCITY_GAIN (150.0)", "VCTUNE_VELOCITY_GAIN (75.0)"))
-    assert done("make", "-s", "shared", cwd=tmp_path / "c").returncode == 0
-    (tmp_path / "device.toml").write_text(DEVICE + PARTS["filtered"] + FIXED.format(160.0) + EXPERIMENTS)
-    (tmp_path / "gains.toml").write_text(FIXED.format(160.0))
-    command = ("simulate", "device.toml", "gains.toml", "--controller", "c", "--experiment", "lossless")
-    found = vctune(*command, cwd=tmp_path)
-    assert found.returncode == ExitCode.FAILED
-    assert "vctune_controller.so" in found.stdout and "FAILED" in found.stdout and "the tolerance is" in found.stdout
-    record = json.loads((tmp_path / "results/device/in-the-loop/simulation.json").read_text())
-    assert record["controller"] == "vctune_controller.so"
-    difference = record["experiments"][0]["difference"]
-    assert difference["force"] > 0.01 > difference["tolerance"] and difference["precision"] == "double"
-    allowed = vctune(*command, "--tolerance", 100, cwd=tmp_path)
-    assert allowed.returncode == ExitCode.OK and "the tolerance is 100 N" in allowed.stdout
-    alone = vctune("simulate", "device.toml", "--tolerance", 1, cwd=tmp_path)
-    assert alone.returncode == ExitCode.BAD_INPUT and "--controller" in alone.stderr
-
-
-@pytest.mark.parametrize(
-    "name, complaint", [("gone.so", "make shared"), ("empty", "make shared"), ("text.so", "cannot be loaded")]
-)
-def test_what_is_no_controller_is_refused(folder, name, complaint):
-    (folder / "empty").mkdir()
-    (folder / "text.so").write_text("no library")
-    (folder / "good.toml").write_text(DEVICE + FIXED.format(160.0) + EXPERIMENTS)
-    (folder / "gains.toml").write_text(FIXED.format(160.0))
-    refused = vctune("simulate", "good.toml", "gains.toml", "--controller", name, cwd=folder)
-    assert refused.returncode == ExitCode.BAD_INPUT and complaint in refused.stderr
-    assert not (folder / "results/good/in-the-loop").exists()
 
 
 LATE = """[[experiment]]
@@ -455,117 +282,6 @@ name = "explicit"
 environment = { mass = 1.0, rule = "explicit" }
 operator = { to = 0.001, speed = 0.05, cycles = 1 }
 """
-
-
-@has("make", "gcc")
-def test_an_environment_that_the_controller_does_not_render_is_refused(library, tmp_path):
-    """A force that is late, and explicit Euler, with line, key, reason and remedy; the others run."""
-    path = tmp_path / "late.toml"
-    path.write_text(DEVICE + FIXED.format(160.0) + LATE)
-    line = 1 + path.read_text().split("\n").index("late = 2")
-    refused = vctune("simulate", "late.toml", "--controller", library, cwd=tmp_path)
-    assert refused.returncode == ExitCode.BAD_INPUT
-    first, second = refused.stderr.splitlines()
-    assert first.startswith(f"late.toml:{line}: experiment[1].environment.late: the force is 2 samples late, while a ")
-    assert second.startswith(f"late.toml:{line + 3}: experiment[2].environment.rule: a compiled controller steps its ")
-    for each in (first, second):
-        assert each.endswith("; choose another experiment, or simulate this one without the controller [contradiction]")
-    assert simulate(path, controller=library, experiment="on time").experiments[0].difference is not None
-    for name in ("late", "explicit"):
-        own = next(each for each in read_problem(path).problem.experiments if each.name == name)
-        with pytest.raises(InputError, match="choose another experiment"):
-            simulate(path, controller=library, experiment=replace(own, name="of no file"))
-
-
-@has("gcc")
-def test_a_library_of_something_else_is_refused(folder):
-    (folder / "else.c").write_text("int other(void);\nint other(void) { return 1; }\n")
-    done("gcc", "-shared", "-fPIC", "-o", "else.so", "else.c", cwd=folder)
-    (folder / "good.toml").write_text(DEVICE + FIXED.format(160.0) + EXPERIMENTS)
-    (folder / "gains.toml").write_text(FIXED.format(160.0))
-    refused = vctune("simulate", "good.toml", "gains.toml", "--controller", "else.so", cwd=folder)
-    assert refused.returncode == ExitCode.BAD_INPUT and "vctune_bridge.c" in refused.stderr
-
-
-@pytest.fixture(scope="module")
-def unit(made, tmp_path_factory):
-    """The FMU of the filtered device, and where the vectors of its C are."""
-    pytest.importorskip("fmpy")
-    folder = made("filtered")
-    told = export(folder.parent.parent / "device.toml", to="fmu", unproved=True)
-    path = write_export(told, tmp_path_factory.mktemp("fmu")) / next(iter(told.files))
-    return path, folder
-
-
-@has("gcc")
-def test_the_fmu_is_valid_and_its_binary_is_made_of_its_sources(unit):
-    from fmpy.validation import validate_fmu
-
-    path, _ = unit
-    assert validate_fmu(str(path)) == []
-    with zipfile.ZipFile(path) as packed:
-        names = packed.namelist()
-        assert {"modelDescription.xml", "sources/vctune_controller.c", "binaries/linux64/vctune_fmu.so"} <= set(names)
-        described = packed.read("modelDescription.xml").decode()
-        folder = path.parent / "unpacked"
-        packed.extractall(folder)
-    assert described.count("NOT PROVED") == 2  # at its top, and in what a tool shows of it
-    assert done("gcc", *WARNINGS, "-c", "vctune_fmu.c", "-o", "out.o", cwd=folder / "sources").stderr == ""
-    again = export(unit[1].parent.parent / "device.toml", to="fmu", unproved=True)
-    assert next(iter(again.files.values())) == path.read_bytes()  # the same bytes
-
-
-@has("gcc")
-def test_the_fmu_replays_the_vectors(unit):
-    """In FMPy, to the last bit; and a step of another length is refused."""
-    from fmpy import extract, read_model_description
-    from fmpy.fmi1 import FMICallException
-    from fmpy.fmi2 import FMU2Slave
-
-    path, folder = unit
-    described = read_model_description(str(path))
-    at = {one.name: one.valueReference for one in described.modelVariables}
-    lines = [line for line in (folder / "vectors.csv").read_text().splitlines() if line.startswith("0,")]
-    rows = np.array([list(map(float, line.split(",")[1:])) for line in lines])
-    place = extract(str(path))
-    slave = FMU2Slave(guid=described.guid, unzipDirectory=place, modelIdentifier=described.coSimulation.modelIdentifier)
-    slave.instantiate()
-    slave.setupExperiment()
-    slave.enterInitializationMode()
-    rendered = {"mass": 0.1, "damping": 3.0, "stiffness": 5000.0, "zero": 0.004}
-    given = {f"environment_{name}": number for name, number in rendered.items()} | {"limit": 2.0}
-    given |= {"start_position": rows[0, 0], "start_reference": rows[0, 0]}
-    slave.setReal([at[name] for name in given], list(given.values()))
-    slave.setBoolean([at["wall"]], [True])
-    slave.exitInitializationMode()
-    commanded, T = [], 1e-3
-    for k, row in enumerate(rows):
-        slave.setReal([at["position"], at["velocity"], at["force"]], row[:3].tolist())
-        slave.doStep(k * T, T)
-        commanded += slave.getReal([at["command"]])
-    assert commanded == rows[:, 3].tolist()
-    with pytest.raises(FMICallException):
-        slave.doStep(len(rows) * T, 2 * T)
-    with pytest.raises(FMICallException):
-        slave.setReal([at["force"]], [float("nan")])
-    slave.terminate()
-    slave.freeInstance()
-    shutil.rmtree(place)
-
-
-def test_an_fmu_without_a_compiler_is_refused(folder, monkeypatch):
-    monkeypatch.setattr("shutil.which", lambda name: None)
-    refused = vctune("export", "good.toml", "--to", "fmu", cwd=folder)
-    assert refused.returncode == ExitCode.BAD_INPUT and "install gcc or clang" in refused.stderr
-    assert not (folder / "results").exists()
-
-
-@has("gcc")
-def test_an_fmu_that_is_not_proved_says_so(folder):
-    told = export(folder / "poor.toml", to="fmu", unproved=True)
-    with zipfile.ZipFile(BytesIO(next(iter(told.files.values())))) as packed:
-        for name in packed.namelist():
-            assert name.endswith(".so") or b"NOT PROVED" in b"".join(packed.read(name).splitlines()[:3]), name
 
 
 def test_a_limit_that_does_not_act_changes_nothing():

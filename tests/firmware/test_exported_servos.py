@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import shutil
@@ -10,15 +9,12 @@ import shutil
 import numpy as np
 import pytest
 import servo_in_time
-from command import run as vctune
 from compilers import by_each_compiler, done, has, period, warned
 from conftest import mostly_slow
-from exported import Stated
-from test_servos import ARM, CONTACT, WALKER, decades, random_servo, top_of
+from test_servos import ARM, CONTACT, WALKER, decades, random_servo
 
-from vctune import export, simulate, write_export
+from vctune import export, write_export
 from vctune.document.text.toml_writing import toml_text
-from vctune.exit_codes import ExitCode
 from vctune.firmware.vectors import default_experiments
 from vctune.model.gains import Coupling
 from vctune.simulation.firmware.coefficient_values import coupling_coefficients, coupling_of
@@ -122,67 +118,6 @@ def test_a_constant_that_was_changed_in_its_last_digit_fails_the_check(made, con
     assert found.returncode != 0 and "FAILED" in found.stdout
 
 
-@has("make", "gcc")
-@pytest.mark.parametrize("command", mostly_slow(SERVOS, ["position"]))
-def test_the_compiled_controller_runs_as_the_simulated_one(made, command, tmp_path):
-    place = shutil.copytree(made(command), tmp_path / "c")
-    assert done("make", "-s", "shared", cwd=place).returncode == 0
-    path = made(command).parent.parent / "servo.toml"
-    coupling = Coupling(**SERVOS[command]["coupling"])
-    (tmp_path / "gains.toml").write_text(toml_text({"coupling": SERVOS[command]["coupling"]}))
-    plain, within = (simulate(path, tmp_path / "gains.toml", controller=each) for each in (None, place))
-    for one, other in zip(plain.experiments, within.experiments, strict=True):
-        assert other.difference.force == 0
-        for name in ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed"):
-            assert getattr(one.design.traces, name).tolist() == getattr(other.design.traces, name).tolist(), name
-    assert plain.coupling == coupling
-
-
-@pytest.mark.slow
-@has("make", "gcc")
-def test_a_firmware_that_commands_something_else_is_said_in_the_unit_of_the_command(made, tmp_path):
-    place = shutil.copytree(made("position"), tmp_path / "c")
-    header = place / "vctune_controller.h"
-    number = header.read_text().split("#define VCTUNE_RESISTANCE (")[1].split(")")[0]
-    header.write_text(header.read_text().replace(number, repr(2 * float(number))))
-    assert done("make", "-s", "shared", cwd=place).returncode == 0
-    shutil.copy(made("position").parent.parent / "servo.toml", tmp_path / "servo.toml")
-    (tmp_path / "gains.toml").write_text(toml_text({"coupling": WALKER["coupling"]}))
-    command = ("simulate", "servo.toml", "gains.toml", "--controller", "c", "--experiment", "lossless")
-    found = vctune(*command, cwd=tmp_path)
-    assert found.returncode == ExitCode.FAILED
-    assert " m of the design's commands in double precision" in found.stdout.replace("\n", " ")
-
-
-@pytest.mark.parametrize("seed", mostly_slow(range(12), range(4)))
-def test_the_equations_are_the_loop_that_is_proved(seed):
-    """The mechanics by an oracle and the equations of the JSON have the roots of the oracle's loop."""
-    rng = np.random.default_rng(seed)
-    servo, hand = random_servo(rng), servo_in_time.Mass(*10 ** rng.uniform([-1, 0, 2], [1, 2, 3]))
-    coupling = dict(zip(("damping", "mass", "drag"), map(float, 10 ** rng.uniform([1, -1, 0], [3, 1, 2])), strict=True))
-    rendered = servo_in_time.Mass(*10 ** rng.uniform([-2, -1, 0], [1, 2, 3]))
-    told = export(tables_of(servo) | {"coupling": coupling}, to="json", unproved=True)
-    stated = Stated(
-        json.loads(told.files["controller.json"]),
-        mass=rendered.mass,
-        damping=rendered.damping,
-        stiffness=rendered.stiffness,
-        rule="trapezoid",
-    )
-    sampled, names = servo_in_time.Sampled(servo, hand), list(stated.state)
-
-    def step(memory):
-        body, kept, (before,) = np.split(memory, [sampled.size, sampled.size + len(names)])
-        stated.state = dict(zip(names, kept, strict=True))
-        command = stated.step(0.0, 0.0, sampled.force(body))
-        held = (command - before) / servo.sample_time if servo.position else command
-        return np.concatenate([sampled.wait(body, held), list(stated.state.values()), [command]])
-
-    found = np.array([step(unit) for unit in np.eye(sampled.size + len(names) + 1)]).T
-    proved = servo_in_time.loop_matrix(servo, hand, tuple(coupling.values()), rendered)
-    assert abs(top_of(found)) == pytest.approx(abs(top_of(proved)), rel=1e-9)
-
-
 def tables_of(servo: servo_in_time.Servo) -> dict:
     sensor = {"delay": servo.sensor_delay}
     if servo.sensor_hz is not None:
@@ -196,8 +131,7 @@ def tables_of(servo: servo_in_time.Servo) -> dict:
 def test_every_file_speaks_of_the_servo(made, command):
     """Of what it follows, late by how much; not of a mass, a motor, a gain or a limit, which it has not."""
     folder = made(command)
-    told = export(folder.parent.parent / "servo.toml", to="json").files
-    texts = {path.name: path.read_text() for path in folder.iterdir() if path.name != "vectors.csv"} | told
+    texts = {path.name: path.read_text() for path in folder.iterdir() if path.name != "vectors.csv"}
     for name, text in texts.items():
         words = " ".join(
             re.sub("<svg.*</svg>", "", text, flags=re.DOTALL).replace("\n *", " ").replace("\n#", " ").split()
@@ -205,13 +139,8 @@ def test_every_file_speaks_of_the_servo(made, command):
         assert f"Assumed: a servo that follows the commanded {command}," in words, name
         for absent in ("linear device", "1.0 kg", "motor", "VELOCITY_GAIN", "position_gain", "K_v", "K_p", "friction"):
             assert absent not in words.replace("f_c, N", ""), (name, absent)
-    header, record = texts["vctune_controller.h"], json.loads(told["controller.json"])
+    header = texts["vctune_controller.h"]
     assert f"vctune_real {command};" in header and "vctune_real limit" not in header
-    assert list(record["inputs"]) == ["measured_force"]
-    assert list(record["state"]) == ["reference", "desired", "coupling", "inertia"]
-    assert (
-        "reads force and executes" in texts["controller.html"] and "Velocity estimate" not in texts["controller.html"]
-    )
     unit = {"velocity": "m_per_s", "position": "m"}[command]
     assert (folder / "vectors.csv").read_text().splitlines()[0].endswith(f",command_{unit}")
 
@@ -228,52 +157,10 @@ def test_a_rotary_servo_is_told_in_its_units():
 
 def test_what_is_replayed_without_experiments_is_as_stiff_as_its_hands():
     for tables in (ARM, CONTACT):
-        problem = export(tables, to="json").file.problem
+        problem = export(tables).file.problem
         for experiment in default_experiments(problem):
             assert experiment.operator.stiffness == problem.hands.high.stiffness
             assert experiment.limit is None
-
-
-@has("gcc")
-@pytest.mark.parametrize("command", mostly_slow(SERVOS, ["position"]))
-def test_the_fmu_is_valid_and_replays_the_vectors(made, command, tmp_path):
-    fmpy = pytest.importorskip("fmpy")
-    from fmpy.fmi2 import FMU2Slave
-    from fmpy.validation import validate_fmu
-
-    folder = made(command)
-    told = export(folder.parent.parent / "servo.toml", to="fmu")
-    path = write_export(told, tmp_path) / next(iter(told.files))
-    assert validate_fmu(str(path)) == []
-    described = fmpy.read_model_description(str(path))
-    at = {one.name: one.valueReference for one in described.modelVariables}
-    assert not {"position", "velocity", "limit", "start_position"} & set(at)
-    assert (
-        next(one.unit for one in described.modelVariables if one.name == "command")
-        == {
-            "velocity": "m/s",
-            "position": "m",
-        }[command]
-    )
-    lines = [line for line in (folder / "vectors.csv").read_text().splitlines() if line.startswith("0,")]
-    rows = np.array([list(map(float, line.split(",")[1:])) for line in lines])
-    place = fmpy.extract(str(path), str(tmp_path / "unpacked"))
-    slave = FMU2Slave(guid=described.guid, unzipDirectory=place, modelIdentifier=described.coSimulation.modelIdentifier)
-    slave.instantiate()
-    slave.setupExperiment()
-    slave.enterInitializationMode()
-    rendered = EXPERIMENTS[0]["environment"]
-    slave.setReal([at[f"environment_{name}"] for name in rendered if name != "wall"], [*rendered.values()][:4])
-    slave.setBoolean([at["wall"]], [True])
-    slave.exitInitializationMode()
-    commanded, T = [], SERVOS[command]["device"]["sample_time"]
-    for k, row in enumerate(rows):
-        slave.setReal([at["force"]], [row[2]])
-        slave.doStep(k * T, T)
-        commanded += slave.getReal([at["command"]])
-    assert commanded == rows[:, 3].tolist()
-    slave.terminate()
-    slave.freeInstance()
 
 
 @pytest.mark.slow

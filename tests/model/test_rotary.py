@@ -21,7 +21,6 @@ from vctune.document.reading import parse_problem, problem_file
 from vctune.document.schema.statement import statement
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
-from vctune.firmware.fmu import DIMENSIONS
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import LINEAR, QUANTITIES, ROTARY
 from vctune.model.problem import HUMAN_HANDS
@@ -127,7 +126,6 @@ def printed(folder):
         "sweep": ("sweep", "study.toml", "--executor", "serial", "--out", "w"),
         "region": ("region", "plane.toml", "--resolution", "0.125", "--out", "g"),
         "export": ("export", "hands.toml", "--out", "c"),
-        "as json": ("export", "hands.toml", "--to", "json", "--out", "j"),
     }
     if "rotary" in (folder / "parts.toml").read_text():  # whose pages are looked at
         reports = {name: ("report", f"{name}/device/design.json", "--out", f"{name}-page") for name in "rh"}
@@ -316,20 +314,6 @@ def test_a_handle_as_heavy_as_the_device_is_refused_in_its_unit():
 )
 def test_words(text, said):
     assert ROTARY.translated(text) == said
-
-
-def test_dimensions_of_the_two_differ_by_a_length_squared_or_a_length():
-    """Powers of kg, m, s and rad: an angle is a position over a length, a torque a force times one."""
-    arms = {"position": -1, "speed": -1, "force": 1, "mass": 2, "damping": 2, "stiffness": 2}
-    for quantity, arm in arms.items():
-        here, there = (
-            {**dict.fromkeys(["kg", "m", "s", "rad"], 0), **powers(DIMENSIONS[each][quantity])} for each in LINES
-        )
-        assert {**there, "m": there["m"] - arm, "rad": 0} == {**here, "rad": 0}, quantity
-
-
-def powers(dimensions: str) -> dict[str, int]:
-    return {name: int(power) for name, power in re.findall(r'(\w+)="(-?\d+)"', dimensions)}
 
 
 def test_a_key_is_explained_in_both_units():

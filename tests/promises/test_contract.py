@@ -71,7 +71,7 @@ MACHINES = {
     "sweep": ("sweep study.toml --executor serial", ExitCode.OK),
     "region": ("region free.toml --y coupling.damping --resolution 0.125", ExitCode.OK),
     "comparison": ("compare good.toml poor.toml", ExitCode.OK),
-    "export": ("export good.toml --to json", ExitCode.OK),
+    "export": ("export good.toml", ExitCode.OK),
 }
 """A command for each kind of document, and its exit code."""
 

@@ -140,7 +140,7 @@ def drawn(measured):
 
 
 def test_lines_are_told_apart_without_colour(drawn):
-    assert set(drawn) == {"loop", "llewellyn", "nyquist", "transparency", "impedance", "simulation"}
+    assert set(drawn) == {"llewellyn", "nyquist", "transparency", "impedance", "simulation"}
     for name, drawing in drawn.items():
         for panel in drawing.panels:
             lines = [mark for mark in panel.marks if mark.named and not mark.closed]

@@ -7,7 +7,6 @@ import re
 from functools import cache
 from html import escape
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -26,9 +25,8 @@ from vctune.document.text.errors import InputError
 from vctune.model.gains import Coupling, Gains
 from vctune.report.design_report import write_report
 from vctune.report.figures.curves import handle_impedance, llewellyn, transparency
-from vctune.report.figures.diagram import loop_figure
 from vctune.report.page.summary import LITTLE_USE
-from vctune.report.typography import THIN, html
+from vctune.report.typography import html
 
 SVG = "{http://www.w3.org/2000/svg}"
 LAG = 'hold = "lag"\n[stability]\ncriterion = "passive"\nband_hz = [0.0, inf]\n'
@@ -159,18 +157,6 @@ def test_a_rigid_environment_is_felt_as_the_loop_alone():
     hz, felt = handle_impedance(problem, gains, coupling)
     assert felt["rigid"][0] == pytest.approx(problem.transparency.reference_impedance / terms.admittance)
     assert np.sum((hz > 240) & (hz < 260)) > 10
-
-
-def test_a_block_for_each_part_that_there_is():
-    gains, coupling = Gains(60.0, 1000.0), Coupling(100.0, 0.3, 0.0)
-    said = {}
-    for name, text in (("ideal", DEVICE), ("real", DEVICE + PARTS)):
-        drawn = loop_figure(parse_problem(text, "x", "x").device, gains, coupling).svg("loop")
-        said[name] = {"".join(each.itertext()) for each in ElementTree.fromstring(drawn.encode()).iter(f"{SVG}text")}
-    parts = {"force sensor", "actuator", "difference", "handle", "motor", "hold and delay"}
-    parts |= {f"400{THIN}Hz", f"delay 300{THIN}µs"}
-    assert not parts & said["ideal"] and {"hold", "mechanism", "fh", "ve", "u", "v, x"} <= said["ideal"]
-    assert parts <= said["real"] and "mechanism" not in said["real"]
 
 
 def test_the_phases_of_the_parts_are_on_the_page(pages):

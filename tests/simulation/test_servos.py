@@ -28,9 +28,6 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.parts import ForceSensor, Servo
 from vctune.model.problem import Problem
 from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
-from vctune.simulation.firmware.controller import Measurement, State, control
-from vctune.simulation.firmware.in_the_loop import run_in_the_loop
-from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics.intended_motion import intended_motion
 from vctune.simulation.mechanics.scene_stability import STANDING, fastest_mode, loop_matrix
 from vctune.simulation.mechanics.step import SAMPLES_PER_CALL, build
@@ -219,30 +216,6 @@ def ruled_loop(seed: int, spring: bool, filtered: bool) -> tuple[np.ndarray, Sce
 def test_the_filter_and_the_own_spring_of_the_firmware_are_simulated(seed, spring, filtered):
     matrix, scene = ruled_loop(seed, spring, filtered)
     assert fastest_mode(scene).radius == pytest.approx(abs(top_of(matrix)), rel=1e-8)
-
-
-class OwnController:
-    """The design's own law as an external firmware."""
-
-    precision = "double"
-
-    def start(self, scene: Scene) -> None:
-        begin = equilibrium(scene)
-        self.law = scene.law
-        self.state = State(begin.reference, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-    def step(self, measured: np.ndarray) -> np.ndarray:
-        self.state, command = control(self.law, self.state, Measurement(*measured), FLOATS)
-        return np.array([self.state.reference, self.state.desired, command.environment, command.given])
-
-
-def test_an_external_firmware_reads_the_filtered_force_and_the_own_spring():
-    problem = problem_of(FILTERED).problem
-    scene = scene_of(problem.device, problem.fixed_design[1])
-    alone, (external, difference) = run(scene), run_in_the_loop(scene, OwnController())
-    assert difference.passes
-    for name in ("position", "sensed", "motor"):
-        assert getattr(external, name) == pytest.approx(getattr(alone, name), rel=1e-9, abs=1e-12), name
 
 
 # between samples

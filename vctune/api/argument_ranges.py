@@ -8,7 +8,7 @@ from vctune.document.ros import AXES as AXES
 from vctune.document.text.toml import STDIN as STDIN
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS
 
-Format = Literal["c", "fmu", "json", "ros2"]  # Formats of an exported design
+Format = Literal["c", "ros2"]  # Formats of an exported design
 GAPS = (1e-4, 10.0)  # Least and greatest permitted gap
 # Least and greatest permitted side of a region's smallest cell, as a share of the plane's side
 RESOLUTIONS = (1 / 2048, 1 / 8)

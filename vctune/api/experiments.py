@@ -20,8 +20,7 @@ from vctune.document.reading import ProblemFile
 from vctune.document.records.design_file import read_design
 from vctune.document.records.simulation_json import FILE, SimulationRecord
 from vctune.document.records.simulation_json import simulation_of as simulation_of
-from vctune.document.schema.validation import dotted
-from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import Content, write_together
 from vctune.markup import html_table
 from vctune.model.experiment import Experiment
@@ -29,7 +28,6 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.report.figures.experiment_figures import HEADINGS as HEADINGS
 from vctune.report.figures.experiment_figures import dwell_line as dwell_line
 from vctune.report.figures.experiment_figures import measured_rows as measured_rows
-from vctune.simulation.firmware.library import CompiledController as CompiledController
 from vctune.simulation.simulation_record import simulation_record, trace_arrays
 from vctune.simulation.two_runs import Simulated
 from vctune.simulation.two_runs import simulate as run
@@ -43,13 +41,6 @@ class Simulation:
     gains: Gains  # the design
     coupling: AnyCoupling
     experiments: tuple[Simulated, ...]  # results of the experiments
-    controller: str | None = None  # name of the compiled controller that ran instead of the design's own controller
-    made_for: str | None = None  # digest of the problem for which the compiled controller was made
-
-    @property
-    def agrees(self) -> bool:
-        """Whether the commands of a compiled controller equal those of the design, within the tolerance."""
-        return all(experiment.difference is None or experiment.difference.passes for experiment in self.experiments)
 
     @property
     def stable(self) -> bool:
@@ -62,7 +53,7 @@ class Simulation:
         return self._measured().to_json()
 
     def _measured(self) -> SimulationRecord:
-        return simulation_record(self.file, self.gains, self.coupling, list(self.experiments), self.controller)
+        return simulation_record(self.file, self.gains, self.coupling, list(self.experiments))
 
     def _repr_html_(self) -> str:
         return html_table(self.file.problem.name, measured_rows(self._measured()), HEADINGS)
@@ -74,8 +65,6 @@ def simulate(
     coupling: AnyCoupling | None = None,
     experiment: Experiment | str | None = None,
     *,
-    controller: str | Path | CompiledController | None = None,
-    tolerance: float | None = None,
     progress: Progress = lambda stage: None,
 ) -> Simulation:
     """Simulate a design in the experiments of a problem.
@@ -86,10 +75,6 @@ def simulate(
     gains : gains, SI units, given together with `coupling`; or a gains file or its path; None for the design of `solve`
     coupling : coupling of the design, SI units
     experiment : experiment to simulate, by name or as an object; None for all experiments of the problem
-    controller : a compiled controller, its path, or its folder. It runs instead of the design's own controller, and
-        each experiment then has a `difference`
-    tolerance : greatest permitted difference between the commands of this controller and of the design, in the unit of
-        the command; None to permit the effect of rounding
     progress : function that receives the current stage
 
     Returns
@@ -100,22 +85,17 @@ def simulate(
     ------
     InputError
         If the problem or the design is invalid; if they are for different kinds of device; if there is no such
-        experiment or controller; if the controller does not render an experiment's environment; or if solving finds no
-        design.
+        experiment; or if solving finds no design.
     """
-    compiled = CompiledController(Path(controller)) if isinstance(controller, str | Path) else controller
     file = problem_of(problem)
     chosen = (experiment,) if isinstance(experiment, Experiment) else chosen_experiments(file, experiment)
-    if compiled is not None:
-        require_built_in(file, chosen)
     if gains is None:
         law, coupling = _solved_design(file, progress)
     else:
         design = design_for(file, gains, coupling)
         law, coupling = design.gains, design.coupling
-    runs = tuple(run(file.problem, law, coupling, selected, progress, compiled, tolerance) for selected in chosen)
-    made_for = (None, None) if compiled is None else (compiled.path.name, compiled.problem_sha256)
-    return Simulation(file, law, coupling, runs, *made_for)
+    runs = tuple(run(file.problem, law, coupling, selected, progress) for selected in chosen)
+    return Simulation(file, law, coupling, runs)
 
 
 def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment, ...]:
@@ -131,29 +111,6 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
             file.source, "no-experiment", f"none is called {name!r}; there are: {names}", key="experiment"
         )
     return chosen
-
-
-def require_built_in(file: ProblemFile, chosen: tuple[Experiment, ...]) -> None:
-    """Refuse experiments whose environment a compiled controller does not render."""
-    stated, mistakes = file.problem.experiments, []
-    for experiment in chosen:
-        if experiment.environment.built_in:
-            continue
-        late_samples = experiment.environment.late
-        key = "late" if late_samples else "rule"
-        fault = (
-            f"the force is {late_samples} sample{'s' * (late_samples > 1)} late, while a compiled controller renders "
-            "it on time"
-            if late_samples
-            else "a compiled controller steps its environment by backward Euler or the trapezoidal rule, not by "
-            "explicit Euler"
-        )
-        remedy = "choose another experiment, or simulate this one without the controller"
-        path = ("experiment", stated.index(experiment) if experiment in stated else experiment.name, "environment", key)
-        line = file.line_of(path) if experiment in stated else None
-        mistakes.append(Mistake("contradiction", dotted(path), f"{fault}; {remedy}", line))
-    if mistakes:
-        raise InputError(file.source, mistakes)
 
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:

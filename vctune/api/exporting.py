@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, pi
 from pathlib import Path
@@ -22,7 +21,7 @@ from vctune.document.reading import read_gains as read_gains
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.printed_json import ExportRecord
 from vctune.document.text.errors import InputError, Mistake, printable
-from vctune.document.text.output_files import Content, folder_name, make_folder, write_together
+from vctune.document.text.output_files import Content, make_folder, write_together
 from vctune.firmware.firmware import Firmware, certified, firmware
 from vctune.firmware.preamble import statement
 from vctune.firmware.ros2 import RosAxis, ros2_files, ros2_firmware
@@ -60,8 +59,7 @@ def export(
     gains : gains, SI units, given together with `coupling`; or a gains file or its path; None for the gains of the
         design.json, or for the gains that the problem fixes
     coupling : coupling of the design, SI units
-    to : "c" for C source with vectors to replay, "fmu", "json", or "ros2" for the parameters of an
-        admittance_controller
+    to : "c" for C source with vectors to replay, or "ros2" for the parameters of an admittance_controller
     precision : precision of the firmware's constants; "double" for a ROS 2 controller
     unproved : whether to also export a design that is not proved; the head of every file then states that it is not
         proved
@@ -77,8 +75,7 @@ def export(
         If the design is not certified and `unproved` is not set. This is also an `InputError`.
     InputError
         If an option is unknown, if a file is invalid, if there is no design, or if the design is for another kind of
-        device; if `to` is "fmu" and there is no C compiler on 64-bit Linux; or if `to` is "ros2" and the controller
-        cannot render the design.
+        device; or if `to` is "ros2" and the controller cannot render the design.
     """
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
@@ -92,7 +89,7 @@ def export(
     controller = firmware(file, *design, precision, _stated_corner(source, gains, coupling, file))
     if not certified(controller) and not unproved:
         raise NotCertifiedError(controller)
-    return Exported(file, controller, FILES[to](file, controller, progress))
+    return Exported(file, controller, _c_files(file, controller, progress))
 
 
 def require_double(precision: Precision) -> None:
@@ -221,34 +218,10 @@ def _stated_corner(
 
 
 def _c_files(file: ProblemFile, controller: Firmware, progress: Progress) -> Files:
-    """Return the C code of a controller, with the files that replay its experiments and the bridge to a simulation."""
+    """Return the C code of a controller, with the files that replay its experiments."""
     from vctune.firmware.c_source import c_source
     from vctune.firmware.replay import replay_files
     from vctune.firmware.vectors import replays
 
     sources = c_source(controller)
     return {**sources, **replay_files(controller, replays(file, controller, progress))}
-
-
-def _fmu_files(_file: ProblemFile, controller: Firmware, _progress: Progress) -> Files:
-    from vctune.firmware.fmu import fmu
-
-    return {f"{folder_name(controller.name)}.fmu": fmu(controller)}
-
-
-def _json_files(_file: ProblemFile, controller: Firmware, _progress: Progress) -> Files:
-    """Return the equations of a controller as JSON and as a page."""
-    from vctune.firmware.coefficients import controller_record
-    from vctune.report.page.controller_page import controller_page
-
-    record = controller_record(controller)
-    page = controller_page(record, controller.device, controller.gains, controller.coupling)
-    return {"controller.json": json.dumps(record, indent=1, allow_nan=False) + "\n", "controller.html": page}
-
-
-# Function that makes the files, for each format except "ros2"
-FILES: dict[Format, Callable[[ProblemFile, Firmware, Progress], Files]] = {
-    "c": _c_files,
-    "fmu": _fmu_files,
-    "json": _json_files,
-}

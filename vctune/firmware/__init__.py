@@ -1,1 +1,1 @@
-"""Export a certified design as firmware: C99, vectors to replay, coefficients, and an FMU."""
+"""Export a certified design as firmware: C99 with vectors to replay, and ROS 2 parameters."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import astuple
 from typing import Any
 
-from vctune.firmware.c_text import code, comment, literal, operations
+from vctune.firmware.c_text import code, comment, literal
 from vctune.firmware.firmware import Firmware, certified
 from vctune.firmware.preamble import statement
 from vctune.model.numbers.keys import QUANTITIES, SYMBOLS
@@ -143,13 +143,9 @@ def _code(firmware: Firmware) -> dict[str, Any]:
     blocks, step = _blocks(firmware.parts), ("estimate", "drive", "law")
     kept = [name for name in state_names(firmware) if name != "desired"]
     names = _names(firmware, blocks)
-    counted = operations(equation for block in blocks.values() for equation in block)
     return {
         **{name: _lines(blocks[name], names, firmware) for name in step},
         "render": _lines(blocks["environment"], _environment_names(names), firmware),
-        "counted": ", ".join(
-            f"{counted[kind]} {kind}" for kind in ("additions", "multiplications", "divisions", "comparisons")
-        ),
         "measurement": _fields({_short(quantity): quantity for quantity in inputs_of(firmware)}, firmware.units),
         "built_in": _fields({name: (COEFFICIENTS | STATE)[name] for name in (*BUILT_IN, "inertia")}, firmware.units),
         "state": _fields(

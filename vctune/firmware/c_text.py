@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from math import inf
 
 import numpy as np
 
 from vctune.document.text.errors import printable
-from vctune.simulation.firmware.equations import Equation
 from vctune.simulation.firmware.expression import Operation, Symbol, Term
 from vctune.simulation.firmware.stepped import Precision
 
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}  # Precedence of each operator
 HOLDING = BINDING | {"choice": 0}  # Precedence of an operation that is an operand of another operation
-# Kind under which `operations` counts an operator
-COUNTED = {"+": "additions", "-": "additions", "*": "multiplications", "/": "divisions"}
 
 
 def literal(number: float, precision: Precision) -> str:
@@ -72,19 +68,6 @@ def _written(
     # + side: a right operand of the same precedence needs parentheses, because operators associate to the left
     left, right = (_bracketed(operands[side], term.operands[side], precedence + side) for side in (0, 1))
     return f"{left} {term.operator} {right}"
-
-
-def operations(equations: Iterable[Equation]) -> Counter[str]:
-    """Return the number of additions, multiplications, divisions and comparisons in equations."""
-    counted: Counter[str] = Counter()
-    terms: list[Term] = [equation.right for equation in equations]
-    while terms:
-        term = terms.pop()
-        if isinstance(term, Operation):
-            if term.operator != "negative":
-                counted[COUNTED.get(term.operator, "comparisons")] += 1
-            terms += term.operands
-    return counted
 
 
 def comment(text: str, width: int = 110) -> list[str]:

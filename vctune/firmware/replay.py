@@ -1,5 +1,4 @@
-"""Write the files that accompany the controller: vectors.csv and replay.c, a Makefile, and the bridge to the
-simulation."""
+"""Write the files that accompany the controller: vectors.csv and replay.c, and a Makefile."""
 
 from __future__ import annotations
 
@@ -15,7 +14,7 @@ ALLOWED_ULP = 0  # Permitted difference in double precision, in units in the las
 
 
 def replay_files(firmware: Firmware, simulated: list[Replay]) -> dict[str, str]:
-    """Return the texts of vectors.csv, replay.c, vctune_bridge.c and Makefile."""
+    """Return the texts of vectors.csv, replay.c and Makefile."""
     given: dict[str, Any] = {
         **names_and_numbers(firmware),
         "experiments": [experiment_line(one, firmware.parts) for one in simulated],
@@ -25,7 +24,7 @@ def replay_files(firmware: Firmware, simulated: list[Replay]) -> dict[str, str]:
     if firmware.precision == "single":
         measured = greatest_difference(firmware, simulated)
         given |= {"measured": f"{measured:.3g}", "allowed": f"{2 * measured:.3g}"}
-    written = {name: rendered_template(name, given) for name in ("replay.c", "vctune_bridge.c", "Makefile")}
+    written = {name: rendered_template(name, given) for name in ("replay.c", "Makefile")}
     doubt = "" if certified(firmware) else commented([not_proved(firmware)]) + "\n"
     return {"vectors.csv": doubt + vectors_text(simulated, firmware.units, firmware.parts.command), **written}
 

@@ -11,7 +11,6 @@ import numpy as np
 from vctune.document.reading import ProblemFile
 from vctune.document.records.gains_json import GainsRecord, coupling_record, stated_units
 from vctune.document.records.simulation_json import (
-    DifferenceRecord,
     EnvironmentRecord,
     ExperimentRecord,
     LeastVirtualRecord,
@@ -36,10 +35,10 @@ TOLERANCE = 1.5e-3  # Share of the plotted range by which a thinned curve may di
 
 
 def simulation_record(
-    file: ProblemFile, gains: Gains, coupling: AnyCoupling, simulated: list[Simulated], controller: str | None = None
+    file: ProblemFile, gains: Gains, coupling: AnyCoupling, simulated: list[Simulated]
 ) -> SimulationRecord:
     """Return the record of simulated experiments."""
-    also: dict[str, Any] = {} if controller is None else {"controller": controller}
+    also: dict[str, Any] = {}
     device = file.problem.device
     if device.commanded != "force":
         also["commanded"] = device.commanded
@@ -82,16 +81,7 @@ def _experiment(simulated: Simulated, device: Device, coupling: AnyCoupling) -> 
     if least_share is not None and pid is not None:
         virtual = LeastVirtualRecord(share=least_share, mass=least_share * pid.mass, damping=least_share * pid.damping)
     baseline = None if simulated.baseline is None else _run(simulated.baseline, _thinned(curves["baseline"], tolerance))
-    difference = simulated.difference
     optional: dict[str, Any] = {}
-    if difference is not None:
-        optional["difference"] = DifferenceRecord(
-            force=_finite(difference.force),
-            time_s=difference.time,
-            tolerance=_finite(difference.tolerance),
-            precision=difference.precision,
-            passes=difference.passes,
-        )
     if isinstance(coupling, SpringDamper) and experiment.sensors.position_resolution > 0:
         optional["quiet_stiffness"] = quiet_stiffness(device, experiment)
     if experiment.operator.dwell is not None:

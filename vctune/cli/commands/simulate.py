@@ -14,33 +14,17 @@ if TYPE_CHECKING:
     from vctune.document.reading import ProblemFile
     from vctune.model.gains import AnyCoupling, Gains
 
-IN_THE_LOOP = "in-the-loop"  # Folder for the results of a compiled controller, inside the design's folder
-
 
 @click.command(short_help="Simulate a design in the problem's experiments.")
 @problem_argument
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
 @click.option("--experiment", "name", help="Name of the experiment to simulate. [default: all]")
 @out_option()
-@click.option(
-    "--controller",
-    type=click.Path(path_type=Path),
-    help="A compiled controller of `vctune export`, or its folder, to run instead of the simulated one.",
-)
-@click.option(
-    "--tolerance",
-    type=click.FloatRange(min=0.0),
-    metavar="FORCE",
-    help="Greatest accepted difference between the commands of the compiled controller and those of the design, "
-    "N or N m.  [default: the effect of rounding]",
-)
 @output_options()
 def simulate(
     problem: Path,
     gains: Path | None,
     name: str | None,
-    controller: Path | None,
-    tolerance: float | None,
     out: Path,
     style: str,
     quiet: bool,
@@ -51,31 +35,21 @@ def simulate(
     and the figure `simulation`, and adds the figure to the design's report. The exit code is 1 if there is no design,
     if the design diverges in an experiment, or if it is unstable with the hand and environment of an experiment.
 
-    With --controller, a compiled firmware replaces the simulated controller. vctune compares the commands of both for
-    the same measurements. If they differ by more than the tolerance, the exit code is 1. The command then writes the
-    files to the folder `in-the-loop` in the design's folder.
     """
-    if tolerance is not None and controller is None:
-        raise click.UsageError("--tolerance applies to a firmware; name it with --controller")
     from vctune import read_problem
     from vctune.api.experiments import (
-        CompiledController,
         chosen_experiments,
         design_for,
-        require_built_in,
         write_simulation,
     )
     from vctune.api.experiments import simulate as run
-    from vctune.api.folders import design_folder, make_folder
+    from vctune.api.folders import design_folder
     from vctune.cli.printing.output import answer, warn, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
     from vctune.exit_codes import ExitCode
 
-    compiled = None if controller is None else CompiledController(controller)
     file = read_problem(problem)
-    chosen = chosen_experiments(file, name)
-    if compiled is not None:
-        require_built_in(file, chosen)
+    chosen_experiments(file, name)
     warn_of_doubts(file, quiet=quiet)
     given = design_for(file, gains) if gains else None
     if given and given.sha256 not in (None, file.sha256):
@@ -86,13 +60,8 @@ def simulate(
         design = (given.gains, given.coupling) if given else _solved(file, folder, progress)
         if design is None:
             return ExitCode.FAILED
-        simulation = run(file, *design, name, controller=compiled, tolerance=tolerance, progress=progress)
-        if simulation.made_for not in (None, file.sha256):
-            warn("other-version", f"{controller}: made for another version of the problem (sha256 differs)")
+        simulation = run(file, *design, name, progress=progress)
         progress("writing and drawing")
-        if controller is not None:
-            folder = folder / IN_THE_LOOP
-            make_folder(folder)
         record = write_simulation(simulation, folder)
 
     def table() -> None:
@@ -102,7 +71,7 @@ def simulate(
         print_simulation(simulation_of(record), folder)
 
     answer(style, quiet, lambda: record, table)
-    return ExitCode.OK if simulation.stable and simulation.agrees else ExitCode.FAILED
+    return ExitCode.OK if simulation.stable else ExitCode.FAILED
 
 
 def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:

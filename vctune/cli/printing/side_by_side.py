@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.console import JustifyMethod
 
     from vctune.document.records.comparison import ComparisonRecord
-    from vctune.document.records.simulation_json import DifferenceRecord, LeastVirtualRecord, SimulationRecord
+    from vctune.document.records.simulation_json import LeastVirtualRecord, SimulationRecord
     from vctune.model.numbers.units import Units
 
 LEAST = {"": 6, "A": 8, "B": 8}  # Least width of the columns under each heading on a narrow terminal
@@ -41,9 +41,6 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
             console.print(line, soft_wrap=not narrow)
 
         for one in record.experiments:
-            if one.difference is not None:
-                distance = _difference_line(one.difference, record.command_unit)
-                say(f"{escape(printable(one.name))}: {distance}")
             if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
                 say(f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling, record.units)}")
             if one.least_virtual is not None:
@@ -80,22 +77,6 @@ def _after_simulation(folder: Path) -> list[str]:
     """Return the next step: open the report or the figure; empty if neither exists."""
     shown = next((name for name in (REPORT, "simulation.svg") if (folder / name).exists()), "")
     return [f"open {folder / shown}"] if shown else []
-
-
-def _difference_line(difference: DifferenceRecord, unit: str) -> str:
-    """Return the sentence on the difference between the commands of a firmware and of the design."""
-    own_commands = f"the design's commands in {difference.precision} precision for the same measurements"
-    if difference.force is None or difference.tolerance is None:
-        return "[red]FAILED[/red], the firmware's commands are not finite"
-    if difference.force == 0:
-        return f"the firmware's commands are {own_commands} to the last bit"
-    distance = (
-        f"{difference.force:.3g} {unit} of {own_commands}, with the largest difference at {difference.time_s:.4g} s"
-    )
-    allowed = f"the tolerance is {difference.tolerance:.3g} {unit}"
-    if difference.passes:
-        return f"the firmware's commands are within {distance}; {allowed}"
-    return f"[red]FAILED[/red], the firmware's commands are only within {distance}; {allowed}"
 
 
 def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:

@@ -93,17 +93,6 @@ class RunRecord(Part):
     curve: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
 
 
-class DifferenceRecord(Part):
-    """The greatest difference between the commands of a firmware and of the design on the same data, and its time,
-    s."""
-
-    force: Number
-    time_s: float
-    tolerance: Number
-    precision: Literal["double", "single"]
-    passes: bool
-
-
 class ExperimentRecord(Part):
     """An experiment with the runs of the regular PID and of the design."""
 
@@ -114,7 +103,6 @@ class ExperimentRecord(Part):
     least_virtual: LeastVirtualRecord | None  # least virtual mass of the regular PID, and its run; null without one
     baseline: RunRecord | None
     design: RunRecord  # run of the design, or of the controller that replaces it
-    difference: DifferenceRecord | None = None  # difference of the commands of such a controller; null without one
     quiet_stiffness: float | None = None  # stiffest wall at which an impedance display with an encoder comes to rest
     dwell_s: float | None = None  # time from one change of the hand to the next, s
 
@@ -135,7 +123,6 @@ class SimulationRecord(Document):
     coupling: AnyCouplingRecord
     experiments: Annotated[list[ExperimentRecord], Field(min_length=1)]
     versions: dict[str, str | None]
-    controller: str | None = None
     commanded: Literal["velocity", "position"] | None = None
 
     @property
@@ -151,8 +138,6 @@ class SimulationRecord(Document):
     def is_of(self, design: DesignRecord) -> bool:
         """Return whether a simulation belongs to the design and the experiments in a design.json, and used no other
         controller."""
-        if self.controller is not None:
-            return False
         given = design.problem
         if self.problem.sha256 != given.sha256 or (self.gains, self.coupling) != (design.gains, design.coupling):
             return False

@@ -47,8 +47,6 @@ Code = Literal[
     "missing-package",
     "more-mistakes",
     "moved-key",
-    "no-compiler",
-    "no-controller",
     "no-design",
     "no-experiment",
     "no-plane",

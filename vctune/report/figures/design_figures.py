@@ -16,7 +16,6 @@ from vctune.document.records.design_json import BoxRecord, DesignRecord, Optimal
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.keys import KEYS, labelled
 from vctune.model.problem import Band, Problem
-from vctune.report.figures.diagram import loop_figure
 from vctune.report.figures.hands_figure import any_hand_figure, hands_figure
 from vctune.report.figures.panels import (
     compared,
@@ -66,7 +65,7 @@ def figures(design: Design) -> dict[str, Drawing]:
     if words := doubt(design.record, design.problem):
         for drawing in drawn.values():
             stamp(drawing, words)
-    return {**drawn, "loop": loop_figure(design.problem.device, design.gains, design.coupling)}
+    return drawn
 
 
 def _in_hands(design: Design) -> dict[str, Drawing]:

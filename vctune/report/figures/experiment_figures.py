@@ -24,7 +24,7 @@ def simulation_figure(simulation: SimulationRecord) -> Drawing:
     panels = drawing.divide(count, 2, (0.12, 0.62))
     for left, right, experiment in zip(panels[::2], panels[1::2], simulation.experiments, strict=True):
         _draw(left, experiment, experiment.baseline, "regular PID", ORANGE, units)
-        _draw(right, experiment, experiment.design, simulation.controller or "this design", BLUE, units)
+        _draw(right, experiment, experiment.design, "this design", BLUE, units)
         left.set(ylabel=f"{units.force_name}, {units.force}")
         for panel in (left, right):
             panel.x.limits, panel.y.limits = (
@@ -74,7 +74,7 @@ def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
         for experiment in simulation.experiments
         for run, controller in (
             (experiment.baseline, "regular PID"),
-            (experiment.design, simulation.controller or "this design"),
+            (experiment.design, "this design"),
         )
         if run is not None
     ]

@@ -46,11 +46,6 @@ READINGS = {
         "How far the velocity loop stays from -1",
         "The curve must pass -1 without encircling it and stay out of the hatched circle, where |S| exceeds its limit.",
     ),
-    "loop": (
-        "The loop as designed",
-        "The diagram leads from the hand's force to its velocity, or from its motion to a force. vctune designs the "
-        "blue parts. The green parts delay the loop.",
-    ),
     "optimality": (
         "How much better any design could be",
         "No design that meets the constraints has an error below the full line; a search of every box of gains and "
@@ -67,8 +62,6 @@ READINGS = {
 # Texts that differ for a kind of display, by the names of the display and of the figure
 OF_DISPLAY: dict[str, dict[str, str]] = {
     "servo": {
-        "loop": "The diagram leads from the hand's force to the motion of the arm. vctune designs the blue parts. The "
-        "green parts delay the motion. The hand does not move the arm; it feels the late response of the coupling.",
         "hands": "Top: the late response of a hand or a contact acts as a negative resistance of size R, whatever the "
         "design. Re Z_c, as the firmware runs it, must lie above R up to the Nyquist frequency. Bottom: the share of "
         "Re Z_c that R takes at the worst damping and frequency of each hand; 100 % is the limit.",

@@ -34,7 +34,6 @@ SAMPLES_PER_CALL = 1024  # Number of samples per call of the compiled function, 
 # Columns that a simulation records at each sample: x, v, f_h, x_e, v_e, f_e, u, f_s
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")  # Additional recorded columns if motor and handle move differently
-FIRMWARE_OUTPUTS = ("reference", "desired", "environment_force", "motor")  # Columns that a firmware outputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,15 +47,6 @@ class Step:
         """Return the function for `SAMPLES_PER_CALL` samples, samples(state, inputs) -> (states, records), with one
         column for each sample."""
         return self.advance.mapaccum(SAMPLES_PER_CALL)
-
-
-@dataclass(frozen=True, slots=True)
-class OpenStep:
-    """A compiled step without its firmware."""
-
-    sense: Any
-    advance: Any
-    start: Floats
 
 
 def build(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = None) -> Step:
@@ -75,23 +65,10 @@ def build(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = Non
     return _compiled(scene, stretch, wired, firmware, then)
 
 
-def build_open(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = None) -> OpenStep:
-    """Assemble and compile the step of a scene without its firmware."""
-    count = len(INPUT_NAMES)
-    wired = sample_symbols(scene, count + len(FIRMWARE_OUTPUTS))
-    answer = [wired.inputs[count + k] for k in range(len(FIRMWARE_OUTPUTS))]
-    step = _compiled(scene, stretch, wired, _Firmware(memory=[], kept=[], start=[], answer=answer), then)
-    read = wired.measurement
-    position = encoded(scene.law, read.position, SYMBOLS)
-    state = ca.vertcat(wired.body, *wired.commands, *wired.unread, *wired.filtered)
-    sense = ca.Function("sense", [state, wired.inputs[:count]], [ca.vertcat(position, read.velocity, read.force)])
-    return OpenStep(sense, step.advance, step.start)
-
-
 @dataclass(frozen=True, slots=True)
 class _Firmware:
     """The state of a firmware before a sample (`memory`), after the sample (`kept`) and at the start (`start`), and the
-    firmware's outputs (`answer`, as in `FIRMWARE_OUTPUTS`)."""
+    firmware's outputs: x_e, v_e, f_e and u."""
 
     memory: list[Any]
     kept: list[Any]
