@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from vctune.design.verdict.judge import judge as judge
     from vctune.document.building import Device as Device
     from vctune.document.building import problem as problem
-    from vctune.document.problem_axes import AxesFile as AxesFile
-    from vctune.document.problem_axes import read_axes as read_axes
-    from vctune.document.problem_axes import read_problem_or_axes as read_problem_or_axes
     from vctune.document.reading import ProblemFile as ProblemFile
     from vctune.document.reading import read_problem as read_problem
     from vctune.document.text.errors import InputError as InputError
@@ -64,7 +61,6 @@ if TYPE_CHECKING:
 # Public names and modules that contain them, imported when first used: `import vctune` stays cheap
 _HOME = {
     "Actuator": "model.device",
-    "AxesFile": "document.problem_axes",
     "Certificate": "proof.certificate",
     "Coupling": "model.gains",
     "Device": "document.building",
@@ -103,9 +99,7 @@ _HOME = {
     "identify": "api.identifying",
     "judge": "design.verdict.judge",
     "problem": "document.building",
-    "read_axes": "document.problem_axes",
     "read_problem": "document.reading",
-    "read_problem_or_axes": "document.problem_axes",
     "region": "api.regions",
     "simulate": "api.experiments",
     "solve": "api.solving",

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from command import process, run, started, strict, wait_for_work, wait_until
-from conftest import ROOT, for_passive_hands, mostly_slow
+from conftest import FIXED, ROOT, for_passive_hands, mostly_slow
 
 from vctune.design.verdict import repair as repairing
 from vctune.exit_codes import ExitCode
@@ -365,3 +365,25 @@ def test_sigterm_is_an_interruption(tmp_path):
     running.communicate(timeout=60)
     assert running.returncode == ExitCode.INTERRUPTED
     assert {path.name for path in tmp_path.rglob("*") if path.is_file()} <= {"problem-file.txt"}
+
+
+def test_several_problems_are_solved_each_into_its_folder(tmp_path):
+    text = for_passive_hands(DEVICE)
+    (tmp_path / "good.toml").write_text(text)
+    (tmp_path / "bad.toml").write_text(text + FIXED.format(1.0))
+    done = run("solve", "good.toml", "bad.toml", "--json", cwd=tmp_path)
+    assert done.returncode == ExitCode.FAILED
+    assert [each["problem"]["name"] for each in strict(done.stdout)] == ["good", "bad"]
+    assert all((tmp_path / f"results/{name}/design.json").exists() for name in ("good", "bad"))
+    alone = run("solve", "good.toml", "--json", cwd=tmp_path)
+    assert alone.returncode == ExitCode.OK and strict(alone.stdout)["problem"]["name"] == "good"
+    for refused in (("good.toml", "good.toml"), ("good.toml", "bad.toml", "--watch")):
+        done = run("solve", *refused, cwd=tmp_path)
+        assert done.returncode == ExitCode.BAD_INPUT and "[usage]" in done.stderr
+
+
+def test_a_file_of_several_axes_has_an_unknown_key(tmp_path):
+    (tmp_path / "arm.toml").write_text(DEVICE + '[[axis]]\nname = "x"\n')
+    done = run("solve", "arm.toml", cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT and done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1 and "axis: unknown key" in done.stderr

@@ -197,26 +197,26 @@ damping = inf
 mass = 5.0
 drag = 80.0
 """
-AXES = """[[axis]]
-name = "x"
-[[axis]]
-name = "y"
-coupling.drag = 90.0
-[[axis]]
-name = "z"
-device.servo.stiffness = 40.0
-[[axis]]
-name = "rx"
-device.units = "rotary"
-operator = { mass.max = 0.01, damping.max = 0.5, stiffness.max = 20.0 }
-coupling = { mass = 0.1, drag = 2.0 }
-"""
-ROTATIONS = "".join(AXES[AXES.index('[[axis]]\nname = "rx"') :].replace("rx", name) for name in ("ry", "rz"))
+TURNING = (
+    DESIGNED.replace("[device]", '[device]\nunits = "rotary"')
+    .replace("mass = { min = 0.0, max = 0.5 }", "mass = { min = 0.0, max = 0.01 }")
+    .replace("max = 30.0", "max = 0.5")
+    .replace("max = 1000.0", "max = 20.0")
+    .replace("mass = 5.0\ndrag = 80.0", "mass = 0.1\ndrag = 2.0")
+)
+SIX = ("arm.toml", "y.toml", "z.toml", "turning.toml")
 
 
 @pytest.fixture
 def six(tmp_path):
-    (tmp_path / "six.toml").write_text(DESIGNED + AXES + ROTATIONS)
+    texts = (
+        DESIGNED,
+        DESIGNED.replace("80.0", "90.0"),
+        DESIGNED.replace("order = 2", "order = 2\nstiffness = 40.0"),
+        TURNING,
+    )
+    for name, text in zip(SIX, texts, strict=True):
+        (tmp_path / name).write_text(text)
     return tmp_path
 
 
@@ -248,6 +248,36 @@ def test_a_design_is_written_as_parameters_that_the_check_accepts(tmp_path):
             assert f"{found['certificate']['hands']['min_ratio']:.6g}" in told
 
 
+def test_six_axes_of_four_designs_are_exported_into_one_file_and_checked_again(six, monkeypatch):
+    """Those of the same numbers once, all in at most three seconds of processor time."""
+    proofs, prove = [], admittance_check.judge
+    monkeypatch.setattr(admittance_check, "judge", lambda *design: proofs.append(design) or prove(*design))
+    made = vctune("export", *SIX, "--to", "ros2", cwd=six)
+    assert made.returncode == ExitCode.OK, made.stderr
+    path = six / "results/arm/firmware/admittance_controller.yaml"
+    given = read_admittance(path)
+    drags = [coupling_of_admittance(axis, 2e-3, servo=True).drag for axis in given.axes]
+    assert drags == pytest.approx([80.0, 90.0, 80.0, 2.0, 2.0, 2.0], rel=1e-5)
+    assert len({axis.joint_damping for axis in given.axes}) == 1, "it is one of the joints"
+    assert [axis.stiffness > 1 for axis in given.axes] == [False, False, True, False, False, False]
+    assert f"vctune check {' '.join(SIX)} {path.name} proves it again" in path.read_text()
+    began = process_time()
+    done = vctune("check", *SIX, path, cwd=six)
+    assert process_time() - began < 3.0
+    assert done.stdout.endswith("6 passed\n") and len(proofs) == 4, done.stdout
+    fewer = vctune("check", *SIX[:3], path, cwd=six)
+    assert fewer.returncode == ExitCode.BAD_INPUT and "selects rx, ry, rz, and no problem is for that" in fewer.stderr
+
+
+def test_designs_that_are_for_the_same_axis_or_for_another_format_are_refused(six):
+    (six / "other.toml").write_text(DESIGNED)
+    (six / "gains.toml").write_text("[coupling]\ndamping = inf\nmass = 5.0\ndrag = 80.0\n")
+    twice = vctune("export", "arm.toml", "other.toml", "--to", "ros2", cwd=six)
+    assert twice.returncode == ExitCode.BAD_INPUT and "is, as arm.toml, for the axis x" in twice.stderr
+    assert vctune("export", *SIX, cwd=six).returncode == ExitCode.BAD_INPUT
+    assert vctune("export", "arm.toml", "gains.toml", "--to", "ros2", cwd=six).returncode == ExitCode.OK
+
+
 def test_a_design_that_the_controller_cannot_render_is_not_written(tmp_path):
     """A damper in a row with the mass may be what keeps a design stable, and the controller has none."""
     (tmp_path / "series.toml").write_text(DESIGNED.replace("inf", "500.0").replace("80.0", "46.0"))
@@ -262,39 +292,3 @@ def test_a_design_that_the_controller_cannot_render_is_not_written(tmp_path):
     )
     looped = vctune("export", "wheel.toml", "--to", "ros2", "--unproved", cwd=tmp_path)
     assert looped.returncode == ExitCode.BAD_INPUT and "write [device.servo]" in looped.stderr
-
-
-def test_six_axes_are_checked_exported_and_checked_again(six, monkeypatch):
-    """Those of the same numbers once, all in at most three seconds of processor time."""
-    proofs, prove = [], admittance_check.judge
-    monkeypatch.setattr(admittance_check, "judge", lambda *design: proofs.append(design) or prove(*design))
-    assert vctune("check", "six.toml", cwd=six).stdout.endswith("6 passed\n")
-    made = vctune("export", "six.toml", "--to", "ros2", cwd=six)
-    assert made.returncode == ExitCode.OK, made.stderr
-    path = six / "results/six/firmware/admittance_controller.yaml"
-    given = read_admittance(path)
-    drags = [coupling_of_admittance(axis, 2e-3, servo=True).drag for axis in given.axes]
-    assert drags == pytest.approx([80.0, 90.0, 80.0, 2.0, 2.0, 2.0], rel=1e-5)
-    assert len({axis.joint_damping for axis in given.axes}) == 1, "it is one of the joints"
-    assert [axis.stiffness > 1 for axis in given.axes] == [False, False, True, False, False, False]
-    began = process_time()
-    done = vctune("check", "six.toml", path, cwd=six)
-    assert process_time() - began < 3.0
-    assert done.stdout.endswith("6 passed\n") and len(proofs) == 4, done.stdout
-    chosen = vctune("check", "six.toml", path, "--axis", "rx", cwd=six)
-    assert "rx: proved" in chosen.stdout and "x, " not in chosen.stdout and chosen.stdout.count("proved") == 1
-
-
-def test_an_axis_that_the_problem_does_not_have_is_named(six):
-    (six / "six.toml").write_text(DESIGNED + AXES)
-    (six / "ros.yaml").write_text(parameters([Rule(5.0, 1.0, 0.0, 16.0, 1.0)] * 6))
-    done = vctune("check", "six.toml", "ros.yaml", cwd=six)
-    assert done.returncode == ExitCode.BAD_INPUT and "selects ry, rz, and six.toml has no [[axis]]" in done.stderr
-
-
-@pytest.mark.parametrize("asked", [["rz"], ["x", "rz"]])
-def test_an_axis_that_nobody_states_is_no_pass(six, asked):
-    """The gate names it, although the other axes that are asked for would pass."""
-    (six / "ros.yaml").write_text(parameters([Rule(5.0, 1.0, 0.0, 16.0, 1.0)] * 6, ["x"]))
-    done = vctune("check", "six.toml", "ros.yaml", *(word for name in asked for word in ("--axis", name)), cwd=six)
-    assert done.returncode == ExitCode.BAD_INPUT and "--axis asks for rz" in done.stderr

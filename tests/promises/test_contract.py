@@ -213,7 +213,7 @@ def test_standard_input(folder, monkeypatch):
         assert ("stdin: is closed, or has been read already" in done.stderr) == ("- -" in words)
     monkeypatch.setattr(sys, "stdin", None)
     assert "stdin: is closed" in run("check", "-", cwd=folder).stdout
-    assert "--watch needs a file" in run("solve", "-", "--watch", cwd=folder).stderr
+    assert "--watch needs exactly one file" in run("solve", "-", "--watch", cwd=folder).stderr
 
 
 def test_a_design_compared_with_itself_differs_nowhere(folder):

@@ -11,9 +11,7 @@ from pages import PARTS, chromium, made, needs_chromium, opened, recorded
 from servo_logs import servo_case
 
 from vctune import identify
-from vctune.document.records.design_file import design_of
 from vctune.report.identification_report import identification_files
-from vctune.report.page.axes_page import axes_page
 from vctune.report.page.contents import REPORT
 
 pytestmark = needs_chromium
@@ -95,14 +93,11 @@ def test_on_a_desk(browser, paths, name, scheme):
 
 @pytest.fixture(scope="module")
 def others(tmp_path_factory):
-    """Return the page of an identification and of two axes."""
+    """Return the page of an identification."""
     folder = tmp_path_factory.mktemp("others")
-    (folder / "held.toml").write_text(CASES["every hand, held"])
-    record = design_of(recorded(CASES["servo"]), "x")
     found = identify(servo_case(3, n=800).write(folder), servo=True)
     texts = {
         "identification": identification_files(found.found, found.record, folder)[folder / REPORT],
-        "axes": axes_page("arm", {"x": record, "y": record}, reported=True),
     }
     for name, text in texts.items():
         (folder / f"{name}.html").write_text(text)
@@ -111,7 +106,7 @@ def others(tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("name", ["identification", "axes"])
+@pytest.mark.parametrize("name", ["identification"])
 def test_other_pages_are_read_on_a_desk_and_on_a_telephone(browser, others, name, scheme):
     """Contrast, nothing from outside, no error, and no sideways scrolling."""
     for width in (1280, 390):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-from vctune.document.ros import AXES as AXES
 from vctune.document.text.toml import STDIN as STDIN
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS
 

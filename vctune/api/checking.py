@@ -98,23 +98,19 @@ def recheck(file: ProblemFile, baseline: Path, progress: Progress = lambda stage
 def check_parameter_files(
     problems: Sequence[Path],
     files: Sequence[Path],
-    axes: Sequence[str] = (),
     progress: Progress = lambda stage: None,
     begun: Callable[[Problem], None] = lambda problem: None,
 ) -> list[Checked]:
-    """Check parameter files of ROS 2 against one problem."""
-    from vctune.design.ros.admittance_check import check_admittance
+    """Check parameter files of ROS 2 against the problem of the device, or against several that share its axes."""
+    from vctune.design.ros.admittance_check import check_parameters
 
-    if len(problems) != 1:
-        message = f"with {len(problems)} TOML files; name exactly one problem, that of the device, with files of ROS 2"
+    if not problems:
+        message = "without a problem; name the problem of the device with files of ROS 2"
         raise InputError.of(str(files[0]), "ambiguous-files", message)
-    problem = read_problem(problems[0])
-    begun(problem.problem)
-    return [
-        check
-        for path in files
-        for check in check_admittance(problem, path, read_admittance(path), tuple(axes), progress)
-    ]
+    read = [read_problem(path) for path in problems]
+    for problem in read:
+        begun(problem.problem)
+    return [check for path in files for check in check_parameters(read, path, read_admittance(path), progress)]
 
 
 def check_object(checked: Checked) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import get_args
 from vctune.api.argument_ranges import Format
 from vctune.api.design_files import known_record
 from vctune.api.folders import claim_folder
-from vctune.design.ros.admittance_design import axes_of
+from vctune.design.ros.admittance_design import problems_of_axes
 from vctune.design.search.optimum import Progress
 from vctune.design.verdict.judge import Status
 from vctune.document.building import DesignSource, ProblemSource, design_for
@@ -20,6 +20,7 @@ from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.reading import read_gains as read_gains
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.printed_json import ExportRecord
+from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake, printable
 from vctune.document.text.output_files import Content, make_folder, write_together
 from vctune.firmware.firmware import Firmware, certified, firmware
@@ -80,11 +81,10 @@ def export(
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
             raise InputError.of(name, "bad-option", f"is {value!r}; one of {', '.join(get_args(known))}")
-    file, design = stated_design(source, gains, coupling)
     if to == "ros2":
         require_double(precision)
-        axes = [RosAxis(axis, file, *design) for axis in axes_of(file.problem)]
-        return export_parameters(file, axes, unproved=unproved, progress=progress)
+        return export_parameters([source], gains, coupling, unproved=unproved, progress=progress)
+    file, design = stated_design(source, gains, coupling)
     progress("proving")
     controller = firmware(file, *design, precision, _stated_corner(source, gains, coupling, file))
     if not certified(controller) and not unproved:
@@ -101,20 +101,24 @@ def require_double(precision: Precision) -> None:
 
 
 def export_parameters(
-    named_file: ProblemFile,
-    axes: Sequence[RosAxis],
+    sources: Sequence[ProblemSource | DesignRecord],
+    gains: DesignSource | None = None,
+    coupling: AnyCoupling | None = None,
     *,
     unproved: bool = False,
     progress: Progress = lambda stage: None,
 ) -> Exported:
-    """Prove designs with the arithmetic of a ROS 2 admittance_controller, and make its parameter file."""
+    """Prove designs with the arithmetic of a ROS 2 admittance_controller, and make one parameter file of them."""
     progress("proving")
+    stated = [stated_design(source, gains, coupling) for source in sources]
+    owners, designs = problems_of_axes([file for file, _ in stated]), {id(file): design for file, design in stated}
+    axes = [RosAxis(axis, file, *designs[id(file)]) for axis, file in owners.items()]
     controllers = ros2_firmware(axes)
-    not_certified = [number for number, controller in enumerate(controllers) if not certified(controller)]
-    first = not_certified[0] if not_certified else 0
-    if not_certified and not unproved:
+    first = next((number for number, controller in enumerate(controllers) if not certified(controller)), None)
+    if first is not None and not unproved:
         raise NotCertifiedError(controllers[first], RIGID if axes[first].coupling.damping < inf else "")
-    return Exported(named_file, controllers[first], ros2_files(named_file.problem.name, axes, controllers))
+    file = stated[0][0]
+    return Exported(file, controllers[first or 0], ros2_files(file.problem.name, axes, controllers))
 
 
 # Hint for a design with a finite b_c that is not certified with the arithmetic of an admittance_controller
@@ -170,6 +174,11 @@ def export_record(exported: Exported, place: Path) -> ExportRecord:
         folder=str(place),
         files=list(exported.files),
     )
+
+
+def is_source(path: Path) -> bool:
+    """Return whether a file states a problem or a design with its problem, and not gains alone."""
+    return path.suffix == ".json" or "device" in toml.parse(toml.read_text(path), str(path))
 
 
 def stated_design(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from vctune.design.ros.admittance_design import RenderedAxis, axes_of, parameters_of
+from vctune.design.ros.admittance_design import RenderedAxis, parameters_of
 from vctune.design.ros.admittance_problem import as_problem, device_tables, document_of_both
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.ros import AdmittanceFile
@@ -62,7 +62,8 @@ def ros2_files(name: str, axes: Sequence[RosAxis], controllers: Sequence[Firmwar
     comments += [
         line for text, names in axes_of_line.items() for line in (f"{', '.join(names)}:", *text.split("\n"), "")
     ]
-    again = f"vctune check {Path(axes[0].file.source).name} {PARAMETERS} proves it again."
+    sources = dict.fromkeys(Path(axis.file.source).name for axis in axes)
+    again = f"vctune check {' '.join(sources)} {PARAMETERS} proves it again."
     return {PARAMETERS: admittance_text(_parameters(axes), [*comments, again])}
 
 
@@ -74,16 +75,11 @@ def _least_ratio(controller: Firmware) -> str:
 
 
 def _require_servo(axis: RosAxis) -> None:
-    """Refuse an axis whose device is not a servo, or whose kind of motion (linear or rotary) differs from the
-    device's."""
+    """Refuse an axis whose device is not a servo."""
     device = axis.file.problem.device
     if device.kind.own_loop:
         message = "is no servo, and an admittance_controller commands one; write [device.servo], or export to C"
         raise InputError.of(axis.file.source, "other-kind", message, key="device")
-    if axis.axis not in axes_of(axis.file.problem):
-        fitting = ", ".join(axes_of(axis.file.problem))
-        message = f"is {device.units}, and the axis {axis.axis}; an admittance_controller has {fitting} of that"
-        raise InputError.of(axis.file.source, "ros-rotation", message, key="device.units")
 
 
 def _parameters(axes: Sequence[RosAxis]) -> AdmittanceFile:

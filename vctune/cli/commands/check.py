@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vctune.api.argument_ranges import AXES
 from vctune.cli.printing.options import out_option, output_options, time_limited
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from vctune import AxesFile
     from vctune.api.checking import Checked
     from vctune.cli.printing.progress import Progress
 
@@ -25,13 +23,6 @@ if TYPE_CHECKING:
 @click.option(
     "--region", "baseline", type=click.Path(path_type=Path), help="Prove the cells and gains of this region.json again."
 )
-@click.option(
-    "--axis",
-    "axes",
-    type=click.Choice(AXES),
-    multiple=True,
-    help="Axis of a ROS 2 file to check; repeatable. [default: all axes that the file selects]",
-)
 @click.option("--strict", is_flag=True, help="Fail the check if there is a warning.")
 @out_option("NAME/lost.json and its picture, if a part of a region is no longer proved")
 @output_options("github", "junit", "sarif")
@@ -41,7 +32,6 @@ def check(
     style: str,
     quiet: bool,
     baseline: Path | None,
-    axes: tuple[str, ...],
     strict: bool,
     out: Path,
 ) -> int:
@@ -51,13 +41,9 @@ def check(
     PROBLEM with each of them. A folder stands for all .toml files in it.
 
     A YAML file in place of GAINS is a parameter file of a ROS 2 admittance_controller. The command checks each axis
-    that the YAML file selects with the device of one PROBLEM: a servo, or a device whose [gains] are fixed. Rotations
+    that the YAML file selects with the device of PROBLEM: a servo, or a device whose [gains] are fixed. Rotations
     need a rotary device, and translations a linear one. If an axis does not fit, the command skips it and exits with
-    code 3. Use --axis to select the axes that fit.
-
-    If PROBLEM has several [[axis]] tables, the command checks each axis. The gains and the coupling of an axis come
-    from the axis itself if it fixes them, from the gains in OUT/NAME (the folder of `vctune solve`), or from the axis
-    of the same name in a ROS 2 file.
+    code 3. Several PROBLEMs share the axes. A PROBLEM whose name is x, y, z, rx, ry or rz is only for this axis.
 
     With --region, the check passes only if vctune can still prove the feasible cells and the gain sets of a region.json
     for PROBLEM. `vctune region` writes this file.
@@ -65,28 +51,19 @@ def check(
     from dataclasses import replace
     from functools import partial
 
-    from vctune import read_axes
     from vctune.api.checking import check_files, check_parameter_files, is_admittance
     from vctune.cli.printing.exits import of_check, worst
     from vctune.cli.printing.formats import FORMATS
     from vctune.cli.printing.output import emit, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
 
-    several = next(filter(None, map(read_axes, paths)), None) if baseline is None else None
-    if several is None:
-        files = [file for path in paths for file in _files(path)]
-    else:
-        files = [path for path in paths if str(path) != several.axes[0].file.source]
+    files = [file for path in paths for file in _files(path)]
     admittances = [file for file in files if is_admittance(file)]
-    if axes and not admittances:
-        raise click.UsageError("--axis selects axes of a ROS 2 parameter file, and no .yaml file is named")
     show_doubts = partial(warn_of_doubts, quiet=quiet)
     with progress_on_stderr("vctune check", shown=not quiet) as progress:
-        if several is not None:
-            checks_found = _of_axes(several, files, axes, progress, show_doubts)
-        elif admittances and baseline is None:
+        if admittances and baseline is None:
             problems = [file for file in files if file not in admittances]
-            checks_found = check_parameter_files(problems, admittances, axes, progress, show_doubts)
+            checks_found = check_parameter_files(problems, admittances, progress, show_doubts)
         elif baseline is None:
             checks_found = check_files(files, progress, show_doubts)
         else:
@@ -116,27 +93,6 @@ def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, s
     elif not again.cut and (gone := remove_lost(folder)):
         click.echo(f"everything is proved again: removed {', '.join(gone)} from {folder}", err=True)
     return [checked, *(check_files(files, progress) if len(files) > 1 else [])]
-
-
-def _of_axes(
-    several: AxesFile, files: list[Path], axes: tuple[str, ...], progress: Progress, show_doubts: Said
-) -> list[Checked]:
-    """Check several axes with the values that they fix, with the gains in a folder of `vctune solve`, or with a ROS 2
-    file."""
-    from vctune import InputError
-    from vctune.api.checking import is_admittance
-    from vctune.api.uncoupled_axes import check_axes, check_parameters, gains_of_axes
-
-    show_doubts(*(axis.file.problem for axis in several.axes))
-    if files and all(map(is_admittance, files)):
-        return [check for path in files for check in check_parameters(several, path, axes, progress)]
-    if len(files) > 1 or (files and not files[0].is_dir()):
-        message = (
-            "with a problem of several axes; name the folder of their designs, OUT/NAME of `vctune solve`, or "
-            "files of ROS 2"
-        )
-        raise InputError.of(str(files[0]), "ambiguous-files", message)
-    return check_axes(several, gains_of_axes(several, files[0]) if files else None, progress)
 
 
 def _files(path: Path) -> list[Path]:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from vctune.design.ros.admittance_design import problems_of_axes
 from vctune.design.ros.admittance_problem import (
     FILTER_AS_CORNER,
     as_problem,
@@ -40,22 +41,39 @@ from vctune.simulation.scene import designed_scene
 SLOW = 0.1  # Share of the Nyquist frequency below which vctune warns of a filter's corner frequency
 
 
+def check_parameters(
+    problems: Sequence[ProblemFile], path: Path, given: AdmittanceFile, progress: Progress = lambda stage: None
+) -> list[Checked]:
+    """Check the selected axes of a parameter file, each with the problem that is for it."""
+    if len(problems) == 1:
+        return check_admittance(problems[0], path, given, progress)
+    owners, selected = problems_of_axes(problems), [axis.axis for axis in given.axes]
+    if missing := [name for name in selected if name not in owners]:
+        message = f"selects {', '.join(missing)}, and no problem is for that; name one, or do not select it"
+        raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=given.line)
+    checks: dict[str, Checked] = {}
+    for problem in problems:
+        axes = tuple(axis for axis in given.axes if owners[axis.axis] is problem)
+        if axes:
+            found = check_admittance(problem, path, replace(given, axes=axes), progress)
+            checks |= dict(zip([axis.axis for axis in axes], found, strict=True))
+    return [checks[name] for name in selected]
+
+
 def check_admittance(
     problem: ProblemFile,
     path: Path,
     given: AdmittanceFile,
-    only: Sequence[str] = (),
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
     """Check the selected axes of a parameter file. If several axes have the same values, the function proves only one
     of them."""
-    tables, axes = _device(problem, given), _chosen(problem, path, given, only)
-    fitting = " ".join(f"--axis {axis.axis}" for axis in axes if _moves_as(axis, problem))
+    tables, axes = _device(problem, given), _chosen(problem, path, given)
     checks: list[Checked] = []
     proved: dict[Admittance, Checked] = {}
     for axis in axes:
         if not _moves_as(axis, problem):
-            message = f"not looked at: {_misfit([axis], problem)}, or leave it out by {fitting}"
+            message = f"not looked at: {_misfit([axis], problem)}"
             checks.append(
                 _of_axis(_unproved(CheckVerdict.UNDECIDED, "ros-rotation", message, axis), problem, path, axis)
             )
@@ -67,23 +85,14 @@ def check_admittance(
     return checks
 
 
-def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
+def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile) -> list[Admittance]:
     """Return the selected axes, including those with the other kind of motion, which `check_admittance` skips."""
-    axes = axes_asked_for(path, given, only)
+    axes = list(given.axes)
     others = [axis for axis in axes if not _moves_as(axis, problem)]
-    if others and (only or len(others) == len(axes)):
+    if others and len(others) == len(axes):
         message = f"{', '.join(axis.axis for axis in others)} cannot be looked at: {_misfit(others, problem)}"
         raise InputError.of(str(path), "ros-rotation", message, key="admittance.selected_axes", line=given.line)
     return axes
-
-
-def axes_asked_for(path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
-    """Return the axes of a parameter file to check, in the file's order."""
-    selected = [axis.axis for axis in given.axes]
-    if unknown := [name for name in only if name not in selected]:
-        message = f"selects {', '.join(selected)}, and --axis asks for {', '.join(unknown)}; name axes that it selects"
-        raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=given.line)
-    return [axis for axis in given.axes if not only or axis.axis in only]
 
 
 def _moves_as(axis: Admittance, problem: ProblemFile) -> bool:
@@ -98,7 +107,7 @@ def _misfit(axes: list[Admittance], problem: ProblemFile) -> str:
     units = UNITS[other]
     return (
         f"{moves if len(axes) > 1 else f'a {moves[:-1]}'}, and {problem.source} has a {own} device (device.units); "
-        f"check with a problem of a {other} one, in {units.mass} and {units.damping}"
+        f"name a problem of a {other} one, in {units.mass} and {units.damping}"
     )
 
 

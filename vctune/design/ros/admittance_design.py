@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import ceil, floor, log10, sqrt
 
 from vctune.design.ros.admittance_problem import FILTER_OF_SAMPLES
+from vctune.document.reading import ProblemFile
 from vctune.document.ros import AXES, Admittance, AdmittanceFile
 from vctune.document.text.errors import InputError
 from vctune.model.device import Device
@@ -48,6 +49,20 @@ def axes_of(problem: Problem) -> tuple[str, ...]:
     """Return the names of the axes that have the device's kind of motion."""
     turns = problem.device.units == "rotary"
     return tuple(axis for axis in AXES if axis.startswith("r") == turns)
+
+
+def problems_of_axes(files: Sequence[ProblemFile]) -> dict[str, ProblemFile]:
+    """Return the problem for each axis: of several problems the one with its name, else the one with its motion."""
+    alone = {file.problem.name: file for file in files if len(files) > 1 and file.problem.name in axes_of(file.problem)}
+    owners = dict[str, ProblemFile]()
+    for axis in AXES:
+        fitting = [file for file in files if axis in axes_of(file.problem) and file not in alone.values()]
+        if axis not in alone and len(fitting) > 1:
+            message = f"is, as {fitting[0].source}, for the axis {axis}; give one of them the name of its axis"
+            raise InputError.of(fitting[1].source, "contradiction", message, key="name")
+        if axis in alone or fitting:
+            owners[axis] = alone[axis] if axis in alone else fitting[0]
+    return owners
 
 
 def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFile:

@@ -31,18 +31,7 @@ def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
         *impossible_display(raw),
         *impossible_experiments(raw),
         *missing_of_rotary(raw),
-        *_several_axes(raw),
     ]
-
-
-def _several_axes(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of a file with several axes where a file with one axis is required."""
-    if raw.get("axis"):
-        message = (
-            "makes several problems of one file, which `vctune solve`, `check` and `export` read; for anything else "
-            "write the file of one axis"
-        )
-        yield ("axis",), message
 
 
 def _empty_ranges(raw: dict[str, Any]) -> Iterator[Contradiction]:

@@ -214,21 +214,6 @@ class StabilityTable(Table):
     )
 
 
-class AxisTable(Table):
-    """One of several axes that do not couple. Its keys override those of the file's tables."""
-
-    name: Text = Field(description='Name of the axis and of its folder, such as "x".')
-    device: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [device].")
-    operator: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [operator].")
-    gains: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [gains].")
-    coupling: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [coupling].")
-    transparency: dict[str, Any] = Field(
-        default_factory=dict, description="Keys that override those of [transparency]."
-    )
-    stability: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [stability].")
-    uncertainty: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [uncertainty].")
-
-
 class ProblemDocument(Table):
     """A vctune problem file. Only mass, damping and sample_time in [device] are required.
 
@@ -252,9 +237,6 @@ class ProblemDocument(Table):
     uncertainty: UncertaintyTable = Field(default_factory=UncertaintyTable)
     experiment: list[ExperimentTable] = Field(
         default_factory=list, description="Experiments for `vctune simulate`; the design does not depend on them."
-    )
-    axis: list[AxisTable] = Field(
-        default_factory=list, description="Several axes that do not couple; vctune designs each separately."
     )
 
 
