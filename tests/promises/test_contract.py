@@ -60,7 +60,7 @@ def test_json_is_short_for_its_format(folder):
     short, long = (run("check", "good.toml", *how, cwd=folder).stdout for how in (["--json"], ["--format", "json"]))
     assert strict(short) == strict(long)
     assert run("check", "good.toml", "--format", "json", "--json", cwd=folder).stdout == long
-    done = run("check", "good.toml", "--json", "--format", "sarif", cwd=folder)
+    done = run("check", "good.toml", "--json", "--format", "github", cwd=folder)
     assert done.returncode == ExitCode.BAD_INPUT and "exclude each other" in done.stderr
 
 
@@ -290,7 +290,7 @@ def test_watch_solves_again_when_the_file_is_saved(folder):
         ("example", "friction-wheel-h", "friction-wheel-hands"),
         ("explain", "unknown-k", "unknown-key"),
         ("explain", "device.ma", "device.mass"),
-        ("check --format", "sar", "sarif"),
+        ("check --format", "gi", "github"),
     ],
 )
 def test_the_shell_completes(words, begun, whole):

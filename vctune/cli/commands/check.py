@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 )
 @click.option("--strict", is_flag=True, help="Fail the check if there is a warning.")
 @out_option("NAME/lost.json and its picture, if a part of a region is no longer proved")
-@output_options("github", "junit", "sarif")
+@output_options("github")
 @time_limited
 def check(
     paths: tuple[Path, ...],
