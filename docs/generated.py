@@ -20,8 +20,6 @@ KINDS = {
 }
 LINK = re.compile(r"\]\((?!#|\w+://)([^)\s]+)")
 LANGUAGES = {".py": "python", ".toml": "toml", ".json": "json"}
-BINARY = (".parquet",)
-"""Endings of files that no page shows."""
 FIGURE = "![{0}]({0}.svg)"
 
 
@@ -96,7 +94,7 @@ DRAWN = ("hands", "any-hand", "llewellyn", "region", "simulation", "error")
 def _listed(path: Path) -> str:
     if path.suffix == ".svg":
         return f"{FIGURE.format(path.stem)}\n"
-    return f"- {path.name}" if path.suffix in BINARY else f"- [{path.name}]({path.name})"
+    return f"- [{path.name}]({path.name})"
 
 
 def _fenced(path: Path) -> str:

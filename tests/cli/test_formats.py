@@ -88,7 +88,6 @@ class Found:
     """What a check found, in the fewest words."""
 
     warnings: list[str]
-    seconds: float = 0.25
 
     def record(self):
         return {"warnings": self.warnings}

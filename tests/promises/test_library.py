@@ -12,7 +12,6 @@ import sys
 import tomllib
 from importlib import import_module
 from math import pi
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -231,7 +230,7 @@ def test_a_region_holds_the_design(wheel, solved):
     assert found.designs == [(solved.judgement.gains, solved.judgement.coupling)]
 
 
-def test_results_are_frozen_and_show_themselves(wheel, solved):
+def test_results_are_frozen(wheel, solved):
     best = solved.judgement
     results = [
         solved,
@@ -243,8 +242,6 @@ def test_results_are_frozen_and_show_themselves(wheel, solved):
         vctune.region(wheel, resolution=1 / 8),
     ]
     for result in results:
-        table = ElementTree.fromstring(result._repr_html_())
-        assert table.tag == "table" and list(table.iter("td"))
         with pytest.raises(dataclasses.FrozenInstanceError):
             setattr(result, dataclasses.fields(result)[0].name, None)
 

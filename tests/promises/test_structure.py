@@ -11,7 +11,7 @@ from conftest import ROOT
 import vctune
 
 FLOORS = {
-    **dict.fromkeys(("version", "markup", "interrupt", "running", "exit_codes"), 0),
+    **dict.fromkeys(("version", "interrupt", "running", "exit_codes"), 0),
     "model": 1,
     "proof": 2,
     "analysis": 3,

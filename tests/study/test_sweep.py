@@ -13,7 +13,6 @@ from contextlib import contextmanager
 from math import isnan
 from pathlib import Path
 
-import numpy as np
 import pytest
 from command import run, started, wait_until
 from hypothesis import given
@@ -21,7 +20,6 @@ from hypothesis import strategies as st
 
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem, read_problem
-from vctune.document.schema.number_units import heading
 from vctune.document.study_file import read_study
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
@@ -30,7 +28,7 @@ from vctune.study.executors import _for_workers, worker_pool
 from vctune.study.row import solve_point
 from vctune.study.rows import key_of, open_rows
 from vctune.study.study_summary import summary
-from vctune.study.study_table import csv_text, parquet_bytes, table_of
+from vctune.study.study_table import csv_text, table_of
 from vctune.study.sweep import sweep
 
 FREE = (
@@ -101,7 +99,7 @@ def test_a_row_is_what_solve_says_of_the_point(tmp_path):
     assert corner["points"] == 3 and corner["share"] == 1.0
     assert corner["low"] == {"device.damping": 1.0, "stability.band_hz[1]": 600.0}
     assert {file.name for file in folder.iterdir()} == {
-        "rows.jsonl", "table.csv", "table.parquet", "error.svg",
+        "rows.jsonl", "table.csv", "error.svg",
     }  # fmt: skip
 
 
@@ -483,27 +481,6 @@ def test_a_full_disk_stops_the_run_and_keeps_the_rows(tmp_path):
     assert len(whole) > 10
     assert run("sweep", path, "--executor", "serial", cwd=tmp_path).returncode == ExitCode.OK
     assert len(rows_in(tmp_path / "results/study/rows.jsonl")) == 36
-
-
-def test_parquet_csv_and_frames_say_the_same(tmp_path):
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    table = swept(write_study(tmp_path, FEW, FIXED), tmp_path)
-    read = pq.read_table(pa.BufferReader(parquet_bytes(table))).to_pylist()
-    lines = list(csv.DictReader(csv_text(table).splitlines()))
-    texts = {None: "", True: "true", False: "false"}
-    assert [
-        {name: texts[value] if value is None or isinstance(value, bool) else str(value) for name, value in row.items()}
-        for row in read
-    ] == lines
-    frame, other = table.to_pandas(), table.to_polars()
-    assert other.to_arrow().to_pylist() == read
-    assert list(frame.columns) == other.columns == list(lines[0]) and "reference_impedance [N s/m]" in frame.columns
-    assert list(frame["status"]) == table.status
-    for name, column in table.numbers.items():
-        values = frame[heading(name, table.units.get(name, ""))].to_numpy(dtype=float)
-        assert np.array_equal(values, column, equal_nan=True)
 
 
 def test_summary_of_a_table(tmp_path):

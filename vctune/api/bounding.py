@@ -31,7 +31,6 @@ from vctune.document.schema.kinds import require_record_of
 from vctune.document.text.date import today
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import write_together
-from vctune.markup import html_facts
 from vctune.report.page.contents import report_paths
 from vctune.running import OutOfTimeError, check_time
 from vctune.running import time_limit as limited
@@ -71,12 +70,6 @@ class Bounded:
     def improved(self) -> bool:
         """Whether the search has found a better design than the known design."""
         return self.optimality is not None and self.optimality.improved is not None
-
-    def _repr_html_(self) -> str:
-        found = self.optimality
-        bound = {"lower bound": found.bound, "gap, %": 100 * found.gap} if found else {}
-        design = self.judgement.facts if self.judgement else {}
-        return html_facts(f"{self.file.problem.name}: {self.status.value}", {**bound, **design})
 
 
 def bound(

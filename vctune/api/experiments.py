@@ -22,7 +22,6 @@ from vctune.document.records.simulation_json import FILE, SimulationRecord
 from vctune.document.records.simulation_json import simulation_of as simulation_of
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import Content, write_together
-from vctune.markup import html_table
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.report.figures.experiment_figures import HEADINGS as HEADINGS
@@ -54,9 +53,6 @@ class Simulation:
 
     def _measured(self) -> SimulationRecord:
         return simulation_record(self.file, self.gains, self.coupling, list(self.experiments))
-
-    def _repr_html_(self) -> str:
-        return html_table(self.file.problem.name, measured_rows(self._measured()), HEADINGS)
 
 
 def simulate(

@@ -23,7 +23,6 @@ from vctune.document.reading import ProblemFile
 from vctune.document.records.region_json import read_region
 from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.output_files import previous, write_together
-from vctune.markup import html_facts
 from vctune.model.gains import AnyCoupling
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, seconds_left, unlimited
@@ -73,10 +72,6 @@ class AdmissibleGains:
     def record(self) -> dict[str, Any]:
         """Return the object of region.json."""
         return region_record(self.file, self.region, self.designs).to_json()
-
-    def _repr_html_(self) -> str:
-        shares = {f"{kind}, %": 100 * share for kind, share in self.areas.items()}
-        return html_facts(f"{self.file.problem.name}: {self.status.value}", shares)
 
 
 def region(

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
@@ -21,13 +21,9 @@ from vctune.document.text.output_files import make_folder, write_together
 from vctune.study.executors import WorkerPool, available_cores, worker_pool
 from vctune.study.rows import open_rows
 from vctune.study.study_summary import summary
-from vctune.study.study_table import Table, table_files, table_of
+from vctune.study.study_table import Table, csv_text, table_of
 from vctune.study.sweep import OnDone
 from vctune.study.sweep import sweep as run
-
-if TYPE_CHECKING:
-    import pandas
-    import polars
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,19 +44,8 @@ class Swept:
         """Counts by status, the yardstick, the best and the worst design, and the corner without designs."""
         return summary(self.study, self.table)
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return the rows as a data frame of pandas, with units in the headings (needs the extra `pandas`)."""
-        return self.table.to_pandas()
-
-    def to_polars(self) -> polars.DataFrame:
-        """Return the rows as a data frame of polars, with units in the headings (needs the extra `polars`)."""
-        return self.table.to_polars()
-
     def __repr__(self) -> str:
         return f"Swept({self.table!r})"
-
-    def _repr_html_(self) -> str:
-        return self.table._repr_html_()
 
 
 def sweep(
@@ -95,7 +80,7 @@ def sweep(
     Returns
     -------
     Swept
-        `pandas.DataFrame` accepts `table.columns()`; `table.rows()` contains a dict for each point.
+        `table.columns()` contains an array for each column, `table.rows()` a dict for each point.
 
     Raises
     ------
@@ -149,4 +134,4 @@ def _write(swept: Swept, folder: Path) -> None:
     figure = sweep_figure(swept.table, grid=swept.study.sample.kind == "grid")
     pictures = figure_file(figure, folder, "error") if figure else {}
     stale = [] if figure else [folder / "error.svg"]
-    write_together({**table_files(swept.table, folder, "table"), **pictures}, stale)
+    write_together({folder / "table.csv": csv_text(swept.table), **pictures}, stale)

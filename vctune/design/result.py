@@ -15,7 +15,6 @@ from vctune.design.variables import Point
 from vctune.design.verdict.infeasible import Infeasibility
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.text.codes import Note
-from vctune.markup import html_facts
 from vctune.model.hands import Hand
 from vctune.model.problem import Criterion, Problem
 
@@ -180,13 +179,6 @@ class Solved:
 
     def __repr__(self) -> str:
         return f"Solved({self.problem.name}: {self.judgement or self.status.value})"
-
-    def _repr_html_(self) -> str:
-        design = self.judgement.facts if self.judgement is not None else {}
-        repairs = {f"repair {number}": str(repair) for number, repair in enumerate(self.repairs or [], 1)}
-        gap = {"gap, %": 100 * self.optimality.gap} if self.optimality is not None else {}
-        facts = {"reason": self.reason, **design, **gap, **repairs}
-        return html_facts(f"{self.problem.name}: {self.status.value}", facts)
 
     @property
     def reason(self) -> str | None:

@@ -14,18 +14,15 @@ from vctune.document.reading import GAINS_DOCUMENTS, GainsFile, ProblemFile, pos
 from vctune.document.schema.device_contradictions import impossible_parts
 from vctune.document.schema.device_schema import DeviceTable
 from vctune.document.schema.kinds import DISPLAYS, require_gains_of
-from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.schema.statement import statement, table_of
 from vctune.document.schema.validation import examined, refusal, shown
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
-from vctune.markup import html_facts
 from vctune.model import device as devices
 from vctune.model.display import ADMITTANCE, Display
 from vctune.model.display import DISPLAYS as KINDS
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
-from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
 
 # A problem: the path of its file, the file's tables, or the problem itself
@@ -69,11 +66,6 @@ class Device(devices.Device):
         hand : hand at the handle; None for a device without a hand
         """
         return Loop(self, gains, coupling, hand)
-
-    def _repr_html_(self) -> str:
-        units = UNITS[self.units]
-        numbers = {heading(key, unit_of(("device", *key.split(".")), units)): x for key, x in self.numbers().items()}
-        return html_facts("device", {name: float(x) for name, x in numbers.items()})
 
     def __post_init__(self) -> None:
         table = {name: number for name, number in plain(self).items() if name != "operator"}

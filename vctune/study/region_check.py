@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -75,7 +74,6 @@ class RegionFinding:
     file: ProblemFile  # the present problem
     again: Recheck  # verdicts on cells and gain sets
     warnings: list[str]  # warnings for the user
-    seconds: float  # duration of the check, s
 
     def record(self) -> dict[str, Any]:
         """Return the areas, and the cells and gain sets that are not proved again, in SI units."""
@@ -99,7 +97,6 @@ def recheck_region(
     file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None
 ) -> tuple[Checked, Recheck]:
     """Prove the cells and gain sets of a region file again for the present problem."""
-    began = perf_counter()
     old = read_region(baseline)
     require_record_of(file, old.problem, str(baseline), "region")
     if mistakes := plane_errors(file.problem, old.axes.x, old.axes.y):
@@ -108,7 +105,7 @@ def recheck_region(
     other = Note("other-version", "the region was found for another version of the problem (sha256 differs)")
     warnings = [] if old.problem.sha256 == file.sha256 else [other.line]
     warnings += [OUT_OF_TIME.line] if again.cut else []
-    finding = RegionFinding(file, again, warnings, perf_counter() - began)
+    finding = RegionFinding(file, again, warnings)
     verdict = CheckVerdict.UNDECIDED if again.cut else CheckVerdict.FAILED if again.lost else CheckVerdict.PASSED
     line = toml.Lines(file.text).locate(("device",)) or 1
     return Checked(Path(file.source), file.problem.name, verdict, _message(again), line, finding), again

@@ -6,8 +6,7 @@ import csv
 from dataclasses import dataclass
 from io import StringIO
 from math import isnan, nan
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +17,10 @@ from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN
 from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_axes import number_keys
 from vctune.document.study_file import Study
-from vctune.markup import html_table
 from vctune.model.display import DisplayName, stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.study.points import points
 from vctune.study.rows import Rows
-
-if TYPE_CHECKING:
-    import pandas
-    import polars
-
-MOST_SHOWN = 50  # Number of rows that a notebook shows
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,26 +61,6 @@ class Table:
         units = self.units
         return {heading(name, units.get(name, "")): column for name, column in self.columns().items()}
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return the table as a data frame of pandas, with units in the headings (needs the extra `pandas`)."""
-        import pandas
-
-        return pandas.DataFrame(self._values())
-
-    def to_polars(self) -> polars.DataFrame:
-        """Return the table as a data frame of polars, with units in the headings (needs the extra `polars`)."""
-        import polars
-
-        return polars.DataFrame(self._values(), schema=self._types(polars.Float64, polars.String, polars.Boolean))
-
-    def _values(self) -> dict[str, list[Any]]:
-        """Return every column in the form for files. A value that does not exist is None."""
-        return {name: [_plain(value) for value in column] for name, column in self.headed().items()}
-
-    def _types(self, number: Any, text: Any, truth: Any) -> dict[str, Any]:
-        """Return the data type of each column of `headed`, from the types of numbers, texts and flags in a library."""
-        return dict.fromkeys(self.headed(), number) | dict.fromkeys(("status", "reason"), text) | {"idle": truth}
-
     def __repr__(self) -> str:
         axes = ", ".join(self.axes)
         return f"Table({len(self.status)} points over {axes}, {int(self.certified.sum())} certified)"
@@ -100,11 +72,6 @@ class Table:
     def rows(self) -> list[dict[str, Any]]:
         """Return all rows, with None for absent values."""
         return [self.row(i) for i in range(len(self.status))]
-
-    def _repr_html_(self) -> str:
-        columns, count = self.columns(), len(self.status)
-        shown = [list(self.row(i).values()) for i in range(min(count, MOST_SHOWN))]
-        return html_table(f"{count} points", shown, list(columns))
 
     def subset(self, chosen: NDArray[np.intp]) -> Table:
         """Return some of the rows, in the given order."""
@@ -162,23 +129,3 @@ def csv_text(table: Table) -> str:
             str(value).lower() if isinstance(value, bool) else "" if value is None else value for value in plain
         )
     return stream.getvalue()
-
-
-def parquet_bytes(table: Table) -> bytes | None:
-    """Return a table as a Parquet file; None if pyarrow is not installed."""
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError:
-        return None
-    stream = pa.BufferOutputStream()
-    types = table._types(pa.float64(), pa.string(), pa.bool_())
-    pq.write_table(pa.table({name: pa.array(column, types[name]) for name, column in table._values().items()}), stream)
-    return bytes(stream.getvalue().to_pybytes())
-
-
-def table_files(table: Table, folder: Path, stem: str) -> dict[Path, str | bytes]:
-    """Return the files of a table: CSV, and Parquet if pyarrow is installed."""
-    parquet = parquet_bytes(table)
-    files: dict[Path, str | bytes] = {folder / f"{stem}.csv": csv_text(table)}
-    return files if parquet is None else {**files, folder / f"{stem}.parquet": parquet}

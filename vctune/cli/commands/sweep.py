@@ -35,7 +35,7 @@ def sweep(
     """Solve a problem at every point of STUDY, a TOML file with a grid, a Latin hypercube or a list of points.
 
     The command writes each finished point as a line of OUT/STUDY/rows.jsonl. To continue an interrupted sweep, run the
-    command again. At the end, the command writes table.csv (and table.parquet if pyarrow is installed) and, for one or
+    command again. At the end, the command writes table.csv and, for one or
     two axes, error.svg.
 
     The exit code is 3 if a point reached the time limit, 0 if every point has an answer and at least one design is

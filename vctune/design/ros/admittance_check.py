@@ -153,7 +153,7 @@ def _checked(
     problem: ProblemFile, tables: dict[str, Any], given: AdmittanceFile, axis: Admittance, progress: Progress
 ) -> Checked:
     """Check one axis; the result does not contain its name."""
-    began, T = perf_counter(), problem.problem.device.sample_time
+    T = problem.problem.device.sample_time
     looped = problem.problem.device.kind.own_loop
     coupling = coupling_of_admittance(axis, T, servo=not looped)
     if coupling.mass <= 0 or coupling.drag < 0:
@@ -165,9 +165,9 @@ def _checked(
     file = problem_file(toml_text(as_problem(document)), Path(problem.source))
     progress(f"proving {axis.axis}")
     judgement = judge(file.problem, *file.problem.fixed_design)
-    proving = perf_counter() - began
+    began = perf_counter()
     repairs = repairs_of_axis(document, file.problem, judgement, progress)
-    finding = finding_of(file, judgement, repairs, [], perf_counter() - began - proving, proving)
+    finding = finding_of(file, judgement, repairs, [], perf_counter() - began)
     traps = [note.line for note in _traps(axis, given.filter_coefficient, problem.problem.device)]
     finding = replace(finding, warnings=[*traps, *finding.warnings])
     parts, line, verdict = [check_message(judgement, None, [], [])], axis.line, VERDICTS[judgement.status]

@@ -15,7 +15,6 @@ from vctune.design.verdict.repair import CUT_SHORT, LONGEST
 from vctune.document.file_doubts import file_doubts
 from vctune.document.reading import ProblemFile
 from vctune.document.text.codes import Note
-from vctune.markup import html_facts
 from vctune.running import out_of_time
 
 OUT_OF_TIME = Note("time-limit", "the time limit cut the check short; what is stated was known by then")
@@ -61,10 +60,6 @@ class Checked:
         """Whether the check fails only because of its warnings."""
         return self.strict and bool(self.warnings) and self.verdict in (CheckVerdict.PASSED, CheckVerdict.UNDECIDED)
 
-    def _repr_html_(self) -> str:
-        facts = {"": self.message} | {f"warning {number}": text for number, text in enumerate(self.warnings, 1)}
-        return html_facts(f"{self.name}: {self.result}", facts)
-
     @property
     def result(self) -> CheckVerdict:
         """The verdict, or "failed" because of a warning."""
@@ -72,12 +67,10 @@ class Checked:
 
 
 class Finding(Protocol):
-    """The details of a check of usable input: warnings, seconds, and JSON object."""
+    """The details of a check of usable input: warnings and JSON object."""
 
     @property
     def warnings(self) -> list[str]: ...
-    @property
-    def seconds(self) -> float: ...
     def record(self) -> dict[str, Any]: ...
 
 
@@ -89,7 +82,6 @@ class DesignFinding:
     judgement: Judgement  # judgement of the gains
     repairs: list[Repair] | None
     warnings: list[str]  # warnings for the user
-    seconds: float  # duration of the check, s
 
     def record(self) -> dict[str, Any]:
         """Return the object of design.json."""
@@ -103,7 +95,6 @@ def finding_of(
     repairs: list[Repair] | None,
     notes: Sequence[Note],
     repairing: float,
-    proving: float,
 ) -> DesignFinding:
     """Return the details of the check of judged gains, with all warnings."""
     cut = judgement.cut
@@ -117,4 +108,4 @@ def finding_of(
     if judgement.idle and repairs is None:
         found.append(SOLVE_INSTEAD)
     lines = [note.line for note in [*found, *notes]]
-    return DesignFinding(file, judgement, repairs, lines, proving + repairing)
+    return DesignFinding(file, judgement, repairs, lines)

@@ -150,17 +150,15 @@ def _judged(
 ) -> list[Checked]:
     """Judge the given designs of one problem."""
     progress(f"proving {', '.join(source.path.name for source, _ in given)}")
-    began = perf_counter()
     designs = [(design.gains, design.coupling) for _, design in given]
     judgements = judge_all(file.problem, designs, [design.corner for _, design in given])
-    proving = (perf_counter() - began) / max(len(given), 1)
     checks = []
     for (source, design), judgement in zip(given, judgements, strict=True):
         began = perf_counter()
         changed = edits(file.problem, judgement, design.solved) if design.sha256 == file.sha256 else []
         repairs, together = _repairs(file, judgement, changed, progress)
         notes = [OTHER_VERSION] if design.sha256 and design.sha256 != file.sha256 else []
-        finding = finding_of(file, judgement, repairs, notes, perf_counter() - began, proving)
+        finding = finding_of(file, judgement, repairs, notes, perf_counter() - began)
         verdict, message = VERDICTS[judgement.status], check_message(judgement, finding.repairs, changed, together)
         message = "; ".join(filter(None, [message, rendered_in_words(file.problem, judgement)]))
         line = line_to_change(source.text, finding.repairs, together)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import inf, pi
 from typing import NamedTuple
@@ -27,14 +27,12 @@ from vctune.analysis.in_walls import corner_of
 from vctune.analysis.responses import Loop
 from vctune.design.prepared import Posed, pose, with_acting_terms, with_corner
 from vctune.design.search.worst import worst_inside
-from vctune.markup import html_facts, span
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.hands import Hand
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.frequency import hertz
-from vctune.model.numbers.keys import labelled
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.problem import Demands, Problem
 from vctune.proof.certificate import Certificate, certify, certify_all
@@ -137,20 +135,6 @@ class Judgement:
         """The name of the least ratio: Re Z_c / R, or Re(1/Z_c)/R for an impedance display."""
         return f"least {self.tightest.kind.ratio}"
 
-    @property
-    def facts(self) -> dict[str, float | str | None]:
-        """The variables of the design, its error and margins, and the proved band, by name with unit."""
-        values, units = astuple(self.gains) + astuple(self.coupling), UNITS[self.tightest.units]
-        kind = self.kind
-        return {
-            **{labelled(key, units): x for key, x in zip(kind.keys, values, strict=True) if key in kind.stated},
-            "error": self.transparency.error,
-            self.ratio_name: self.min_ratio,
-            "at, Hz": self.worst_hz,
-            **({"greatest |S|": self.peak_sensitivity} if kind.own_loop else {}),
-            "proved band, Hz": span(self.certificate.proved_band_hz),
-        }
-
     def loop(self, hand: Hand | None = None) -> Loop:
         """Return the sampled loop of the nominal device with this design, for arrays, state space and python-control.
 
@@ -162,9 +146,6 @@ class Judgement:
 
     def __repr__(self) -> str:
         return f"Judgement({self.status.value}, error {self.transparency.error:.4g}, {self.gains}, {self.coupling})"
-
-    def _repr_html_(self) -> str:
-        return html_facts(f"design: {self.status.value}", self.facts)
 
     @property
     def idle(self) -> bool:
