@@ -57,7 +57,7 @@ def test_a_good_log_is_identified(log, tmp_path):
     found = identify(written(tmp_path, log)).found
     assert abs(found.device.mass / DEVICE.mass - 1) < 0.01
     assert found.bounded("delay").low <= DEVICE.delay <= found.bounded("delay").high
-    assert abs(found.friction.coulomb / 0.3 - 1) < 0.05
+    assert abs(found.friction / 0.3 - 1) < 0.05
 
 
 def test_a_rotary_device_says_so_in_its_file(log, tmp_path):
@@ -174,7 +174,6 @@ def test_the_command_writes_a_device_that_solves(log, tmp_path):
     assert "limited by" in done.stdout
     page = strict((tmp_path / "out/log/identification.json").read_text())
     said = [*page["remarks"], *(each["limit"] for each in page["numbers"])]
-    said += [check["name"] for each in page["recordings"] for check in each["checks"]]
     assert len(said) > 4 and all(ENDING.search(line) for line in said)
     folder = tmp_path / "out" / "log"
     assert sorted(path.name for path in folder.iterdir()) == ["device.toml", "identification.json"]

@@ -182,28 +182,6 @@ def test_where_the_command_rests_the_delay_is_asked_for(tmp_path):
     assert (delay.low, delay.high) == pytest.approx((1e-4, 5e-4))
 
 
-@pytest.mark.slow
-def test_the_suggested_multisine_is_periodic_and_within_what_the_log_bore(tmp_path):
-    case = random_case(2)
-    identified = identify(*case.log.write(tmp_path), excitation=True)
-    made = identified.excitation
-    spectrum = np.abs(np.fft.rfft(made.force))
-    period = made.force.size * case.device.sample_time
-    excited = np.flatnonzero(spectrum > 1e-6 * spectrum.max()) / period
-    assert excited == pytest.approx(made.lines_hz)
-    assert made.peak <= np.abs(case.log.columns["command_N"]).max()
-    assert made.lines_hz[-1] <= 0.25 / case.device.sample_time
-    again = driven(case.device, case.friction, np.tile(made.force, made.periods + 1))
-    columns = {
-        "time_s": np.arange(again["motor"].size) * case.device.sample_time,
-        "position_m": encoded(again["position"], 1e-7),
-        "command_N": again["motor"],
-    }
-    found = identify(*Log(columns, case.log.toml).write(tmp_path, "again")).found
-    assert found.records[0].periodic is not None
-    assert found.device.mass == pytest.approx(case.device.mass, rel=0.01)
-
-
 def test_a_structure_that_overflows_in_a_fit_is_dropped(tmp_path):
     """The fit of two masses runs away to a resonance in the megahertz, whose motion over a sample overflows."""
     samples, T, mass, damping = 2000, 1e-3, 0.4, 2.0

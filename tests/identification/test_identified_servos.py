@@ -250,8 +250,6 @@ def test_what_a_servo_has_not_is_refused(tmp_path):
     path, config = case.write(tmp_path), tmp_path / "log.toml"
     with pytest.raises(InputError, match=r"columns.command: without a force nothing can be identified"):
         identify(path)
-    with pytest.raises(InputError, match="--excitation: suggests a force, which no servo takes"):
-        identify(path, servo=True, excitation=True)
     config.write_text("[device]\ndelay = 1e-3\n")
     with pytest.raises(InputError, match=r"log.toml:2: device.delay: a servo has none"):
         identify(path, config, servo=True)

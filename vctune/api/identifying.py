@@ -13,7 +13,6 @@ from vctune.document.log import read_log, read_log_map
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.records.identification_json import (
     DEVICE_FILE,
-    EXCITATION_FILE,
     FILE,
     IdentificationRecord,
     device_text,
@@ -25,7 +24,6 @@ from vctune.report.page.contents import identification_paths
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from vctune.identification.excitation import Excitation
     from vctune.identification.identify import Identified
 
 LONGEST_NAME = 200  # Greatest length of a name in a problem file
@@ -38,7 +36,6 @@ class Identification:
     found: Identified  # the identified device with its box and the fits of the recordings
     record: IdentificationRecord  # the object of identification.json
     text: str  # text of device.toml
-    excitation: Excitation | None  # a multisine that would reduce the uncertainty of the parameters
 
     @property
     def file(self) -> ProblemFile:
@@ -51,7 +48,6 @@ def identify(
     config: str | Path | None = None,
     *,
     servo: bool = False,
-    excitation: bool = False,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> Identification:
     """Identify a device from its recordings.
@@ -61,7 +57,6 @@ def identify(
     logs : CSV files, plain or .gz, all from the same device
     config : the log.toml that assigns the columns; None if the headers name them
     servo : whether the recordings contain a servo's command and position
-    excitation : whether to suggest a multisine that would reduce the uncertainty of the parameters; not for a servo
     progress : function that receives the current stage
 
     Returns
@@ -72,33 +67,28 @@ def identify(
     ------
     InputError
         If a file cannot be read or does not determine the device; the message states line, column and remedy. Also if
-        there is no log, if an excitation of a servo is requested, or if SciPy is not installed.
+        there is no log or if SciPy is not installed.
     """
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
     if not paths:
         raise InputError.of("logs", "bad-option", "there is none; name at least one CSV file")
-    if servo and excitation:
-        message = "suggests a force, which no servo takes; record a sweep of its command up to a tenth of its rate"
-        raise InputError.of("--excitation", "bad-option", message)
     known = read_log_map(None if config is None else Path(config), servo=servo)
     recordings = [read_log(path, known) for path in paths]
     require_scipy()
-    from vctune.identification.excitation import excitation as suggested
     from vctune.identification.identification_record import identification_record
     from vctune.identification.identify import identify as run
 
     stem = paths[0].name.removesuffix(".gz").removesuffix(".csv")[:LONGEST_NAME]
     name = known.document.name or stem or "device"
     found = run(recordings, known, name, progress)
-    next_one = suggested(found) if excitation else None
-    record = identification_record(found, known.document.description, _versions(), next_one)
+    record = identification_record(found, known.document.description, _versions())
     text = device_text(record)
     problem_file(text, Path(DEVICE_FILE))
-    return Identification(found, record, text, next_one)
+    return Identification(found, record, text)
 
 
 def write_identification(identified: Identification, folder: str | Path, *, report: bool = True) -> Path:
-    """Write device.toml, identification.json, the requested excitation.csv, and the report with its figures.
+    """Write device.toml, identification.json, and the report with its figures.
 
     Also remove the files of an earlier identification.
 
@@ -123,21 +113,12 @@ def write_identification(identified: Identification, folder: str | Path, *, repo
     make_folder(folder)
     value = json.dumps(identified.record.to_json(), indent=1, allow_nan=False) + "\n"
     files: dict[Path, Content] = {folder / DEVICE_FILE: identified.text, folder / FILE: value}
-    if identified.excitation is not None:
-        files[folder / EXCITATION_FILE] = _excitation_text(identified.excitation, identified.record)
     if report:
         from vctune.report.identification_report import identification_files
 
         files |= identification_files(identified.found, identified.record, folder)
-    stale = [*identification_paths(folder), folder / EXCITATION_FILE]
-    write_together(files, [path for path in stale if path not in files])
+    write_together(files, [path for path in identification_paths(folder) if path not in files])
     return folder / DEVICE_FILE
-
-
-def _excitation_text(excitation: Excitation, record: IdentificationRecord) -> str:
-    unit = record.units.force.replace(" ", "")
-    rows = (f"{i * excitation.sample_time:.9g},{force:.6g}" for i, force in enumerate(excitation.force))
-    return "\n".join([f"time_s,command_{unit}", *rows]) + "\n"
 
 
 def require_scipy() -> None:

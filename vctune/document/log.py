@@ -23,7 +23,7 @@ KINDS = {
 }
 # Roles that have the same units as another role
 KIND_OF = {
-    "force": "command", "hand": "command", "handle": "position", "reference": "position", "position_command": "position"
+    "force": "command", "hand": "command", "handle": "position", "position_command": "position"
 }  # fmt: skip
 # Units of angles, torques and angular velocities, which only the log of a rotary device has
 ANGLES = ("rad", "mrad", "deg", "Nm", "mNm", "rad/s", "deg/s")

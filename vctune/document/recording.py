@@ -13,7 +13,7 @@ from vctune.model.numbers.units import UNITS, Units
 
 Floats = NDArray[np.float64]
 # Roles of the columns in a device's log
-ROLES = ("time", "position", "command", "force", "hand", "handle", "reference")
+ROLES = ("time", "position", "command", "force", "hand", "handle")
 SERVO_COMMANDS = ("velocity_command", "position_command")  # Roles of a servo's command
 SERVO_ROLES = ("time", "position", *SERVO_COMMANDS, "force", "hand")  # Roles of the columns in a servo's log
 

@@ -151,7 +151,7 @@ def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
         )
         yield Mistake("log-signal", channel.header, message)
     unit = recording.units.force.replace(" ", "")  # spelled as in headers
-    if role in ("position", "handle", "reference", "position_command"):
+    if role in ("position", "handle", "position_command"):
         yield from _place(recording, channel, role, T)
     elif role == "velocity_command":
         yield from _speed(recording, channel)

@@ -8,9 +8,7 @@ from dataclasses import replace
 from vctune.document.records.identification_json import (
     BoundedRecord,
     CandidateRecord,
-    CheckRecord,
     EstimateRecord,
-    ExcitationRecord,
     FrictionRecord,
     IdentificationRecord,
     NumberRecord,
@@ -19,9 +17,8 @@ from vctune.document.records.identification_json import (
 )
 from vctune.document.schema.number_units import unit_of
 from vctune.document.schema.statement import table_of
-from vctune.document.text.codes import Note, coded
+from vctune.document.text.codes import Note
 from vctune.identification.box import Bounded
-from vctune.identification.excitation import Excitation
 from vctune.identification.identify import Identified
 from vctune.identification.motion.motion_study import MotionStudy
 from vctune.identification.record_study import RecordStudy
@@ -35,7 +32,7 @@ from vctune.model.numbers.units import UNITS, Units, UnitSystem
 
 
 def identification_record(
-    identified: Identified, description: str, versions: Mapping[str, str | None], next_one: Excitation | None
+    identified: Identified, description: str, versions: Mapping[str, str | None]
 ) -> IdentificationRecord:
     """Return the record of an identification."""
     rotary = identified.records[0].recording.rotary
@@ -53,7 +50,6 @@ def identification_record(
         unmodelled=[list(point) for point in identified.unmodelled],
         friction=_friction_record(identified),
         force_noise=None if identified.force_noise is None else float(f"{identified.force_noise:.6g}"),
-        excitation=None if next_one is None else _excitation_record(next_one),
         recordings=[_recording_record(study) for study in identified.records],
         warnings=[note.line for note in identified.remarks if _is_warning(note)],
         remarks=[note.line for note in identified.remarks if not _is_warning(note)],
@@ -82,26 +78,11 @@ def _bounded_record(bounded: Bounded, units: Units) -> BoundedRecord:
     )
 
 
-def _excitation_record(excitation: Excitation) -> ExcitationRecord:
-    return ExcitationRecord(
-        period=excitation.force.size * excitation.sample_time,
-        periods=excitation.periods,
-        lines_hz=[float(hertz) for hertz in excitation.lines_hz],
-        peak=excitation.peak,
-        speed=excitation.speed,
-        spread=excitation.spread,
-        reasons=list(excitation.reasons),
-    )
-
-
 def _friction_record(identified: Identified) -> FrictionRecord | None:
     """Return the friction with six digits as a record; None if no friction was identified."""
     if identified.friction is None:
         return None
-    friction = identified.friction
-    rise = (friction.stiction, friction.stribeck_velocity)
-    stiction, speed = (None if number is None else float(f"{number:.6g}") for number in rise)
-    return FrictionRecord(coulomb=float(f"{friction.coulomb:.6g}"), stiction=stiction, stribeck_velocity=speed)
+    return FrictionRecord(coulomb=float(f"{identified.friction:.6g}"))
 
 
 def _recording_record(study: RecordStudy) -> RecordingRecord:
@@ -116,9 +97,7 @@ def _recording_record(study: RecordStudy) -> RecordingRecord:
 
 def _any_motion_record(study: RecordStudy, motion: MotionStudy) -> RecordingRecord:
     """Return the record of a recording of any motion."""
-    fit, classical = motion.directional, motion.classical
-    others = [] if classical is None else list(classical.checks)
-    both = motion.symmetric
+    fit, both = motion.directional, motion.symmetric
     numbers = [_number(name, fit.value(name), fit.sigma(name)) for name in fit.names]
     numbers += [_number(f"{name}, both ways alike", both.value(name), both.sigma(name)) for name in both.names]
     return RecordingRecord(
@@ -133,13 +112,7 @@ def _any_motion_record(study: RecordStudy, motion: MotionStudy) -> RecordingReco
         residual_share=study.residual_share,
         chi2=study.chi2,
         numbers=numbers,
-        derived=[]
-        if classical is None
-        else [_number("residual share, classical recipe", classical.residual_share, None)],
-        checks=[
-            CheckRecord(name=coded(check.name, check.code), value=check.value, sigma=check.sigma)
-            for check in (*motion.checks, *others)
-        ],
+        derived=[],
         candidates=[],
         remarks=[note.line for note in study.remarks],
     )
@@ -166,7 +139,6 @@ def _periodic_record(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRe
         chi2=study.chi2,
         numbers=numbers,
         derived=_derived(fit, study.recording.units),
-        checks=[],
         candidates=[
             CandidateRecord(
                 structure=str(each.candidate),
@@ -207,7 +179,6 @@ def _servo_record(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
         chi2=study.chi2,
         numbers=numbers,
         derived=[_number("latency, hold aside", fit.delay.value + fit.lag, None)],
-        checks=[],
         candidates=[
             CandidateRecord(
                 structure=f"order {each.order}",

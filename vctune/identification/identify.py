@@ -22,7 +22,6 @@ from vctune.identification.known import (
     known_sensor,
     with_known,
 )
-from vctune.identification.motion.friction_fit import FrictionFound
 from vctune.identification.readable import readable
 from vctune.identification.record_study import RecordStudy, record_study
 from vctune.identification.remarks import LEAST_RADII, remarks_on_gaps
@@ -46,7 +45,7 @@ class Identified:
     bounds: tuple[Bounded, ...]  # the box, one interval for each parameter
     unmodelled: tuple[tuple[float, float], ...]
     distances: tuple[np.ndarray, ...]
-    friction: FrictionFound | None  # friction for the simulation; None if none was found, and for a servo
+    friction: float | None  # Coulomb friction for the simulation, N; None if none was found, and for a servo
     force_noise: float | None  # standard deviation of the noise in a sample of the hand's sensed force, N
     records: tuple[RecordStudy, ...]  # one study for each recording
     remarks: tuple[Note, ...]  # remarks on what the recordings do not show
@@ -141,8 +140,8 @@ def _unmodelled(
     return envelope(hertz[order], distances[order])
 
 
-def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:
-    """Return the greatest friction that a recording shows; None if no recording shows friction."""
+def _friction(studies: Sequence[RecordStudy]) -> float | None:
+    """Return the greatest Coulomb friction that a recording shows; None if no recording shows friction."""
     frictions = [
         study.motion.friction for study in studies if study.motion is not None and study.motion.friction is not None
     ]
@@ -150,5 +149,5 @@ def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:
         if study.periodic is not None:
             fit = study.periodic.fit
             if fit.numbers["coulomb"] > 2 * fit.sigma("coulomb") > 0:
-                frictions.append(FrictionFound(fit.numbers["coulomb"]))
-    return max(frictions, key=lambda friction: friction.coulomb, default=None)
+                frictions.append(fit.numbers["coulomb"])
+    return max(frictions, default=None)

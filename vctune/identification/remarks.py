@@ -1,4 +1,4 @@
-"""Make remarks on properties of the device that the recordings do not show (README, section 8)."""
+"""Make remarks on properties of the device that the recordings do not show (README, section 7)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def remarks_on_gaps(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], l
         remarks.append(Note("remark-weak-delay", text))
     if "structure.handle_mass" not in keys and all(study.periodic is None for study in studies):
         text = "the motion shows nothing above its own frequencies, neither a resonance nor unmodelled dynamics"
-        remarks.append(Note("remark-slow-motion", f"{text}: record a multisine (vctune identify --excitation)"))
+        remarks.append(Note("remark-slow-motion", f"{text}: record a multisine"))
     return remarks + [note for study in studies if study.periodic for note in _remarks_on_lines(study, study.periodic)]
 
 

@@ -16,9 +16,6 @@ from vctune.cli.printing.options import out_option, output_options
     "--servo", is_flag=True, help="Identify a servo. Each LOG then contains the servo's command and its position."
 )
 @out_option()
-@click.option(
-    "--excitation", is_flag=True, help="Also write excitation.csv: one period of a multisine for the next recording."
-)
 @click.option("--no-report", is_flag=True, help="Write no report and no figures.")
 @output_options()
 def identify(
@@ -26,7 +23,6 @@ def identify(
     config: Path | None,
     servo: bool,
     out: Path,
-    excitation: bool,
     no_report: bool,
     style: str,
     quiet: bool,
@@ -45,7 +41,7 @@ def identify(
     from vctune.exit_codes import ExitCode
 
     with progress_on_stderr("vctune identify", shown=not quiet) as progress:
-        identified = run(logs, config, servo=servo, excitation=excitation, progress=progress)
+        identified = run(logs, config, servo=servo, progress=progress)
         folder = out / folder_name(identified.record.name)
         progress("writing and drawing")
         write_identification(identified, folder, report=not no_report)

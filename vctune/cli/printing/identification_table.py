@@ -18,8 +18,8 @@ WIDTH = 140  # Least width of a line, characters, even if the terminal is narrow
 
 
 def print_identification(record: IdentificationRecord, folder: Path) -> None:
-    """Print the recordings, the parameters with their intervals, the warnings and remarks, the suggested excitation,
-    and the folder of the files."""
+    """Print the recordings, the parameters with their intervals, the warnings and remarks, and the
+    folder of the files."""
     console = Console(highlight=False)
     console.width = max(console.width, WIDTH)
     console.print(f"[bold]{escape(printable(record.name))}[/bold]")
@@ -44,13 +44,4 @@ def print_identification(record: IdentificationRecord, folder: Path) -> None:
         console.print(f"[yellow]warning:[/yellow] {escape(printable(warning))}", soft_wrap=True)
     for remark in record.remarks:
         console.print(f"[dim]{escape(printable(remark))}[/dim]", soft_wrap=True)
-    if record.excitation is not None:
-        made = record.excitation
-        console.print(
-            f"excitation.csv: a period of {made.period:.4g} s, {len(made.lines_hz)} lines, {made.lines_hz[0]:.4g} to "
-            f"{made.lines_hz[-1]:.4g} Hz, peak {made.peak:.4g}; command it {made.periods} times over and log it",
-            soft_wrap=True,
-        )
-        for reason in made.reasons:
-            console.print(f"[dim]for {escape(reason)}[/dim]", soft_wrap=True)
     console.print(f"written to {escape(str(folder))}", soft_wrap=True)

@@ -15,7 +15,7 @@ from vctune.document.text.toml_writing import toml_text
 from vctune.model.experiment import usual_share
 from vctune.model.numbers.units import UNITS, Units
 
-FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
+FILE, DEVICE_FILE = "identification.json", "device.toml"
 # Stroke, m, and speed, m/s, of the hand in the experiment. vctune shortens the stroke if it would take too many samples
 STROKE = {"to": 0.05, "speed": 0.01}
 GRIP = 0.1  # Distance from the axis at which a hand holds a rotary servo, m
@@ -30,14 +30,6 @@ class NumberRecord(Part):
 
     name: str
     value: float
-    sigma: Number
-
-
-class CheckRecord(Part):
-    """Another estimate of the mass: its difference from the fit, and its standard deviation."""
-
-    name: str
-    value: Number
     sigma: Number
 
 
@@ -65,7 +57,6 @@ class RecordingRecord(Part):
     chi2: Number  # residual relative to the noise alone, squared, per degree of freedom; null if the noise is not known
     numbers: list[NumberRecord]  # fitted numbers, and numbers derived from them
     derived: list[NumberRecord]
-    checks: list[CheckRecord]
     candidates: list[CandidateRecord]  # structures of the device that the fit compared
     remarks: list[str]
 
@@ -95,20 +86,6 @@ class FrictionRecord(Part):
     """Friction of the device, for the simulation."""
 
     coulomb: float
-    stiction: Number
-    stribeck_velocity: Number
-
-
-class ExcitationRecord(Part):
-    """A multisine for the numbers that are still uncertain: excitation.csv is one period of it."""
-
-    period: float  # length of a period, s, and number of periods to record
-    periods: int
-    lines_hz: list[float]  # excited frequencies
-    peak: float  # greatest force, N, and predicted root mean square speed, m/s
-    speed: float
-    spread: float  # predicted relative standard deviation of the worst line
-    reasons: list[str]  # the parameters that the multisine would determine better
 
 
 class IdentificationRecord(Document):
@@ -126,7 +103,6 @@ class IdentificationRecord(Document):
     unmodelled: list[Pair]
     friction: FrictionRecord | None
     force_noise: Number
-    excitation: ExcitationRecord | None
     recordings: Annotated[list[RecordingRecord], Field(min_length=1)]
     warnings: list[str]
     remarks: list[str]
@@ -245,10 +221,7 @@ def _experiment(record: IdentificationRecord) -> dict[str, Any]:
         experiment["operator"] |= {"damping": 2.0 * share, "stiffness": 1000.0 * share}
         bristles = {"stribeck_velocity": 0.005, "stiffness": 1e5 * share}
     if record.friction is not None:
-        friction = record.friction
-        experiment["friction"] = {"coulomb": friction.coulomb} | bristles
-        if friction.stiction is not None and friction.stribeck_velocity is not None:
-            experiment["friction"] |= {"stiction": friction.stiction, "stribeck_velocity": friction.stribeck_velocity}
+        experiment["friction"] = {"coulomb": record.friction.coulomb} | bristles
     if record.force_noise:
         experiment["sensors"] = {"force_noise": record.force_noise}
     return experiment

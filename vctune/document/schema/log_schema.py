@@ -88,9 +88,6 @@ class ColumnsTable(Table):
     )
     hand: Column | None = Field(None, description="Sensed force of the hand on the handle.")
     handle: Column | None = Field(None, description="Position of the handle behind a spring, if the log contains it.")
-    reference: Column | None = Field(
-        None, description="Commanded position of the firmware, used as an instrumental variable."
-    )
     velocity_command: Column | None = Field(
         None, description="Velocity command of a servo (--servo), held until the next sample."
     )
@@ -123,17 +120,6 @@ class KnownDeviceTable(Table):
     force_sensor: ForceSensorTable | None = Field(None, description="Default: not known.")
 
 
-class ClassicalTable(Table):
-    """The classical inverse model for comparison: ordinary least squares, with its own intervals."""
-
-    filter_hz: Positive = Field(
-        description="Corner frequency of a fourth-order Butterworth low-pass, applied forwards and backwards, Hz."
-    )
-    decimate: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(
-        description="Factor n of the decimation, which keeps every n-th sample."
-    )
-
-
 class LogDocument(Table):
     """The columns of a log. Without this file, their headers must be time_s, position_m, command_N and similar."""
 
@@ -154,4 +140,3 @@ class LogDocument(Table):
     )
     columns: ColumnsTable = Field(default_factory=ColumnsTable)
     device: KnownDeviceTable = Field(default_factory=KnownDeviceTable)
-    classical: ClassicalTable | None = Field(None)

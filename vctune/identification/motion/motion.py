@@ -69,12 +69,12 @@ class FittedSamples:
 
 
 def motion_fit(
-    signals: Signals, cutoff_hz: float, names: Sequence[str], known_delays: Mapping[str, float], slow: float = SLOW
+    signals: Signals, cutoff_hz: float, names: Sequence[str], known_delays: Mapping[str, float]
 ) -> tuple[MotionFit, FittedSamples]:
     """Fit a recording."""
     delays = _delays(signals, known_delays)
     free = [name for name in delays if name not in known_delays]
-    every, used = stride(cutoff_hz, signals.sample_time), _kept(signals, cutoff_hz, slow)
+    every, used = stride(cutoff_hz, signals.sample_time), _kept(signals, cutoff_hz)
     kept = used[::every]
     step, linear = signals.sample_time, len(names)
     sensitivity = np.empty((int(kept.sum()), linear + len(free)))
@@ -174,14 +174,14 @@ def _pushed(
     return force
 
 
-def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
+def _kept(signals: Signals, cutoff_hz: float) -> Flags:
     """Return flags that mark the samples to use. Samples near the ends of the log and near turning points are not
     used."""
     T, v = signals.sample_time, signals.velocity
     kept = np.ones(v.size, dtype=bool)
     margin = edge(cutoff_hz, 4 * T, T)
     kept[:margin] = kept[-margin:] = False
-    slow = np.abs(v) < least * np.abs(v[kept]).max(initial=0.0)
+    slow = np.abs(v) < SLOW * np.abs(v[kept]).max(initial=0.0)
     half = int(0.25 / cutoff_hz / T)  # a slow sample excludes all samples within a quarter of the cut-off's period
     counted = np.concatenate([np.zeros(half + 1, dtype=np.int64), np.cumsum(slow)])
     counted = np.append(counted, np.full(half, counted[-1]))

@@ -15,9 +15,7 @@ from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 from vctune.identification.box import COULOMB_SHARE, Estimate
 from vctune.identification.known import SENSOR, known_delays
-from vctune.identification.motion.friction_fit import FrictionFound, friction_of
 from vctune.identification.motion.motion import DIRECTIONAL, SYMMETRIC, FittedSamples, MotionFit, motion_fit
-from vctune.identification.motion.motion_checks import Check, Classical, bootstrap, classical, instrumental
 from vctune.identification.motion.signals import Signals, acceleration_noise, cutoffs, signals_of, speed
 from vctune.identification.motion.signals import signals as turned_signals
 from vctune.identification.motion.spectral_filters import HIGHEST, smooth, spectrum
@@ -42,9 +40,7 @@ class MotionStudy:
     samples: FittedSamples  # samples of the directional fit
     others: tuple[MotionFit, ...]  # directional fits at higher cut-offs, and at cut-offs up to three octaves lower
     force_noise: float | None  # standard deviation of a sample of the sensed force, N
-    checks: tuple[Check, ...]  # estimates of the mass by other methods
-    classical: Classical | None  # the classical inverse model; None if not requested, or without a force on the motor
-    friction: FrictionFound | None  # friction for the simulation; None if the recording shows no friction
+    friction: float | None  # Coulomb friction, N; None if the recording shows no friction
     speed: float  # root mean square speed, m/s
     position_noise: float  # standard deviation of a position sample, m
     chi2: float  # power of the residual divided by the power that the encoder's noise causes in the residual
@@ -108,18 +104,16 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
     samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # keeping the samples of all fits takes too much memory
     _check_explained(recording, signals, fits[best], delays)
-    hand, recipe = recording.values("hand"), log_map.document.classical
+    hand = recording.values("hand")
     symmetric = motion_fit(signals, best, SYMMETRIC, delays)[0]
-    checks = (bootstrap(fits[best], samples), instrumental(signals, fits[best], samples))
+    coulomb = symmetric.value("coulomb")
     return MotionStudy(
         directional=fits[best],
         symmetric=symmetric,
         samples=samples,
         others=tuple(fit for cutoff, fit in fits.items() if cutoff != best and cutoff >= best / 8.5),
         force_noise=None if hand is None else force_noise(hand),
-        checks=tuple(check for check in checks if check is not None),
-        classical=None if recipe is None else classical(recording, sample_time, recipe),
-        friction=friction_of(signals, symmetric, delays),
+        friction=coulomb if coulomb > 2 * symmetric.sigma("coulomb") else None,
         speed=float(np.sqrt(np.mean(signals.velocity**2))),
         position_noise=signals.noise,
         chi2=_chi2(signals, fits[best]),

@@ -35,7 +35,6 @@ class Signals:
     position: Floats  # position, m, shape (n,)
     command: Floats | None  # force on the motor, commanded or measured, N
     hand: Floats | None  # sensed force of the hand, N; None without a column of this force
-    reference: Floats | None  # commanded position, m; None without a column of this position
     sample_time: float  # T, s
     is_command: bool  # whether the force is a command, which is held between samples
     actuator: Actuator | None  # actuator after a held command; None if it is not known
@@ -52,7 +51,6 @@ def signals(
     velocity: Floats,
     *,
     hand: Floats | None = None,
-    reference: Floats | None = None,
     is_command: bool = False,
     actuator: Actuator | None = None,
 ) -> Signals:
@@ -66,9 +64,7 @@ def signals(
             through = drive(Device(1.0, 0.0, sample_time, 0.0, actuator=actuator), pushed.omega())
             pushed = replace(pushed, lines=pushed.lines * through)
         spectra["command"] = pushed
-    return Signals(
-        position, force, hand, reference, sample_time, is_command, actuator, noise, velocity, MappingProxyType(spectra)
-    )
+    return Signals(position, force, hand, sample_time, is_command, actuator, noise, velocity, MappingProxyType(spectra))
 
 
 def ways(velocity: Floats) -> dict[str, Floats]:
@@ -127,7 +123,6 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
         noise,
         _velocity(centred, noise),
         hand=recording.values("hand"),
-        reference=recording.values("reference"),
         is_command=held,
         actuator=actuator if held else None,
     )

@@ -1,4 +1,4 @@
-"""Measure the response of a servo in bands of frequencies (README, section 9)."""
+"""Measure the response of a servo in bands of frequencies (README, section 8)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fit delay and low-pass of a servo by maximum likelihood over the steps of its position (README, section 9)."""
+"""Fit delay and low-pass of a servo by maximum likelihood over the steps of its position (README, section 8)."""
 
 from __future__ import annotations
 

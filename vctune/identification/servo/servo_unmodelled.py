@@ -1,4 +1,4 @@
-"""Measure the distance of a servo's response from the servos of the box (README, section 9)."""
+"""Measure the distance of a servo's response from the servos of the box (README, section 8)."""
 
 from __future__ import annotations
 
