@@ -46,7 +46,6 @@ from vctune.proof.engine.interval import Verdict
 from vctune.report.design_report import report_files
 from vctune.simulation.mechanics.scene_stability import fastest_mode
 from vctune.simulation.scene import designed_scene
-from vctune.simulation.simulation_record import quiet_stiffness
 
 B, T = 0.8, 1e-3
 
@@ -471,16 +470,6 @@ def test_the_simulated_loop_is_that_of_the_state_matrix(order, late):
     matrix = step_matrix(mechanics, T, late * T, 0.3, 0.4, 700.0, elements, low_pass=low_pass)
     values = np.linalg.eigvals(matrix)
     assert mode.radius == pytest.approx(np.abs(values[np.abs(values - 1) > 1e-6]).max(), abs=1e-9)
-
-
-def test_simulation_says_up_to_where_the_encoder_is_quiet():
-    problem = problem_of({"device": {"mass": 1.0, "damping": 1.0, "sample_time": T}, "experiment": [
-        EXPERIMENT | {"friction": {"coulomb": 0.02, "stiffness": 1e4}, "sensors": {"position_resolution": 1e-4}}
-    ]}).problem  # fmt: skip
-    experiment = problem.experiments[0]
-    assert quiet_stiffness(display(), experiment) == pytest.approx(400.0)  # 2 f_C/q
-    assert quiet_stiffness(display(damping=0.1), experiment) == pytest.approx(200.0)  # 2 b/T
-    assert quiet_stiffness(display(), replace(experiment, friction=None)) == 0.0
 
 
 def test_the_exported_controller_commands_what_was_simulated(tmp_path):

@@ -31,8 +31,7 @@ from vctune.report.page.contents import IDENTIFICATION_READINGS, READINGS
 from vctune.report.page.page import inline_svg
 from vctune.report.svg.elements import LETTER, PAPER, SIZE, polyline
 from vctune.simulation.mechanics.intended_motion import stroke_time
-from vctune.simulation.simulation_record import TOLERANCE, simulation_record
-from vctune.simulation.thinning import thinned
+from vctune.simulation.simulation_record import CURVE_POINTS, simulation_record
 from vctune.simulation.two_runs import simulate
 from vctune.study.study_table import Table
 
@@ -54,23 +53,6 @@ def off(points, kept):
     return np.abs(points[:, None] - start - np.clip(share, 0, 1) * along).min(axis=1)
 
 
-def test_a_circle_stays_round():
-    angle = np.linspace(0, 2 * np.pi, 5001)
-    kept = thinned(3e-3 * np.cos(angle), 40 * np.sin(angle), (6e-6, 0.08))
-    assert 30 < len(kept) < 200
-    assert np.diff(angle[kept]).max() < np.radians(12)
-    assert off(np.exp(1j * angle), kept).max() < 2e-3 * 1.01
-
-
-@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=1, max_size=60), st.floats(1e-3, 1))
-def test_what_is_left_out_is_near_what_is_kept(points, tolerance):
-    x, y = np.array(points).T
-    kept = thinned(x, y, (tolerance, tolerance))
-    assert kept[0] == 0 and kept[-1] == len(x) - 1 and (np.diff(kept) > 0).all()
-    if len(kept) > 1:
-        assert off(x + 1j * y, kept).max() <= tolerance * (1 + 1e-9)
-
-
 @pytest.fixture(scope="module")
 def measured():
     text = DEVICE + EXPERIMENTS
@@ -80,21 +62,16 @@ def measured():
     return made, simulation_record(ProblemFile(problem, text), *design, [made])
 
 
-def test_the_curves_of_experiments_are_those_of_the_traces(measured):
+def test_the_curves_of_experiments_are_samples_of_the_traces(measured):
     made, record = measured
     (shown,) = record.experiments
     first = 2 * stroke_time(made.experiment.operator)
-    traces = {name: getattr(made, name).traces for name in ("baseline", "design")}
-    whole = {name: (each.velocity + 1j * each.force)[each.time >= first] for name, each in traces.items()}
-    both = np.concatenate(list(whole.values()))
-    for name, curve in whole.items():
-        drawn = np.array(getattr(shown, name).curve)
-        scaled = [
-            part.real / np.ptp(both.real) + 1j * part.imag / np.ptp(both.imag) for part in (curve, drawn @ [1, 1j])
-        ]
-        every = np.concatenate((scaled[1], scaled[0][:: len(curve) // 500]))
-        assert off(every, np.arange(len(drawn))).max() < TOLERANCE * 1.2
-        assert len(drawn) < len(curve) / 3
+    for name in ("baseline", "design"):
+        traces, drawn = getattr(made, name).traces, np.array(getattr(shown, name).curve)
+        later = traces.time >= first * (1 - 1e-9)
+        step = -(-int(later.sum()) // CURVE_POINTS)
+        assert drawn == pytest.approx(np.column_stack([traces.velocity, traces.force])[later][::step], rel=1e-4)
+        assert CURVE_POINTS / 2 < len(drawn) <= CURVE_POINTS
 
 
 # colours: Machado, Oliveira and Fernandes (2009), severity 1

@@ -26,7 +26,7 @@ from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics.friction import Carriage, Slide, friction_force, slide, slide_step
 from vctune.simulation.mechanics.intended_motion import intended_motion, push_matrix, sample_count, stroke_time
 from vctune.simulation.mechanics.rigid_motion import exponential
-from vctune.simulation.mechanics.scene_stability import fastest_mode, least_virtual
+from vctune.simulation.mechanics.scene_stability import fastest_mode
 from vctune.simulation.mechanics.step import COLUMNS, SAMPLES_PER_CALL, build
 from vctune.simulation.mechanics.step_inputs import INPUT_NAMES
 from vctune.simulation.mechanics.stretches import LEAST_STEPS, MOST_STEPS, STEPS_PER_RADIAN, default_substeps, push_at
@@ -329,17 +329,6 @@ def test_length_of_a_run_does_not_depend_on_the_chunk():
     hand = replace(HAND, end=0.02, speed=0.011)
     assert len(run(designed_scene(DEVICE, GAINS, COUPLING, experiment(operator=hand))).time) > SAMPLES_PER_CALL
     assert sample_count(hand, 1e-3) == len(run(designed_scene(DEVICE, GAINS, COUPLING, experiment(operator=hand))).time)
-
-
-def test_least_virtual_mass_is_the_edge_of_stability():
-    e = experiment(operator=replace(HAND, mass=0.1))
-    share = least_virtual(DEVICE, e, PID)
-
-    def radius(factor):
-        lighter = replace(PID, mass=factor * PID.mass, damping=factor * PID.damping)
-        return fastest_mode(baseline_scene(DEVICE, e, lighter)).radius
-
-    assert radius(share * (1 + 1e-6)) < 1 < radius(share * (1 - 1e-6))
 
 
 def test_sampled_loop_without_a_hand_is_the_designs():

@@ -25,7 +25,6 @@ from vctune.document.text.output_files import Content, write_together
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.report.figures.experiment_figures import HEADINGS as HEADINGS
-from vctune.report.figures.experiment_figures import dwell_line as dwell_line
 from vctune.report.figures.experiment_figures import measured_rows as measured_rows
 from vctune.simulation.simulation_record import simulation_record, trace_arrays
 from vctune.simulation.two_runs import Simulated

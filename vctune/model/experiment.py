@@ -44,15 +44,6 @@ class Operator:
     mass: float  # mass, damping and stiffness of the hand, kg, N s/m, N/m
     damping: float
     stiffness: float
-    dwell: float | None = None  # time from one change of the hand to the next, s
-    changes_at: tuple[float, ...] = ()  # given times at which the hand changes, increasing, s
-    other_damping: float | None = None  # damping in every other interval between changes, N s/m
-    regrip: bool = False  # whether the hand, at each change, lets go and takes hold again where the handle is
-
-    @property
-    def changes(self) -> bool:
-        """Whether the hand changes."""
-        return self.dwell is not None or bool(self.changes_at)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,6 @@ import numpy as np
 
 from vctune.interrupt import interrupt_deferred
 from vctune.model.numbers.arithmetic import Floats
-from vctune.simulation.mechanics.hand_changes import after_sample, from_state, hand_changes, steps_of_hands
 from vctune.simulation.mechanics.intended_motion import intended_motion, sample_count
 from vctune.simulation.mechanics.step import SAMPLES_PER_CALL, build, columns
 from vctune.simulation.mechanics.step_inputs import (
@@ -23,7 +22,7 @@ from vctune.simulation.mechanics.step_inputs import (
 from vctune.simulation.mechanics.stretches import Stretch, fixed_steps
 from vctune.simulation.scene import Scene
 
-# A run has diverged if the distance of the handle from the position at which the hand aims exceeds this multiple of the
+# A run has diverged if the distance of the handle from the intended motion exceeds this multiple of the
 # hand's travel
 DIVERGENCE = 1e3
 POSITION = 0  # Column of the handle's position in the records (`vctune.simulation.mechanics.step.columns`)
@@ -34,7 +33,7 @@ class Traces:
     """The recorded samples of a run; all arrays have the same length."""
 
     time: Floats  # time of the samples, s
-    intended: Floats  # intended motion x_i of a hand that never re-grips, m
+    intended: Floats  # intended motion x_i, m
     position: Floats  # motion of the handle, m, m/s
     velocity: Floats
     force: Floats  # f_h, the hand's force on the handle, N
@@ -50,8 +49,6 @@ class Traces:
 
 def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, stretch: Stretch = fixed_steps) -> Traces:
     """Simulate a scene."""
-    if scene.operator.changes:
-        return _run_changing(scene, progress, stretch)
     samples = sample_count(scene.operator, scene.device.sample_time)
     with interrupt_deferred():
         step = build(scene, stretch)
@@ -71,36 +68,13 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
         diverged = has_diverged(scene, block, intended[done : done + count])
         done += count
         progress(done / samples)
-    return traces_of(scene, recorded[:done], intended[:done], intended[:done], diverged=diverged)
+    return traces_of(scene, recorded[:done], intended[:done], diverged=diverged)
 
 
-def _run_changing(scene: Scene, progress: Callable[[float], None], stretch: Stretch) -> Traces:
-    """Simulate a scene whose hand changes, sample by sample."""
-    samples, changes = sample_count(scene.operator, scene.device.sample_time), hand_changes(scene)
-    with interrupt_deferred():
-        steps = steps_of_hands(scene, lambda now, then: build(now, stretch, then))
-    recorded, intended = np.empty((samples, len(columns(scene)))), np.empty(samples)
-    aims, noise = np.empty(samples), np.random.default_rng(scene.seed)
-    state, grip, done, diverged = steps[0, 0].start, 0.0, 0, False
-    while done < samples and not diverged:
-        count, inputs = min(SAMPLES_PER_CALL, samples - done), motion_inputs(scene, done, noise)
-        with interrupt_deferred():
-            for sample in range(done, done + count):
-                advance = from_state(steps[changes.hands(sample)].advance, state)
-                regrips = changes.regrips and changes.changes_after(sample)
-                aims[sample] = inputs[INTENDED, sample - done] + grip
-                state, recorded[sample], grip = after_sample(advance, inputs[:, sample - done], grip, regrips=regrips)
-        intended[done : done + count] = inputs[INTENDED, :count]
-        diverged = has_diverged(scene, recorded[done : done + count], aims[done : done + count])
-        done += count
-        progress(done / samples)
-    return traces_of(scene, recorded[:done], intended[:done], aims[:done], diverged=diverged)
-
-
-def has_diverged(scene: Scene, recorded: Floats, aims: Floats) -> bool:
+def has_diverged(scene: Scene, recorded: Floats, intended: Floats) -> bool:
     """Return whether a run has diverged (`DIVERGENCE`), or has numbers that are not finite."""
     reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
-    return not (np.isfinite(recorded).all() and np.abs(recorded[:, POSITION] - aims).max() <= reach)
+    return not (np.isfinite(recorded).all() and np.abs(recorded[:, POSITION] - intended).max() <= reach)
 
 
 def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:
@@ -115,12 +89,12 @@ def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Float
     return inputs
 
 
-def traces_of(scene: Scene, recorded: Floats, intended: Floats, aims: Floats, *, diverged: bool) -> Traces:
+def traces_of(scene: Scene, recorded: Floats, intended: Floats, *, diverged: bool) -> Traces:
     """Return the record as traces. If the run diverged, the traces contain only the samples before the divergence."""
     T, began = scene.device.sample_time, None
     if diverged:
         travel = abs(scene.operator.end - scene.operator.start)
-        distance = np.where(np.isfinite(recorded).all(axis=1), np.abs(recorded[:, POSITION] - aims), np.inf)
+        distance = np.where(np.isfinite(recorded).all(axis=1), np.abs(recorded[:, POSITION] - intended), np.inf)
         limit = travel if (distance <= travel).any() else DIVERGENCE * travel
         near = np.flatnonzero(distance <= limit)
         length = int(near[-1]) + 1 if near.size else 1

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode, least_virtual
+from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode
 from vctune.simulation.metrics import Metrics, metrics
 from vctune.simulation.run import Traces, run
 from vctune.simulation.scene import Scene, baseline_scene, designed_scene
@@ -31,14 +31,11 @@ class Simulated:
     ----------
     experiment : description of the experiment
     baseline, design : the two runs; baseline is None if the experiment states no regular PID
-    least_virtual : least share of the baseline's virtual mass and damping with which its loop is stable; 0 if the loop
-        is stable with almost no virtual mass and damping; None without a baseline, or if no tried share is stable
     """
 
     experiment: Experiment
     baseline: Run | None
     design: Run
-    least_virtual: float | None
 
 
 def simulate(
@@ -60,6 +57,6 @@ def simulate(
     design = ran(designed_scene(problem.device, gains, coupling, experiment), "design")
     pid = experiment.baseline
     if pid is None:
-        return Simulated(experiment, None, design, None)
+        return Simulated(experiment, None, design)
     baseline = ran(baseline_scene(problem.device, experiment, pid), "baseline")
-    return Simulated(experiment, baseline, design, least_virtual(problem.device, experiment, pid))
+    return Simulated(experiment, baseline, design)

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from vctune.api.design_files import REPORT, SpringRecord, text
+from vctune.api.design_files import REPORT, text
 from vctune.api.messages import printable
 from vctune.cli.printing.design_table import WIDE, page
 
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from rich.console import JustifyMethod
 
     from vctune.document.records.comparison import ComparisonRecord
-    from vctune.document.records.simulation_json import LeastVirtualRecord, SimulationRecord
-    from vctune.model.numbers.units import Units
+    from vctune.document.records.simulation_json import SimulationRecord
 
 LEAST = {"": 6, "A": 8, "B": 8}  # Least width of the columns under each heading on a narrow terminal
 WIDEST = 1000  # Width, in characters, of tables that must not be wrapped
@@ -28,7 +27,7 @@ WIDEST = 1000  # Width, in characters, of tables that must not be wrapped
 
 def print_simulation(record: SimulationRecord, folder: Path) -> None:
     """Print the measures of a simulation and the folder of its files; on a terminal, a next step follows."""
-    from vctune.api.experiments import HEADINGS, dwell_line, measured_rows
+    from vctune.api.experiments import HEADINGS, measured_rows
 
     narrow = Console().is_terminal and Console().width < WIDE
     with page(0 if narrow else WIDE, folder, _after_simulation(folder) if Console().is_terminal else []) as console:
@@ -36,17 +35,6 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
         rows = [tuple(escape(printable(cell)) for cell in row) for row in measured_rows(record)]
         for table in _stacked(rows, HEADINGS) if narrow else [_wide(rows, HEADINGS)]:
             console.print(table)
-
-        def say(line: str) -> None:
-            console.print(line, soft_wrap=not narrow)
-
-        for one in record.experiments:
-            if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
-                say(f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling, record.units)}")
-            if one.least_virtual is not None:
-                say(f"{escape(printable(one.name))}: {_least_virtual_line(one.least_virtual, record.units)}")
-        if line := dwell_line(record):
-            say(line)
 
 
 def _wide(rows: list[tuple[str, ...]], headings: Sequence[str]) -> Table:
@@ -77,25 +65,6 @@ def _after_simulation(folder: Path) -> list[str]:
     """Return the next step: open the report or the figure; empty if neither exists."""
     shown = next((name for name in (REPORT, "simulation.svg") if (folder / name).exists()), "")
     return [f"open {folder / shown}"] if shown else []
-
-
-def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
-    """Return the sentence on the stiffness up to which friction absorbs the energy of an encoder's quantum, and on the
-    stiffness of an impedance display's coupling."""
-    return (
-        f"the encoder's resolution alone sustains no limit cycle up to {stiffness:.4g} {units.stiffness} (Abbott and "
-        f"Okamura); the coupling has {coupling.stiffness:.4g} {units.stiffness}"
-    )
-
-
-def _least_virtual_line(least: LeastVirtualRecord, units: Units) -> str:
-    """Return the line on the least virtual mass and damping with which the regular PID is stable."""
-    if least.share == 0:
-        return f"the regular PID is stable without a virtual {units.mass_name} and damping"
-    return (
-        f"the regular PID is stable with a virtual {units.mass_name} of at least {least.mass:.4g} {units.mass} and a "
-        f"damping of at least {least.damping:.4g} {units.damping}"
-    )
 
 
 def print_comparison(comparison: ComparisonRecord) -> None:

@@ -40,15 +40,6 @@ class EnvironmentRecord(Part):
     wall: bool
 
 
-class LeastVirtualRecord(Part):
-    """The least virtual mass and damping with which the regular PID is stable, relative to its given mass and
-    damping."""
-
-    share: float
-    mass: float
-    damping: float
-
-
 class FitRecord(Part):
     """A number of the environment as the hand feels it: its value, the rendered value, and its standard error."""
 
@@ -100,17 +91,8 @@ class ExperimentRecord(Part):
     environment: EnvironmentRecord
     axis: Literal["position", "velocity"]  # quantity of the horizontal axis of the curves
     samples: int  # number of samples of the design's run
-    least_virtual: LeastVirtualRecord | None  # least virtual mass of the regular PID, and its run; null without one
     baseline: RunRecord | None
-    design: RunRecord  # run of the design, or of the controller that replaces it
-    quiet_stiffness: float | None = None  # stiffest wall at which an impedance display with an encoder comes to rest
-    dwell_s: float | None = None  # time from one change of the hand to the next, s
-
-    @property
-    def stayed(self) -> bool:
-        """Whether the linear loop of the design is stable, over one period of the hand's changes if it changes, and
-        whether its run did not diverge."""
-        return self.design.loop.stable and self.design.diverged_s is None
+    design: RunRecord
 
 
 class SimulationRecord(Document):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 from math import pi
 from typing import Any
 
@@ -50,14 +49,13 @@ def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | N
 
 
 def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the contradictions in the hand of an experiment: its connection, its changes and its motion."""
+    """Yield the contradictions in the hand of an experiment: its connection and its motion."""
     start, end, speed, cycles, damping, stiffness = (
         _value(table, SceneOperatorTable, "operator", key)
         for key in ("from", "to", "speed", "cycles", "damping", "stiffness")
     )
     if damping == 0 and stiffness == 0:
         yield ("operator",), "damping and stiffness are both 0: the hand does not move the handle; give it one of them"
-    yield from _changing(raw, table)
     if start is None or end is None:
         return
     if start == end:
@@ -77,33 +75,6 @@ def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]
             ("operator",),
             f"about {pi * cycles * samples:.3g} samples; at most {MOST_SAMPLES}: fewer cycles, faster or less far",
         )
-
-
-def _changing(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the contradictions in the changes of the hand."""
-    hand = table.get("operator")
-    if not isinstance(hand, dict):
-        return
-    dwell, changes = number_at(table, "operator", "dwell"), hand.get("regrip") is True or "other_damping" in hand
-    times = hand.get("changes_at")
-    stated = [key for key in ("dwell", "changes_at") if hand.get(key)]
-    if stated and not changes:
-        yield ("operator", stated[0]), "nothing changes; write regrip = true or other_damping"
-    if changes and not stated:
-        yield ("operator",), "a hand that changes needs the time between two changes; write dwell or changes_at"
-    if len(stated) > 1:
-        yield ("operator", "changes_at"), "dwell says when the hand changes; leave one of them out"
-    sample_time = number_at(raw, "device", "sample_time")
-    if isinstance(times, list) and sample_time and all(isinstance(each, int | float) for each in times):
-        for one, other in pairwise([0.0, *times]):
-            if other - one < sample_time * (1 - 1e-9):
-                yield (
-                    ("operator", "changes_at"),
-                    f"{other:g} s is less than a sample time after {one:g} s; write increasing times at least "
-                    f"{sample_time:g} s apart",
-                )
-    if dwell is not None and sample_time and 0 < dwell < sample_time:
-        yield ("operator", "dwell"), f"{dwell:g} s is shorter than a sample time; write at least {sample_time:g}"
 
 
 def _rendering(table: dict[str, Any]) -> Iterator[Contradiction]:

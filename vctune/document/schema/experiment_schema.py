@@ -47,27 +47,6 @@ class SceneOperatorTable(Table):
     mass: NotNegative = Field(0.0, description="Mass of the hand, rigidly attached to the handle, kg.")
     damping: NotNegative = Field(2.0, description="Damping between hand and intended motion, N s/m.")
     stiffness: NotNegative = Field(1000.0, description="Stiffness between hand and intended motion, N/m.")
-    dwell: Positive | None = Field(
-        None,
-        description="Time from one change of the hand to the next, s, rounded to whole samples. Default: the "
-        "hand does not change.",
-    )
-    changes_at: tuple[Positive, ...] = Field(
-        (),
-        strict=False,
-        description="Times at which the hand changes, increasing, s, each rounded to a whole sample. They replace "
-        "dwell.",
-    )
-    other_damping: NotNegative | None = Field(
-        None,
-        description="Damping of the hand in every other interval, N s/m. Default: the damping is the same in all "
-        "intervals.",
-    )
-    regrip: bool = Field(
-        False,
-        strict=True,
-        description="Whether the hand lets go at each change and grips the handle at its present position.",
-    )
 
 
 class FrictionTable(Table):

@@ -12,13 +12,13 @@ from vctune.model.numbers.units import UNITS, Units
 # Last parts of the keys of numbers, in any table, by their quantity (`vctune.model.numbers.units`)
 QUANTITIES = {
     "mass": ("mass", "handle_mass"),
-    "damping": ("damping", "other_damping", "drag", "kd", "reference_impedance"),
+    "damping": ("damping", "drag", "kd", "reference_impedance"),
     "stiffness": ("stiffness", "kp"),
     "integral_gain": ("ki",),
     "force": ("coulomb", "stiction", "limit", "force_noise"),
     "position": ("zero", "from", "to", "position_resolution"),
     "speed": ("stribeck_velocity", "speed"),
-    "time": ("sample_time", "delay", "dwell", "changes_at"),
+    "time": ("sample_time", "delay"),
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz", "corner_hz"),
 }
 # Quantity of each number whose quantity depends on the whole key, not only on the last part of the key

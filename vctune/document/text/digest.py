@@ -18,7 +18,6 @@ from vctune.model.problem import Problem
 LATER: Mapping[str, Mapping[str, Any]] = {
     "stability": {"changing": None, "changing_mass_min": None},
     "worlds": {"walls": False, "corner": None, "rule": "trapezoid", "late": 0, "resistive": False},
-    "operator": {"dwell": None, "changes_at": (), "other_damping": None, "regrip": False},
     "environment": {"late": 0},
 }
 
@@ -60,7 +59,6 @@ def experiments_digest(experiments: Sequence[Experiment]) -> str:
     """Return the digest of a list of experiments."""
     stated = [asdict(experiment) for experiment in experiments]
     for each in stated:
-        each["operator"] = _without_defaults(each["operator"], LATER["operator"])
         each["environment"] = _without_defaults(each["environment"], LATER["environment"])
     return digest(stated)
 

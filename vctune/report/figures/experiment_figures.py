@@ -100,20 +100,6 @@ def _worst_off(run: RunRecord | None) -> str:
     return f"{100 * max(off, key=abs):+.2g} %" if off else ""
 
 
-def dwell_line(simulation: SimulationRecord) -> str:
-    """Return a sentence on the times between changes of the hand at which the loop stayed at rest; "" without such
-    experiments."""
-    changing = [(one.dwell_s, one.stayed) for one in simulation.experiments if one.dwell_s is not None]
-    if not changing:
-        return ""
-    grew = max((dwell for dwell, stayed in changing if not stayed), default=0.0)
-    rest = min((dwell for dwell, _ in changing if dwell > grew), default=None)
-    if rest is None:
-        return f"Simulated, not proved: with a hand that changed every {1e3 * grew:.4g} ms the loop grew."
-    told = f"Simulated, not proved: hands that changed every {1e3 * rest:.4g} ms or slower stayed at rest"
-    return f"{told}; every {1e3 * grew:.4g} ms one grew." if grew else f"{told}."
-
-
 def _cells(run: RunRecord, units: Units, command_unit: str) -> tuple[str, ...]:
     stable = "stable" if run.loop.stable else f"unstable at {run.loop.hz:.4g} Hz"
     measured = run.metrics

@@ -13,7 +13,7 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import Row
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.model.problem import Problem
-from vctune.report.figures.experiment_figures import HEADINGS, dwell_line, measured_rows, simulation_finding
+from vctune.report.figures.experiment_figures import HEADINGS, measured_rows, simulation_finding
 from vctune.report.page.contents import IN_WORDS, READINGS, reading
 from vctune.report.page.findings import findings, limits
 from vctune.report.page.phase_table import phase_table
@@ -61,7 +61,6 @@ def design_page(
         sliders=_script_json(slider_data) if slider_data is not None else None,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,
-        dwell=dwell_line(simulation) if simulation else "",
         translated=problem.units.translated,
     )
 

@@ -14,19 +14,15 @@ from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.firmware.controller import State, control, encoded, remembered_by
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics import rigid_motion
-from vctune.simulation.mechanics.assembly import Assembly, applied, assembly, sensing
+from vctune.simulation.mechanics.assembly import Assembly, applied, sensing
 from vctune.simulation.mechanics.assembly import transition as assembled_transition
 from vctune.simulation.mechanics.intended_motion import push_matrix
 from vctune.simulation.mechanics.rigid_motion import timing
 from vctune.simulation.mechanics.step_inputs import (
-    INPUT_NAMES,
     INTENDED,
-    INTENDED_VELOCITY,
-    NEXT_INTENDED,
     NEXT_INTENDED_VELOCITY,
-    REGRIP,
 )
-from vctune.simulation.mechanics.step_symbols import SampleSymbols, acting, at_rest, sample_symbols, values_at
+from vctune.simulation.mechanics.step_symbols import acting, at_rest, sample_symbols, values_at
 from vctune.simulation.mechanics.stretches import SYMBOLS, Stretch, fixed_steps, push_at
 from vctune.simulation.scene import Scene
 
@@ -34,6 +30,7 @@ SAMPLES_PER_CALL = 1024  # Number of samples per call of the compiled function, 
 # Columns that a simulation records at each sample: x, v, f_h, x_e, v_e, f_e, u, f_s
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")  # Additional recorded columns if motor and handle move differently
+MOTION = slice(INTENDED, NEXT_INTENDED_VELOCITY + 1)  # x_i and v_i at a sample and at the next, among the inputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,58 +46,35 @@ class Step:
         return self.advance.mapaccum(SAMPLES_PER_CALL)
 
 
-def build(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = None) -> Step:
+def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
     """Assemble and compile the step of a scene; `stretch` integrates the friction."""
-    wired = sample_symbols(scene, len(INPUT_NAMES))
+    wired = sample_symbols(scene)
+    mechanism, motion, inputs, body, begin = wired.mechanism, wired.motion, wired.inputs, wired.body, wired.begin
     memory = {field.name: ca.SX.sym(field.name) for field in fields(State)}
     remembered, command = control(scene.law, State(**memory), wired.measurement, SYMBOLS)
     used = remembered_by(scene.law)
-    not_zero = {"reference": wired.begin.reference, "measured": encoded(scene.law, wired.begin.position, FLOATS)}
-    firmware = _Firmware(
-        memory=[memory[name] for name in used],
-        kept=[getattr(remembered, name) for name in used],
-        start=[not_zero.get(name, 0.0) for name in used],
-        answer=[remembered.reference, remembered.desired, command.environment, command.given],
-    )
-    return _compiled(scene, stretch, wired, firmware, then)
-
-
-@dataclass(frozen=True, slots=True)
-class _Firmware:
-    """The state of a firmware before a sample (`memory`), after the sample (`kept`) and at the start (`start`), and the
-    firmware's outputs: x_e, v_e, f_e and u."""
-
-    memory: list[Any]
-    kept: list[Any]
-    start: list[float]
-    answer: list[Any]
-
-
-def _compiled(scene: Scene, stretch: Stretch, wired: SampleSymbols, firmware: _Firmware, then: Scene | None) -> Step:
-    """Compile a sample: record and firmware of the scene, and then the motion, with the changed hand if there is
-    one."""
-    scene_after = scene if then is None else then
-    mechanism = wired.mechanism if then is None else assembly(then)
-    motion, inputs, body, begin = wired.motion, wired.inputs, wired.body, wired.begin
-    record = [motion.handle.x, motion.handle.v, motion.force, *firmware.answer, wired.measurement.force]
+    not_zero = {"reference": begin.reference, "measured": encoded(scene.law, begin.position, FLOATS)}
+    answer = [remembered.reference, remembered.desired, command.environment, command.given]
+    record = [motion.handle.x, motion.handle.v, motion.force, *answer, wired.measurement.force]
     record += [motion.motor.x, motion.motor.v] if scene.device.structure is not None else []
-    commands, forces = [firmware.answer[-1], *wired.commands], [motion.sensed, *wired.unread]  # the newest first
-    state = ca.vertcat(body, *firmware.memory, *wired.commands, *wired.unread, *wired.filtered)
+    commands, forces = [command.given, *wired.commands], [motion.sensed, *wired.unread]  # the newest first
+    state = ca.vertcat(body, *(memory[name] for name in used), *wired.commands, *wired.unread, *wired.filtered)
     # the oldest command and the oldest force are no longer needed
-    kept = ca.vertcat(*firmware.kept, *commands[:-1], *forces[:-1], *wired.filtered_after)
+    after = [getattr(remembered, name) for name in used]
+    kept = ca.vertcat(*after, *commands[:-1], *forces[:-1], *wired.filtered_after)
     *_, late, early = acting(scene, commands)  # u[k-N] and u[k-N-1] of `Timing`
     start = [
-        *at_rest(scene, wired.mechanism, begin),
-        *firmware.start,
+        *at_rest(scene, mechanism, begin),
+        *(not_zero.get(name, 0.0) for name in used),
         *(begin.motor for _ in wired.commands),
         *(begin.hand for _ in [*wired.unread, *wired.filtered]),
     ]
     if scene.friction is None:
-        body_after = _body_after_without_friction(scene_after, mechanism, body, inputs, early, late)
+        body_after = _body_after_without_friction(scene, mechanism, body, inputs, early, late)
         advance = ca.Function("one", [state, inputs], [ca.vertcat(body_after, kept), ca.vertcat(*record)])
     else:
         outputs = ca.Function("firmware", [state, inputs], [kept, ca.vertcat(*record), early, late])
-        advance = _with_friction(scene_after, mechanism, scene.friction, stretch, outputs)
+        advance = _with_friction(scene, mechanism, scene.friction, stretch, outputs)
     return Step(advance, np.array(start))
 
 
@@ -121,22 +95,9 @@ def _body_after_without_friction(
 ) -> Any:
     """Return the body after a sample without friction, by matrix exponentials: `early` acts first, then `late`."""
     exact = rigid_motion.transition(scene) if mechanism is None else assembled_transition(scene, mechanism)
-    after = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), _motion(scene, inputs))
+    after = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), inputs[MOTION])
     after = after + ca.DM(exact.late) * late
     return after + ca.DM(exact.early) * early if exact.early.any() else after
-
-
-def _motion(scene: Scene, inputs: Any) -> Any:
-    """Return x_i and v_i at this sample and at the next, for the grip from this sample on."""
-    if not scene.operator.regrip:
-        return inputs[INTENDED : NEXT_INTENDED_VELOCITY + 1]
-    regrip = inputs[REGRIP]
-    return ca.vertcat(
-        inputs[INTENDED] + regrip,
-        inputs[INTENDED_VELOCITY],
-        inputs[NEXT_INTENDED] + regrip,
-        inputs[NEXT_INTENDED_VELOCITY],
-    )
 
 
 def _with_friction(scene: Scene, mechanism: Assembly | None, friction: Friction, stretch: Stretch, outputs: Any) -> Any:
@@ -145,7 +106,7 @@ def _with_friction(scene: Scene, mechanism: Assembly | None, friction: Friction,
     derivatives = ca.DM(push_matrix(scene.operator, T))
     state, inputs = ca.MX.sym("state", outputs.size_in(0)), ca.MX.sym("inputs", outputs.size_in(1))
     kept, record, early, late = outputs(state, inputs)
-    push = ca.mtimes(derivatives, _motion(scene, inputs))
+    push = ca.mtimes(derivatives, inputs[MOTION])
     # the moving parts (x and v of a single mass), and z of the friction
     body, sensed = state[: 3 if mechanism is None else mechanism.size + 1], []
     borders = {0.0, early_ends, T} | ({force_taken} if force_taken is not None else set())
