@@ -532,7 +532,7 @@ def test_a_gains_file_without_gains_is_checked(tmp_path):
 def test_the_report_of_an_impedance_display(tmp_path):
     solved = vctune.solve("problems/delta-4khz.toml")
     made = report_files(record_of(problem_of("problems/delta-4khz.toml"), solved), tmp_path)
-    assert {path.stem for path in made} == {"report", "loop", "any-hand", "impedance", "transparency"}
+    assert {path.stem for path in made} == {"report", "any-hand", "impedance", "transparency"}
     page = made[tmp_path / "report.html"].replace("\u202f", " ")
     assert "A wall may be as stiff as 3232 N/m" in page
     assert "Re 1/Z_c" in page

@@ -91,10 +91,6 @@ def axis(environment: Environment) -> Literal["position", "velocity"]:
     return "position" if environment.stiffness > 0 else "velocity"
 
 
-def _finite(number: float) -> float | None:
-    return number if isfinite(number) else None
-
-
 def _run(run: Run, curve: list[list[float]]) -> RunRecord:
     return RunRecord(
         diverged_s=run.traces.diverged,

@@ -14,7 +14,7 @@ from vctune.simulation.firmware.controller import Measurement
 from vctune.simulation.mechanics.assembly import Assembly, applied, assembly, sensing
 from vctune.simulation.mechanics.friction import Slide, friction_force
 from vctune.simulation.mechanics.rigid_motion import timing
-from vctune.simulation.mechanics.step_inputs import INTENDED, INTENDED_VELOCITY, NOISE
+from vctune.simulation.mechanics.step_inputs import INPUT_NAMES, INTENDED, INTENDED_VELOCITY, NOISE
 from vctune.simulation.mechanics.stretches import SYMBOLS
 from vctune.simulation.scene import Equilibrium, Scene, equilibrium
 
@@ -45,10 +45,10 @@ class SampleSymbols:
     measurement: Measurement  # values that the firmware reads
 
 
-def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
+def sample_symbols(scene: Scene) -> SampleSymbols:
     """Return the symbols of a scene, and the firmware's input: motion of the motor, and the delayed, noisy force."""
     sensor, mechanism, begin = sensing(scene), assembly(scene), equilibrium(scene)
-    body, inputs = ca.SX.sym("body", len(at_rest(scene, mechanism, begin))), ca.SX.sym("inputs", input_count)
+    body, inputs = ca.SX.sym("body", len(at_rest(scene, mechanism, begin))), ca.SX.sym("inputs", len(INPUT_NAMES))
     # past commands that still act: one for each whole sample of delay, and one that ends within a sample; a servo that
     # interpolates between positions also needs the position before these
     count = timing(scene).whole_samples + (2 if _interpolates(scene) else 1)
