@@ -150,7 +150,7 @@ def test_file_size_limit_leaves_the_old_design(device, tmp_path):
     assert done.returncode == ExitCode.BAD_INPUT
     assert "cannot be written" in done.stderr
     assert design.read_text() == before
-    assert sorted(path.name for path in design.parent.iterdir()) == ["design.json", "gains.toml", "problem-file.txt"]
+    assert sorted(path.name for path in design.parent.iterdir()) == ["design.json", "gains.toml"]
 
 
 @pytest.mark.parametrize(
@@ -292,23 +292,13 @@ def test_own_input_is_not_overwritten(tmp_path):
     assert (folder / "gains.toml").read_text() == for_passive_hands(DEVICE)
 
 
-def test_designs_of_other_problems_are_not_overwritten(tmp_path):
-    for name, code in (("a/b", ExitCode.OK), ("a:b", ExitCode.BAD_INPUT), ("a/b", ExitCode.OK)):
-        (tmp_path / "n.toml").write_text(for_passive_hands(f'name = "{name}"\n' + DEVICE))
-        assert run("solve", "n.toml", cwd=tmp_path).returncode == code
-
-
 @pytest.mark.slow
-def test_old_gains_are_set_aside_when_there_is_no_design(device, tmp_path):
+def test_old_gains_are_removed_when_there_is_no_design(device, tmp_path):
     run("solve", device, cwd=tmp_path)
-    before = (tmp_path / "results/device/gains.toml").read_text()
     device.write_text(for_passive_hands(DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n"))
     done = run("solve", device, "--quiet", cwd=tmp_path)
     assert done.returncode == ExitCode.FAILED
-    assert "gains.previous.toml" in done.stderr
-    names = sorted(path.name for path in (tmp_path / "results/device").iterdir())
-    assert names == ["design.json", "gains.previous.toml", "problem-file.txt"]
-    assert (tmp_path / "results/device/gains.previous.toml").read_text() == before
+    assert [path.name for path in (tmp_path / "results/device").iterdir()] == ["design.json"]
 
 
 @pytest.fixture
@@ -324,7 +314,7 @@ def reported(device, tmp_path) -> Path:
 def test_no_report_leaves_no_stale_report(device, reported, tmp_path):
     """The earlier report and the files of its figures are removed; what is not vctune's stays."""
     assert run("solve", device, "--quiet", cwd=tmp_path).stderr == ""
-    kept = ["design.json", "gains.toml", "mine.png", "problem-file.txt"]
+    kept = ["design.json", "gains.toml", "mine.png"]
     assert sorted(path.name for path in reported.iterdir()) == kept
 
 
@@ -364,7 +354,7 @@ def test_sigterm_is_an_interruption(tmp_path):
     running.terminate()
     running.communicate(timeout=60)
     assert running.returncode == ExitCode.INTERRUPTED
-    assert {path.name for path in tmp_path.rglob("*") if path.is_file()} <= {"problem-file.txt"}
+    assert {path.name for path in tmp_path.rglob("*") if path.is_file()} <= set()
 
 
 def test_several_problems_are_solved_each_into_its_folder(tmp_path):

@@ -65,7 +65,7 @@ ONLY_FILES = (
 from vctune.document.text.output_files import write_together
 """,
     """
-write_together({Path("a"): "new", Path("b"): "new", Path("c"): "new"}, [Path("d"), Path("none")], [Path("e.txt")])
+write_together({Path("a"): "new", Path("b"): "new", Path("c"): "new"}, [Path("d"), Path("none")])
 """,
 )
 COMMAND = """
@@ -115,45 +115,22 @@ def visible(folder):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_files_of_one_run(tmp_path, number):
     (tmp_path / "before").mkdir()
-    for name in ("a", "b", "c", "d", "e.txt"):
+    for name in ("a", "b", "c", "d"):
         (tmp_path / "before" / name).write_text("old")
     ends = ended(tmp_path, ONLY_FILES, number)
     assert len(ends) > 10
     for _, folder in ends[:-1]:
         left = visible(folder)
-        aside = left.pop("e.previous.txt", None)
         assert "a" in left and len(set(left.values())) == 1
-        assert (aside == b"old") != ("e.txt" in left)
-    assert visible(ends[-1][1]) == {"a": b"new", "b": b"new", "c": b"new", "e.previous.txt": b"old"}
-
-
-KEEPING = (
-    ONLY_FILES[0],
-    'write_together({Path("a.x"): "new", Path("b.x"): "new"}, aside=[Path("b.x"), Path("a.x")])',
-)
-
-
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_files_that_are_replaced_and_kept(tmp_path, number):
-    (tmp_path / "before").mkdir()
-    for name, content in (("a", "old"), ("b", "old"), ("a.previous", "older"), ("b.previous", "older")):
-        (tmp_path / "before" / f"{name}.x").write_text(content)
-    ends = ended(tmp_path, KEEPING, number)
-    assert len(ends) > 5
-    for _, folder in ends:
-        left = visible(folder)
-        kept = {left.pop(name) for name in list(left) if "previous" in name}
-        assert len(set(left.values())) <= 1 and len(kept) <= 1
-        assert b"old" in kept | set(left.values())
-    assert visible(ends[-1][1]) == {"a.x": b"new", "b.x": b"new", "a.previous.x": b"old", "b.previous.x": b"old"}
+    assert visible(ends[-1][1]) == {"a": b"new", "b": b"new", "c": b"new"}
 
 
 def digests(folder):
-    """Return of which problem each file of a design says that it is, those that are set aside apart."""
+    """Return of which problem each file of a design says that it is, without its simulation."""
     texts = {
         name: content.decode()
         for name, content in visible(folder).items()
-        if not name.endswith((".npz", ".txt")) and ".previous" not in name
+        if not name.endswith(".npz") and not name.startswith("simulation.")
     }
     found = {name: re.search(r"[0-9a-f]{64}", text)[0] for name, text in texts.items()}
     assert "design.json" in found
@@ -194,9 +171,7 @@ def test_a_design_and_what_shows_it_are_of_one_run(earlier, tmp_path, command, n
         is_old = left["design.json"] == old["design.json"]
         assert len(set(left.values())) == 1, left
         if "report.html" in left:
-            assert left.keys() | {"simulation.json", "simulation.svg"} == old.keys()
-        if (traces := folder / "results/device/traces.npz").exists():
-            assert (traces.read_bytes() == b"old") == is_old
+            assert left.keys() == old.keys()
         if number != signal.SIGKILL:
             assert code in (ExitCode.OK, ExitCode.INTERRUPTED) and not hidden
         kinds.add((is_old, "report.html" in left))
@@ -218,7 +193,7 @@ def test_ctrl_c_while_the_report_is_drawn(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr.strip()) == (ExitCode.INTERRUPTED, "interrupted")
     assert done.stdout == ""
-    assert set(visible(tmp_path / "results/device")) == {"design.json", "gains.toml", "problem-file.txt"}
+    assert set(visible(tmp_path / "results/device")) == {"design.json", "gains.toml"}
 
 
 @pytest.mark.parametrize(
@@ -237,12 +212,11 @@ def test_solving_again_changes_no_byte(tmp_path, design):
 
 def test_a_place_that_is_a_folder_leaves_everything(tmp_path):
     (tmp_path / "a").write_text("old")
-    (tmp_path / "b.previous").mkdir()
-    (tmp_path / "b").write_text("old")
-    with pytest.raises(Exception, match=r"b\.previous: cannot be written: Is a directory"):
-        write_together({tmp_path / "a": "new"}, aside=[tmp_path / "b"])
-    assert (tmp_path / "a").read_text() == (tmp_path / "b").read_text() == "old"
-    assert len(os.listdir(tmp_path)) == 3
+    (tmp_path / "b").mkdir()
+    with pytest.raises(Exception, match=r"b: cannot be written: Is a directory"):
+        write_together({tmp_path / "a": "new"}, [tmp_path / "b"])
+    assert (tmp_path / "a").read_text() == "old"
+    assert len(os.listdir(tmp_path)) == 2
 
 
 @pytest.mark.parametrize(

@@ -162,7 +162,7 @@ def test_interrupted_leaves_nothing_half_written(tmp_path):
     running.send_signal(signal.SIGINT)
     _, error = running.communicate(timeout=60)
     assert (running.returncode, error.strip()) == (ExitCode.INTERRUPTED, "interrupted")
-    assert {item.name for item in folder.iterdir()} == {"gains.toml", "design.json", "problem-file.txt"}
+    assert {item.name for item in folder.iterdir()} == {"gains.toml", "design.json"}
 
 
 # measures

@@ -44,7 +44,7 @@ def record_of(folder):
 def test_the_file_holds_the_region(baseline):
     record = record_of(baseline)
     written = {path.name for path in (baseline / "results/device").iterdir()}
-    assert written == {"problem-file.txt", "region.json", "region.svg"}
+    assert written == {"region.json", "region.svg"}
     assert record["problem"]["text"] == for_passive_hands(PLAIN)
     assert record["axes"] == {"x": K_V, "y": K_P}
     assert record["others"] == {B_C: {"min": 10.0, "max": 3000.0}, M_C: {"min": 0.05, "max": 4.0}, B_0: 0.0}
@@ -311,7 +311,7 @@ def test_an_interrupted_region_holds_what_was_decided(baseline, interrupted):
         "interrupted: some undecided cells were not examined" in (interrupted / "results/device/region.svg").read_text()
     )
     left = {path.name for path in (interrupted / "results/device").iterdir()}
-    assert left == {"problem-file.txt", "region.json", "region.svg"}
+    assert left == {"region.json", "region.svg"}
 
 
 def test_an_interrupted_region_is_a_baseline_of_what_it_has(interrupted):
@@ -322,24 +322,6 @@ def test_an_interrupted_region_is_a_baseline_of_what_it_has(interrupted):
     assert f"proved again: {100 * area:.4g} % of the plane and the listed gain sets, 1" in done.stdout
     (interrupted / "device.toml").write_text(for_passive_hands(PLAIN.replace("mass = 0.4", "mass = 0.6", 1)))
     assert run("check", "device.toml", "--region", region_file, cwd=interrupted).returncode == ExitCode.FAILED
-
-
-def test_no_whole_region_is_lost_to_an_interrupted_one(baseline, tmp_path, monkeypatch):
-    """Not by the first interrupted run, and not by the next; a run that ends replaces the interrupted one."""
-    shutil.copytree(baseline, tmp_path, dirs_exist_ok=True)
-    place = tmp_path / "results/device"
-    whole = {path.name: path.read_bytes() for path in place.glob("region.*")}
-    for batch, said in ((2, "; the earlier one is region.previous.json now"), (1, "")):
-        with monkeypatch.context() as patched:
-            struck(patched, signal.SIGINT, batch)
-            done = run("region", "device.toml", "--resolution", "0.03125", "--quiet", cwd=tmp_path)
-        text = f"results/device/region.json: holds what was decided before the interrupt{said} [interrupted]\n"
-        assert (done.returncode, done.stdout, done.stderr) == (ExitCode.UNDECIDED, "", text)
-        assert json.loads((place / "region.json").read_text())["interrupted"]
-        for name, content in whole.items():
-            assert (place / name.replace(".", ".previous.")).read_bytes() == content
-    assert run("region", "device.toml", "--resolution", "0.03125", cwd=tmp_path).returncode == ExitCode.OK
-    assert {name: (place / name).read_bytes() for name in whole} == whole
 
 
 def test_an_interrupted_region_refutes_nothing(tmp_path, monkeypatch):
@@ -390,7 +372,7 @@ def test_one_interrupt_leaves_what_was_decided_and_two_leave_nothing(baseline, n
     left = {path.name for path in (out / "device").iterdir()}
     assert (done.returncode, "Traceback" in done.stderr) == (code, False)
     assert done.stdout.count("went on") == 1
-    assert left - {"problem-file.txt"} == ({"region.json", "region.svg"} if code is ExitCode.UNDECIDED else set())
+    assert left == ({"region.json", "region.svg"} if code is ExitCode.UNDECIDED else set())
 
 
 @pytest.mark.slow

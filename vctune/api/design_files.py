@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from vctune.api.folders import DESIGN_FILE, GAINS_FILE, claim_folder, outdated
+from vctune.api.folders import DESIGN_FILE, GAINS_FILE
 from vctune.design.result import Solved
 from vctune.design.verdict.design_record import record_of
 from vctune.document.building import ProblemSource
@@ -22,7 +22,7 @@ from vctune.document.records.printed_json import ReportRecord as ReportRecord
 from vctune.document.records.simulation_json import simulation_beside
 from vctune.document.text.date import today
 from vctune.document.text.errors import InputError
-from vctune.document.text.output_files import make_folder, previous, write_together
+from vctune.document.text.output_files import make_folder, write_together
 from vctune.report.page.contents import REPORT as REPORT
 from vctune.report.page.contents import report_paths
 
@@ -34,8 +34,7 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
     ----------
     problem : the problem that was solved
     solved : result of `solve`
-    folder : folder for the files; the function creates it if it does not exist and renames files of an earlier design
-        in it
+    folder : folder for the files; the function creates it if it does not exist
 
     Returns
     -------
@@ -45,21 +44,21 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
     Raises
     ------
     InputError
-        If the folder cannot be written, or contains the design of another problem or file. The function then changes no
-        file.
+        If the folder cannot be written. The function then changes no file.
     """
     file, folder = problem_of(problem), Path(folder)
-    claim_folder(file, folder)
+    make_folder(folder)
     write_solved(folder, file, solved)
     return folder / DESIGN_FILE
 
 
-def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[DesignRecord, dict[Path, Path]]:
+def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> DesignRecord:
     """Write gains.toml and design.json into an existing folder, and remove the report of an earlier design."""
     from vctune.design.nlp.ipopt_version import ipopt_version
 
     record = record_of(file, solved, ipopt_version(), today())
-    return record, write_record(folder, file, record)
+    _write_record(folder, file, record)
+    return record
 
 
 def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: str | Path | None = None) -> Path:
@@ -107,8 +106,8 @@ def known_record(source: Any) -> DesignRecord | None:
     return None
 
 
-def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[Path, Path]:
-    """Write design.json and gains.toml, and remove the report of an earlier design."""
+def _write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> None:
+    """Write design.json and gains.toml, and remove the report, and without a design the gains, of an earlier design."""
     files = {folder / DESIGN_FILE: json_text(record)}
     gains, kind = folder / GAINS_FILE, file.problem.device.kind
     if record.design is not None and record.certificate is not None:
@@ -122,10 +121,7 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[
         if (hands := record.certificate.hands) is not None and hands.walls is not None:
             origin["corner_hz"] = hands.walls.corner_hz
         files[gains] = gains_text(kind, *record.design, origin, record.problem.units)
-    earlier = [gains] if record.design is None and gains.exists() else []
-    earlier += outdated(folder, record)
-    write_together(files, report_paths(folder), earlier)
-    return {place: previous(place) for place in earlier}
+    write_together(files, [*report_paths(folder), *([] if gains in files else [gains])])
 
 
 def json_text(record: DesignRecord) -> str:

@@ -10,7 +10,6 @@ from typing import get_args
 
 from vctune.api.argument_ranges import Format
 from vctune.api.design_files import known_record
-from vctune.api.folders import claim_folder
 from vctune.design.ros.admittance_design import problems_of_axes
 from vctune.design.search.optimum import Progress
 from vctune.design.verdict.judge import Status
@@ -155,9 +154,8 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     Raises
     ------
     InputError
-        If the folder cannot be written, or contains the design of another problem.
+        If the folder cannot be written.
     """
-    claim_folder(exported.file, Path(folder))
     place = Path(folder) / FOLDER
     make_folder(place)
     write_together({place / name: content for name, content in exported.files.items()})

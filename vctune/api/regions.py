@@ -20,9 +20,8 @@ from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design_for as design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile
-from vctune.document.records.region_json import read_region
 from vctune.document.text.errors import InputError, Mistake
-from vctune.document.text.output_files import previous, write_together
+from vctune.document.text.output_files import write_together
 from vctune.model.gains import AnyCoupling
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, seconds_left, unlimited
@@ -152,7 +151,7 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
     return file
 
 
-def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, bool]:
+def write_region(found: AdmissibleGains, folder: Path) -> bool:
     """Write region.json, and its picture if there is time to draw it."""
     with unlimited():
         text = json.dumps(found.record(), allow_nan=False) + "\n"
@@ -160,9 +159,8 @@ def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, boo
     with suppress(OutOfTimeError):
         pictures = _picture(found, folder)
     place, picture = folder / REGION_FILE, folder / PICTURE
-    kept = [picture, place] if found.region.interrupted and place.exists() and not _interrupted(place) else []
-    write_together({place: text, **pictures}, () if pictures or kept else (picture,), kept)
-    return previous(place) if kept else None, bool(pictures)
+    write_together({place: text, **pictures}, () if pictures else (picture,))
+    return bool(pictures)
 
 
 def _picture(result: AdmissibleGains, folder: Path) -> dict[Path, str]:
@@ -174,11 +172,3 @@ def _picture(result: AdmissibleGains, folder: Path) -> dict[Path, str]:
 
     figure = region_figure(result.file.problem, result.region, result.designs, result.marked)
     return {folder / PICTURE: svg(figure, Path(PICTURE).stem)}
-
-
-def _interrupted(place: Path) -> bool:
-    """Return whether a file contains the region of an interrupted search; False if the file is not readable."""
-    try:
-        return read_region(place).interrupted
-    except InputError:
-        return False

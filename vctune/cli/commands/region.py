@@ -89,15 +89,14 @@ def region(
             found = find(file, x, y, given, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
             late = found.region.interrupted and not stopped()
             progress("drawing")
-            kept, drawn = write_region(found, folder)
+            drawn = write_region(found, folder)
     interrupted = found.region.interrupted
     if interrupted:
-        earlier = f"; the earlier one is {kept.name} now" if kept else ""
         holds = f"{folder / REGION_FILE}: holds what was decided before"
         if late:
-            warn("time-limit", f"{holds} the time limit{earlier}")
+            warn("time-limit", f"{holds} the time limit")
         else:
-            warn("interrupted", f"{holds} the interrupt{earlier}")
+            warn("interrupted", f"{holds} the interrupt")
     if not drawn:
         warn("time-limit", "there was no time for the picture; a longer --time-limit leaves time to draw it")
     lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]

@@ -79,12 +79,11 @@ def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains,
     return None."""
     from vctune.api.design_files import write_solved
     from vctune.api.experiments import solve_to_simulate
-    from vctune.cli.commands.solve import say_renamed
     from vctune.cli.printing.output import warn
 
     solved = solve_to_simulate(file, progress)
     judgement = solved.judgement
-    say_renamed(write_solved(folder, file, solved)[1])
+    write_solved(folder, file, solved)
     if judgement is None:
         warn("no-design", f"{file.problem.name}: nothing to simulate: {solved.reason}")
         return None

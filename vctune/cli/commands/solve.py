@@ -141,8 +141,7 @@ def _solved(
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file, gap=gap, prices=report, progress=progress)
-        record, renamed = write_solved(folder, file, solved)
-        say_renamed(renamed)
+        record = write_solved(folder, file, solved)
         drawn = not report
         with suppress(OutOfTimeError):
             if report:
@@ -160,9 +159,3 @@ def _solved(
     unfinished = open_ or cut or not drawn
     undecided = unfinished and solved.status is Status.CERTIFIED
     return record, ExitCode.UNDECIDED if undecided else of_status(solved.status)
-
-
-def say_renamed(renamed: dict[Path, Path]) -> None:
-    """Print the names of the renamed files of an earlier design."""
-    for place, kept in renamed.items():
-        click.echo(f"{place}: of an earlier design, renamed to {kept.name}", err=True)

@@ -14,7 +14,6 @@ Code = Literal[
     "contradiction",
     "damaged-document",
     "file-exists",
-    "folder-in-use",
     "internal-error",
     "interrupted",
     "left-out-certain",

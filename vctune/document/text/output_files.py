@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -19,30 +18,24 @@ MAX_NAME_BYTES = 100  # Greatest length of a folder's name, in bytes of UTF-8
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
 
 
-def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
+def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = ()) -> None:
     """Replace the files of an earlier run with the files of a new run. SIGINT and SIGTERM take effect only
     afterwards."""
     raise_lost_interrupt()
     first, *others = files
-    renamed = {path: previous(path) for path in aside if path.exists()}
     with interrupt_deferred():
         complete: dict[Path, str] = {}
         place = first
         try:
-            for place in (*files, *stale, *(kept for path, kept in renamed.items() if not path.is_dir())):
+            for place in (*files, *stale):
                 if place.is_dir():
                     raise IsADirectoryError(21, "Is a directory")
             for place, content in files.items():
                 handle, complete[place] = tempfile.mkstemp(dir=place.parent, prefix=f".{place.name}.")
                 _fill(handle, content)
                 os.chmod(complete[place], 0o666 & ~_umask())
-            older = (place for place in reversed(others) if place not in renamed)
-            for place in (*stale, *renamed.values(), *older):
-                if place.is_dir():
-                    shutil.rmtree(place)
+            for place in (*stale, *reversed(others)):
                 place.unlink(missing_ok=True)
-            for place, kept in renamed.items():
-                os.replace(place, kept)
             for place in files:
                 os.replace(complete.pop(place), place)
         except OSError as error:
@@ -50,11 +43,6 @@ def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), as
         finally:
             for name in complete.values():
                 Path(name).unlink(missing_ok=True)
-
-
-def previous(path: Path) -> Path:
-    """Return the path to which `write_together` renames a file that it sets aside."""
-    return path.with_suffix(f".previous{path.suffix}")
 
 
 def make_folder(path: Path) -> None:
