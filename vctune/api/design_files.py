@@ -57,7 +57,7 @@ def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> DesignRecor
     from vctune.design.nlp.ipopt_version import ipopt_version
 
     record = record_of(file, solved, ipopt_version(), today())
-    _write_record(folder, file, record)
+    write_record(folder, file, record)
     return record
 
 
@@ -106,7 +106,7 @@ def known_record(source: Any) -> DesignRecord | None:
     return None
 
 
-def _write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> None:
+def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> None:
     """Write design.json and gains.toml, and remove the report, and without a design the gains, of an earlier design."""
     files = {folder / DESIGN_FILE: json_text(record)}
     gains, kind = folder / GAINS_FILE, file.problem.device.kind
