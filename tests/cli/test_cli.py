@@ -62,7 +62,7 @@ def test_json_is_the_file_and_nothing_else(device, tmp_path):
     }  # fmt: skip
     for table, keys in contract.items():
         assert keys <= set(design[table])
-    assert {"at_bound", "left_out", "solver", "versions"} <= set(design)
+    assert {"at_bound", "solver", "versions"} <= set(design)
 
 
 def test_pasted_gains_are_certified_again(device, tmp_path):
@@ -281,15 +281,6 @@ def test_help_names_commands_and_exit_codes(tmp_path):
 def test_colour_only_for_terminals_and_never_with_no_color(device, tmp_path):
     assert "\x1b[" not in run("solve", device, cwd=tmp_path).stdout
     assert "\x1b[3" not in process("solve", device, cwd=tmp_path, FORCE_COLOR="1", NO_COLOR="1").stdout
-
-
-def test_own_input_is_not_overwritten(tmp_path):
-    folder = tmp_path / "results" / "gains"
-    folder.mkdir(parents=True)
-    (folder / "gains.toml").write_text(for_passive_hands(DEVICE))
-    done = run("solve", folder / "gains.toml", cwd=tmp_path)
-    assert done.returncode == ExitCode.BAD_INPUT
-    assert (folder / "gains.toml").read_text() == for_passive_hands(DEVICE)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from vctune.api.argument_ranges import GAPS
-from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limited, verbose_option
+from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limited
 from vctune.running import OutOfTimeError, check_time
 
 
@@ -25,7 +25,6 @@ from vctune.running import OutOfTimeError, check_time
     "--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Number of threads for the search."
 )
 @out_option()
-@verbose_option
 @output_options()
 @time_limited
 def bound(
@@ -34,7 +33,6 @@ def bound(
     gap: float,
     jobs: int,
     out: Path,
-    verbose: bool,
     style: str,
     quiet: bool,
 ) -> int:
@@ -83,7 +81,7 @@ def bound(
         from vctune.cli.printing.design_table import print_design
         from vctune.cli.printing.next_steps import after_bound
 
-        print_design(bounded.record, path.parent, after_bound(bounded.record, path, problem), verbose=verbose)
+        print_design(bounded.record, path.parent, after_bound(bounded.record, path, problem))
 
     answer(style, quiet, bounded.record.to_json, table)
     if bounded.status is Status.INFEASIBLE:

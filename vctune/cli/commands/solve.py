@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from vctune.api.argument_ranges import GAPS, STDIN
-from vctune.cli.printing.options import out_option, output_options, time_limit_option, verbose_option
+from vctune.cli.printing.options import out_option, output_options, time_limit_option
 from vctune.running import OutOfTimeError, check_time, time_limit_of_command
 from vctune.running import time_limit as limited
 
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     help="Also prove that no design has an error lower by more than this share; 0.03 stands for 3 %.",
 )
 @time_limit_option()
-@verbose_option
 @output_options()
 def solve(
     problems: tuple[Path, ...],
@@ -46,7 +45,6 @@ def solve(
     watch: bool,
     gap: float | None,
     time_limit: float,
-    verbose: bool,
     style: str,
     quiet: bool,
 ) -> int:
@@ -75,14 +73,11 @@ def solve(
                     gap=gap,
                     style=style,
                     quiet=quiet,
-                    verbose=verbose,
                 )
 
         on_every_save(problems[0], once)
     with time_limit_of_command(time_limit):
-        return _solve(
-            problems, out, report=not no_report, strict=strict, gap=gap, style=style, quiet=quiet, verbose=verbose
-        )
+        return _solve(problems, out, report=not no_report, strict=strict, gap=gap, style=style, quiet=quiet)
 
 
 def _solve(
@@ -94,7 +89,6 @@ def _solve(
     gap: float | None,
     style: str,
     quiet: bool,
-    verbose: bool,
 ) -> int:
     """Solve problems one after the other, write and print their designs, and return the worst exit code."""
     from vctune import read_problem
@@ -118,7 +112,7 @@ def _solve(
         codes.append(code)
         if style != "json":
             steps = after_design(record, folder, problem)
-            answer(style, quiet, record.to_json, partial(print_design, record, folder, steps, verbose=verbose))
+            answer(style, quiet, record.to_json, partial(print_design, record, folder, steps))
     if style == "json":
         found = [record.to_json() for record in records]
         answer(style, quiet, lambda: found if len(found) > 1 else found[0], lambda: None)

@@ -56,7 +56,7 @@ def _write(console: Console, text: str) -> None:
     console.file.write("".join(f"{line.rstrip()}\n" for line in text.splitlines()))
 
 
-def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), *, verbose: bool = False) -> None:
+def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = ()) -> None:
     """Print the status and the proved claims of a design, its numbers, its repairs, its warnings, and the folder of its
     files."""
     on_terminal = Console().is_terminal  # lines wrap at words on a terminal, but not in a file
@@ -81,8 +81,6 @@ def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), 
             say("vctune found no change of a single value that makes the problem feasible")
         for warning in record.warnings:
             say(f"[yellow]warning:[/yellow] {escape(warning)}")
-        for line in record.left_out if verbose else ():
-            say(f"[dim]left out: {escape(line)}[/dim]")
 
 
 def _repairs(repairs: list[RepairRecord]) -> str:

@@ -81,11 +81,6 @@ def time_limit_option(of: str = "") -> Added:
     )
 
 
-verbose_option: Added = click.option(
-    "--verbose", is_flag=True, help="Also list the parts of the work that the search left out."
-)
-
-
 def time_limited(command: Any) -> Any:
     """Add the option `--time-limit` to a command. The command's own code does not handle the time limit."""
 

@@ -19,7 +19,7 @@ from vctune.design.variables import Point, keys_for, point, ranges
 from vctune.design.verdict.claim_records import claim_records
 from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.judge import Judgement, judge
-from vctune.design.verdict.nlp_record import active, left_out, solver_record
+from vctune.design.verdict.nlp_record import active, solver_record
 from vctune.design.verdict.repair import CUT_SHORT, LONGEST
 from vctune.design.verdict.uncertainty_record import uncertainty_record
 from vctune.document.file_doubts import file_doubts
@@ -132,7 +132,6 @@ def _recorded(
         idle=judgement is not None and judgement.idle,
         repairs=None if solved.repairs is None else [RepairRecord(**asdict(repair)) for repair in solved.repairs],
         at_bound=touched,
-        left_out=[note.line for note in left_out(solved)],
         warnings=[note.line for note in said],
         solver=solver_record(solved),
         optimality=optimality_record(solved.optimality) if solved.optimality else None,

@@ -10,18 +10,16 @@ import numpy as np
 from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats
 from vctune.design.nlp.nlp_structure import DEMANDS
-from vctune.design.prepared import acting_terms, pose
+from vctune.design.prepared import pose
 from vctune.design.result import Polished, Solved
 from vctune.design.search.working_set import ConstraintPoint, stacked
-from vctune.design.variables import design_of, keys_for, ranges
+from vctune.design.variables import design_of
 from vctune.design.verdict.uncertainty_record import device_record
 from vctune.document.records.certificate_json import DeviceRecord
 from vctune.document.records.design_json import ActiveRecord
-from vctune.document.text.codes import Note
 from vctune.model.loop.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
-from vctune.model.transparency import TERMS
 
 ACTIVE = 1e-5  # Multiplier above which the record lists a constraint as active
 
@@ -75,44 +73,6 @@ def _priced(polished: Polished) -> Floats:
         loop = response(device, design_of(polished.values)[0], omega)
         multipliers[: len(ratio)] *= llewellyn_demand(loop, FLOATS) / modulus_excess(loop, FLOATS)
     return multipliers
-
-
-def left_out(solved: Solved) -> list[Note]:
-    """Return the parts that the NLP omits, each with the reason."""
-    problem = solved.problem
-    found = []
-    for key, bounds in zip(keys_for(problem), ranges(problem), strict=True):
-        if bounds.fixed and key not in problem.device.kind.absent:
-            found.append(Note("left-out-fixed", f"{key}: fixed at {bounds.min:g}"))
-    for term in TERMS:
-        if getattr(problem.transparency.weights, term) == 0:
-            found.append(Note("left-out-weight", f"transparency.weights.{term}: 0"))
-        elif term in problem.device.kind.terms and term not in acting_terms(problem):
-            found.append(Note("left-out-same", f"transparency.{term}: the same for every design"))
-    if problem.uncertainty is not None:
-        found += [
-            Note("left-out-certain", f"uncertainty.{key}: device.{key} is 0")
-            for key, _ in problem.uncertainty.half_widths
-            if problem.device.number(key) == 0
-        ]
-    if solved.polished is None or solved.scanned is None:
-        return found
-    structure = solved.polished.structure
-    gains = solved.judgement.gains if solved.judgement is not None else None
-    idle = not structure.integrator or (gains is not None and gains.position == 0)
-    if idle and not problem.bounds.position.fixed:
-        found.append(
-            Note("left-out-integrator", "gains.position: the best design has K_p = 0, and therefore no integrator")
-        )
-    if not problem.device.kind.own_loop:
-        return found
-    if structure.capacities[DEMANDS.index("sensitivity")] == 0:
-        peak, limit = solved.scanned.peak_sensitivity, problem.stability.max_sensitivity
-        said = f"stability.max_sensitivity: |S| stays below {peak:.4g} wherever the scan looked, the limit is {limit:g}"
-        found.append(Note("left-out-sensitivity", said))
-    if not solved.polished.working_set.stability:
-        found.append(Note("left-out-stability", "stability of the sampled loop: no step of the search left it"))
-    return found
 
 
 def solver_record(solved: Solved) -> dict[str, Any]:

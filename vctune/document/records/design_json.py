@@ -164,7 +164,6 @@ class DesignRecord(Document):
     prices: list[PriceRecord] | None = None
     contact: ContactRecord | None = None
     at_bound: list[str]
-    left_out: list[str]
     warnings: list[str]
     solver: dict[str, Any] = Field(default_factory=dict)
     optimality: OptimalityRecord | None = None
