@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from conftest import ROOT, for_passive_hands
 from jsonschema import Draft202012Validator
 
-from vctune.bench import answers, evaluator, peers, solvers, stress, uncertain
+from vctune.bench import evaluator, peers, solvers, stress
 from vctune.bench import judged as judging
 from vctune.bench.benchmark import Measured, csv_of, record_of
 from vctune.bench.dense import dense
@@ -256,42 +256,6 @@ def test_quick_stress(tmp_path, monkeypatch):
     assert not any(row["wrong"] for row in rows)
     assert stress.FAILED not in {row["status"] for row in rows}
     assert max(float(row["float_error"] or 0) for row in rows) < 1e-12
-
-
-def test_answers_say_error_against_run_time(tmp_path):
-    """The search improves the design of the scan, and the proof adds time and no error."""
-    rows = {row.work: row for row in answers.solved("friction-wheel", tmp_path, 1)}
-    first, best, proved = (rows[work] for work in (answers.SCAN, answers.SEARCH, answers.PROVED))
-    assert best.error < 0.99 * first.error and proved.error == pytest.approx(best.error, rel=1e-4)
-    assert rows[answers.REPORT].seconds > 0
-    assert answers.facts([*rows.values(), answers.Row(answers.SWEEP, "both", 0.1, 0.0)], 3)[-1].endswith(
-        "10.0 under both."
-    )
-    assert first.seconds < proved.seconds
-    assert [len(panel.series) for panel in answers.panels([*rows.values()])] == [1, 2]
-
-
-def test_uncertain_devices_take_every_combination_in_turn():
-    taken = [tuple(uncertain.drawn(3, number)[0]["uncertainty"]) for number in range(len(uncertain.COMBINATIONS))]
-    assert sorted(taken) == sorted(uncertain.COMBINATIONS) and len(set(taken)) == 7
-    document, problem = uncertain.drawn(3, 4)
-    assert uncertain.drawn(3, 4)[0] == document and uncertain.drawn(4, 4)[0] != document
-    assert problem.stability.criterion == "both"
-    assert dict(problem.uncertainty.half_widths) == document["uncertainty"]
-
-
-def test_a_late_device_is_a_row(monkeypatch):
-    monkeypatch.setattr(uncertain, "PATIENCE", 0.05)
-    row = uncertain.solved(0, 6)
-    assert row.status == uncertain.LATE and row.seconds < 2
-    assert "late 2 (100.0%)" in uncertain.facts([row, row])[0]
-
-
-@pytest.mark.slow
-def test_quick_uncertain(tmp_path, monkeypatch):
-    monkeypatch.setattr(uncertain, "QUICK", 2)
-    rows = run("uncertain", tmp_path)
-    assert [row["status"] for row in rows] == ["certified", "certified"]
 
 
 def test_a_bad_folder_is_said(tmp_path):

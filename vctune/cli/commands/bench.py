@@ -11,10 +11,8 @@ import click
 from vctune.cli.printing.options import out_option, output_options
 
 ABOUT = {  # purpose of each benchmark, by the name of its module in vctune.bench
-    "answers": "Measure the time to an answer: solve with its report, a sweep, error against run time.",
     "solvers": "Compare error and run time of vctune with those of other solvers on fixed grids.",
     "stress": "Solve thousands of devices over ten decades and check every verdict.",
-    "uncertain": "Measure the time to an answer for random devices with uncertain parameters.",
 }
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
