@@ -404,9 +404,6 @@ def test_the_command_lists_repairs_in_table_record_and_report(tmp_path):
     assert "any one of these alone would do:" in done.stdout
     run("report", "results/stuck/design.json", "--out", "again", cwd=tmp_path)
     assert "<h2>Repairs</h2>" in (tmp_path / "again/report.html").read_text()
-    del record["repairs"]  # as in designs of earlier versions
-    (tmp_path / "old.json").write_text(json.dumps(record))
-    assert run("report", "old.json", "--out", "old", cwd=tmp_path).returncode == ExitCode.OK
 
 
 def test_a_sweep_looks_for_no_repairs(tmp_path, monkeypatch):

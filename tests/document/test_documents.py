@@ -90,7 +90,7 @@ FAULTS = {
         ("16", "experiment[2].operator.cycles", "not a whole number"),
         ("16", "experiment[2].operator.speed", "2.5 sample times"),
         ("17", "experiment[2].sensors.seed", "too small"),
-        ("17", "experiment[2].sensors.filter_hz", "is the device's now"),
+        ("17", "experiment[2].sensors.filter_hz", "sensors.filter_hz: unknown key"),
         ("18", "experiment[2].actuator.limit", "too small"),
         ("19", "experiment[2].baseline", "both 0"),
         ("21", "experiment[3].name", "other characters than letters"),

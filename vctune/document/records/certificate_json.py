@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import inf, radians
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field
 
 from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof, Row, Shown, text
 from vctune.model.hands import Hand, Hands
@@ -60,30 +60,8 @@ class HandRecord(Part):
         return Hand(self.mass, self.damping, self.stiffness).in_words(units)
 
 
-# Identifiers of the sentences by which older versions named their claims
-WITHOUT_ID: dict[str, ClaimId] = {
-    "Re G_hh > 0 and Re Z_c >= R on the band": "passive",
-    "Re G_hh > 0 and Re Z_c >= safety_factor R on the band": "passive",
-    "|S| <= max_sensitivity up to Nyquist": "sensitivity",
-    "|S| <= max_sensitivity of the sampled loop up to Nyquist": "sensitivity",
-    "no pole of the frequency model in the closed right half plane": "stable_model",
-    "spectral radius of the sampled loop below 1": "stable",
-    "|1 - S| r < 1 of the sampled loop up to Nyquist, r the radius of what is not modelled": "unmodelled",
-    "stable in any passive hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist": "any_hand",
-    "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist": "hands",
-    "stable in every hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist": "hands",
-}
-
-
-def _id_is_optional(schema: dict[str, Any]) -> None:
-    """Make `id` optional in the schema: older files lack it, and the record adds it when it reads them."""
-    schema["required"].remove("id")
-
-
 class ClaimRecord(Part):
     """A claim. If it fails, the record names the frequency, the device and the hand."""
-
-    model_config = ConfigDict(json_schema_extra=_id_is_optional)
 
     id: ClaimId
     claim: str
@@ -92,17 +70,6 @@ class ClaimRecord(Part):
     witness_device: DeviceRecord | None = None  # device of the box, and hand, in which it fails there
     witness_hand: HandRecord | None = None
     cut: bool = False
-
-    @model_validator(mode="before")
-    @classmethod
-    def _identified(cls, value: Any) -> Any:
-        """Add an identifier to a claim from an older file; raise ValueError for an unknown sentence."""
-        if not isinstance(value, dict) or "id" in value or "claim" not in value:
-            return value
-        sentence = value["claim"]
-        if not isinstance(sentence, str) or sentence not in WITHOUT_ID:
-            raise ValueError(f"{sentence!r} is no claim of vctune's, and there is no id")
-        return {"id": WITHOUT_ID[sentence], **value}
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows of a claim that is not proved. The text of a claim is too long for a label."""

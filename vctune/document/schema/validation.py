@@ -35,11 +35,6 @@ class Fault(NamedTuple):
     code: Code
 
 
-# Keys of earlier versions, each with advice on where to write it now
-MOVED: dict[KeyPath, str] = {
-    ("sensors", "velocity"): "is the device's now, of design and simulation alike: write it as [device.velocity] from",
-    ("sensors", "filter_hz"): "is the device's now, of design and simulation alike: write it in [device.velocity]",
-}
 # Keys whose values are lists of pairs, each with an example
 PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
     ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
@@ -111,10 +106,6 @@ def _fault(model: type[BaseModel], details: Any, means: Callable[[KeyPath, str],
     path = untagged(details["loc"])
     value, context, kind = details["input"], details.get("ctx", {}), details["type"]
     if kind == "extra_forbidden":
-        advice = MOVED.get(path[-2:])
-        if advice:
-            return Fault(path, advice, "moved-key")
-
         return Fault(path, _unknown(model, details["loc"], partial(means, path[:-1])), "unknown-key")
     if isinstance(value, float) and isnan(value):
         return Fault(path, "nan is not a number; write a number", "wrong-type")

@@ -35,7 +35,6 @@ Code = Literal[
     "missing-key",
     "missing-package",
     "more-mistakes",
-    "moved-key",
     "no-design",
     "no-experiment",
     "no-plane",
