@@ -206,7 +206,7 @@ def test_solving_again_changes_no_byte(tmp_path, design):
         done = way("solve", "device.toml", "--json", cwd=tmp_path, report=True)
         written.append(visible(tmp_path / "results/device"))
         assert done.stdout.encode() == written[-1]["design.json"]
-    assert written[0] == written[1] and len(written[0]) == 8
+    assert written[0] == written[1] and len(written[0]) == 7
     assert b"seconds" not in written[0]["design.json"]
 
 

@@ -96,8 +96,8 @@ FAULTS = {
         ("21", "experiment[3].name", "other characters than letters"),
         ("22", "experiment[3].operator.motion", "is not one of"),
         ("22", "experiment[3].operator", "at most 5000000"),
-        ("23", "experiment[3].sensors.velocity", "write it as [device.velocity] from"),
-        ("23", "experiment[3].sensors.filter_hz", "write it in [device.velocity]"),
+        ("23", "experiment[3].sensors.velocity", "unknown key"),
+        ("23", "experiment[3].sensors.filter_hz", "unknown key"),
     ],
     "parts": [
         ("6", "device.velocity.from", "is not one of 'measured' or 'difference'"),
