@@ -86,7 +86,7 @@ if judged and file.problem.experiments:
 class Named:
     def __init__(self, problem): self.digest = problem.sha256
     def svg(self, name): return f"<svg>{self.digest}</svg>"
-FIGURES = ("loop", "llewellyn", "nyquist", "transparency", "impedance")
+FIGURES = ("llewellyn", "nyquist", "transparency", "impedance")
 vctune.report.design_report.figures = lambda design: dict.fromkeys(FIGURES, Named(design.record.problem))
 vctune.report.design_report.simulation_figure = lambda simulation: Named(simulation.problem)
 vctune.report.design_report.overlays = lambda drawn: {}
