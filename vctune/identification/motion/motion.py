@@ -55,7 +55,6 @@ class FittedSamples:
     step: float  # time between two neighbouring strided samples, s
     measured: Floats  # measured and fitted force, N
     fitted: Floats
-    sensitivity: Floats  # sensitivity of the fitted force to each parameter, shape (samples, p)
 
     @property
     def time(self) -> Floats:
@@ -105,7 +104,7 @@ def motion_fit(
         residual=float(np.sqrt(np.mean(residual**2))),
         force=float(np.sqrt(np.mean(force**2))),
     )
-    return fit, FittedSamples(np.flatnonzero(kept), step * every, force, force - residual, sensitivity)
+    return fit, FittedSamples(np.flatnonzero(kept), step * every, force, force - residual)
 
 
 def _delays(signals: Signals, known_delays: Mapping[str, float]) -> dict[str, float]:
@@ -192,11 +191,10 @@ def _kept(signals: Signals, cutoff_hz: float) -> Flags:
 def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every: int) -> Iterator[Floats]:
     """Yield the regressor of each parameter in `names`."""
     a = acceleration(signals.spectra["position"], cutoff_hz, every)
-    return regressors_of(a, lambda way: filtered(signals.spectra[way], lambda w: smooth(w, cutoff_hz), every), names)
 
+    def behind(way: str) -> Floats:
+        return filtered(signals.spectra[way], lambda w: smooth(w, cutoff_hz), every)
 
-def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[str]) -> Iterator[Floats]:
-    """Yield the regressor of each parameter."""
     regressor_of: dict[str, Callable[[], Floats]] = {
         "mass": lambda: a,
         "damping": lambda: behind("forwards") + behind("backwards"),
