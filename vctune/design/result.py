@@ -16,7 +16,7 @@ from vctune.design.verdict.infeasible import Infeasibility
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.text.codes import Note
 from vctune.model.hands import Hand
-from vctune.model.problem import Criterion, Problem
+from vctune.model.problem import Problem
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
@@ -90,16 +90,6 @@ class Price:
     old: float  # the value, and a value that is better by 1 %, in SI units and hertz
     new: float
     change: float  # first-order change of the least error as a share of this error; at most 0
-
-
-@dataclass(frozen=True, slots=True)
-class Alternative:
-    """The error of a design under only one criterion, from the optimiser and without proof."""
-
-    criterion: Criterion  # "hands" or "passive"
-    error: float  # error of the best design under this criterion
-    stiffness: float | None = None  # stiffness of an impedance display's coupling, N/m
-    drag: float | None = None  # drag of an admittance display's coupling, N s/m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

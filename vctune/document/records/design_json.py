@@ -128,11 +128,6 @@ def _together(one: float, other: float) -> bool:
     return max(one, other) <= SAME_PLACE * min(one, other)
 
 
-def _decimal(value: float, unit: str) -> str:
-    """Return a number of four digits without a power of ten, with its unit."""
-    return f"{float(text(value, 4)):.12g} {unit}"
-
-
 class DesignRecord(Document):
     """The result of a problem, in SI units and hertz: the object of design.json."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import inf
 
 import numpy as np
 
@@ -13,21 +12,17 @@ from vctune.model.hands import HAND
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
-from vctune.proof.claims.array_claims import SHARES, claims_of, hands_margins, limp_hands_margins
+from vctune.proof.claims.array_claims import SHARES, claims_of, limp_hands_margins
 from vctune.proof.claims.margins_of_claims import HALF_TURN
 from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats
-from vctune.proof.enclosures.jets import ENCLOSURES
-from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.engine.bands import CELL_HALVINGS, STEP
 from vctune.proof.engine.box_tests import Margin, alone, positive
 from vctune.proof.engine.boxes import Boxes, Cells, Integers, band_of, joined, over_hands
 from vctune.proof.engine.branching import Test, prove
-from vctune.proof.engine.polynomial_tests import any_positive
 
 # Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells that
 # the prover treats together, so that their boxes fit into memory
 MAX_HALVINGS, MAX_BOXES, TOGETHER = 4 * CELL_HALVINGS, 30_000, 128
-IN_WORLDS = 5_000  # Greatest number of boxes for a cell with a box of environments
 # Greatest K_p T^2/m, as a share of the width of the first interval of angles, for which the prover treats a cell
 # separately near theta = 0
 AT_REST = 0.1
@@ -40,10 +35,7 @@ def hold_in_hands(demands: Demands, cells: Cells) -> Flags:
     """Return the cells in which every design meets the constraint and has no pole on the unit circle, in every hand."""
     limp = _next_to_rest(demands, cells)
     proved = np.zeros(len(cells), bool)
-    if demands.worlds is not None:  # the proof for every passive environment takes far fewer boxes if it succeeds
-        proved = hold_in_hands(replace(demands, worlds=None), cells)
-        limp &= ~proved
-    for some in _few(np.flatnonzero(~limp & ~proved)):
+    for some in _few(np.flatnonzero(~limp)):
         proved[some] = _proved_everywhere(demands, cells.subset(some))
     for some in _few(np.flatnonzero(limp)):
         proved[some] = _proved_apart(demands, cells.subset(some))
@@ -79,20 +71,13 @@ def _band() -> tuple[Floats, Floats]:
 def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
     assert demands.hands is not None
     boxes = over_hands(cells, demands.hands, _band())
-    most = MAX_BOXES if demands.worlds is None else IN_WORLDS
-    # the margins of a servo are linear in the hand; with a safety factor of 1, a mean of two margins therefore suffices
-    # for all hands. Halving the hands takes a hundred times as long for wide cells, and decides 1 % more of a plane
+    # the margin of a servo is linear in the hand: halving the hands takes long for wide cells, and decides little more
     linear = demands.device.servo is not None and demands.device.unmodelled is None
-    return _prove(_in_hand(demands, boxes), boxes, len(cells), most, whole_hands=linear)
+    return _prove(_in_hand(demands), boxes, len(cells), whole_hands=linear)
 
 
-def _in_hand(demands: Demands, boxes: Boxes) -> Test:
+def _in_hand(demands: Demands) -> Test:
     """Return the test that a margin in a hand is positive. Near theta = 0 it uses only the coupling's drag."""
-    if demands.worlds is not None:
-        spans = boxes.high.max(axis=1, initial=0.0, keepdims=True) - boxes.low.min(axis=1, initial=inf, keepdims=True)
-        delays = delays_of(demands.device)
-        polynomials, slopes = (hands_margins(demands, (), delays, ops) for ops in (TAYLOR, ENCLOSURES))
-        return any_positive(polynomials, slopes, {}, spans[1:])
     margin = alone(claims_of(demands).in_hand)
     return positive(margin, {}, None if demands.device.kind.inverse else _by_drag(margin))
 
@@ -108,9 +93,8 @@ def _proved_apart(demands: Demands, cells: Cells) -> Flags:
     assert hands is not None
     stiffness = min(hands.high.stiffness, _stiffness_of(demands, first[1][0]))
     softer = replace(hands, high=replace(hands.high, stiffness=stiffness))
-    passive = replace(demands, worlds=None)  # with K_p > 0 only the real part has a margin that takes these shares
     proved = _prove(
-        positive(_by_drag(*limp_hands_margins(passive, (), delays_of(demands.device))), {}),
+        positive(_by_drag(*limp_hands_margins(demands, (), delays_of(demands.device))), {}),
         _with_shares(over_hands(cells, softer, first)),
         len(cells),
     )
@@ -120,7 +104,7 @@ def _proved_apart(demands: Demands, cells: Cells) -> Flags:
     if stiffness < hands.high.stiffness:
         stiffer = replace(hands, low=replace(hands.low, stiffness=stiffness))
         boxes = joined(boxes, over_hands(part, stiffer, first))
-    proved[left] = _prove(_in_hand(demands, boxes), boxes, len(part))
+    proved[left] = _prove(_in_hand(demands), boxes, len(part))
     return proved
 
 
@@ -142,14 +126,14 @@ def _with_shares(boxes: Boxes) -> Boxes:
     )
 
 
-def _prove(test: Test, boxes: Boxes, owners: int, max_boxes: int = MAX_BOXES, *, whole_hands: bool = False) -> Flags:
+def _prove(test: Test, boxes: Boxes, owners: int, *, whole_hands: bool = False) -> Flags:
     return prove(
         test,
         boxes,
         owners,
         halved=[not whole_hands or name not in HAND for name in boxes.names],
         max_halvings=MAX_HALVINGS,
-        max_boxes=max_boxes,
+        max_boxes=MAX_BOXES,
         at_ends=True,
         only_whole=True,
         few=FEW,

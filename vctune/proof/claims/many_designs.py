@@ -4,7 +4,6 @@ proof/README.md, section 8."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from math import inf
 
 import numpy as np
@@ -12,9 +11,7 @@ import numpy as np
 from vctune.model.gains import Gains
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hands
-from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Demands
-from vctune.model.sampled.worlds.loop_in_worlds import posed
 from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.cells_in_hands import hold_in_hands
 from vctune.proof.claims.encirclements import by_integrator, encirclements, encirclements_in_hand, turns_in_hand
@@ -23,8 +20,8 @@ from vctune.proof.claims.margins_of_claims import HALF_TURN, outwards, resistanc
 from vctune.proof.claims.registry import ClaimId, claims_asked
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 from vctune.proof.engine.bands import CELL_HALVINGS, MAX_BOXES, cells_over_band
-from vctune.proof.engine.box_tests import Margin, Margins, lower_bound_over, positive
-from vctune.proof.engine.boxes import Cells, Integers, Values, over_each
+from vctune.proof.engine.box_tests import Margin, alone, lower_bound_over, positive
+from vctune.proof.engine.boxes import Cells, Integers, over_each
 from vctune.proof.engine.branching import prove as prove_boxes
 
 # Identifiers of the claims for which `Certified.boxes` counts boxes, in the order of the counts
@@ -117,7 +114,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     if looped and hands.high.stiffness == 0 and not cells.high[1].any():
         return proved  # without any spring, nothing holds the position
     left = np.flatnonzero(turns_in_hand(demands, cells.centres()) == 0)
-    if demands.worlds is None and _have_the_same_gains(cells):
+    if _have_the_same_gains(cells):
         proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
         return proved
     proved[left] = hold_in_hands(demands, cells.subset(left))
@@ -175,7 +172,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
         if places.theta is not None:
             lost |= negative_at(claims.any_hand[0], part, places.theta[0, at])
         if places.in_hands is not None:
-            lost |= fails_in_hands(demands, part, places.in_hands[0, at])
+            lost |= negative_at(alone(claims.in_hand), part, places.in_hands[0, at])
         left = np.flatnonzero(~lost)
         number = encirclements(demands, part.subset(left)).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)
@@ -190,20 +187,6 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
 def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Flags:
     """Return the cells throughout which a margin is negative. Each cell has its own place."""
     return np.asarray(lower_bound_at(lambda omega, values: -margin(omega, values), cells, at) > 0)
-
-
-def fails_in_hands(demands: Demands, cells: Cells, at: PlacesInHands) -> Flags:
-    """Return the cells throughout which the constraint in hands fails. Each cell has its own place."""
-    margins, worlds, lost = claims_of(demands).in_hand, demands.worlds, np.ones(len(cells), bool)
-    for k in range(1 if worlds is None else len(posed(worlds, demands.factor))):
-        left = np.flatnonzero(lost)
-        if left.size:
-            lost[left] = negative_at(partial(_one_of, margins, k), cells.subset(left), at[left])
-    return lost
-
-
-def _one_of(margins: Margins, k: int, theta: Number, values: Values) -> Number:
-    return margins(theta, values)[k]
 
 
 def lower_bound_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Floats:
