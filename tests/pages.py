@@ -12,7 +12,7 @@ from vctune.design.verdict.design_record import design_record
 from vctune.design.verdict.prices import with_prices
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.records.design_file import design_of
-from vctune.report.design_report import write_report
+from vctune.report.page import write_report
 
 CHROMIUM = shutil.which("chromium")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")

@@ -48,13 +48,11 @@ if TYPE_CHECKING:
     from vctune.model.problem import Range as Range
     from vctune.proof.certificate import Certificate as Certificate
     from vctune.proof.certificate import certify as certify
-    from vctune.report.figures.hands_figure import draw_ratio_in_hands as draw_ratio_in_hands
-    from vctune.report.figures.hands_figure import draw_required_in_hands as draw_required_in_hands
-    from vctune.report.figures.panels import draw_error as draw_error
-    from vctune.report.figures.panels import draw_impedance as draw_impedance
-    from vctune.report.figures.panels import draw_nyquist as draw_nyquist
-    from vctune.report.figures.panels import draw_ratio as draw_ratio
-    from vctune.report.figures.panels import draw_required as draw_required
+    from vctune.report.panels import draw_error as draw_error
+    from vctune.report.panels import draw_impedance as draw_impedance
+    from vctune.report.panels import draw_nyquist as draw_nyquist
+    from vctune.report.panels import draw_ratio as draw_ratio
+    from vctune.report.panels import draw_required as draw_required
     from vctune.simulation.two_runs import Simulated as Simulated
 
 
@@ -87,13 +85,11 @@ _HOME = {
     "check_region": "api.checking",
     "compare": "api.comparing",
     "design_record": "design.verdict.design_record",
-    "draw_error": "report.figures.panels",
-    "draw_impedance": "report.figures.panels",
-    "draw_nyquist": "report.figures.panels",
-    "draw_ratio": "report.figures.panels",
-    "draw_ratio_in_hands": "report.figures.hands_figure",
-    "draw_required": "report.figures.panels",
-    "draw_required_in_hands": "report.figures.hands_figure",
+    "draw_error": "report.panels",
+    "draw_impedance": "report.panels",
+    "draw_nyquist": "report.panels",
+    "draw_ratio": "report.panels",
+    "draw_required": "report.panels",
     "explain": "api.explaining",
     "export": "api.exporting",
     "identify": "api.identifying",

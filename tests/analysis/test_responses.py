@@ -16,13 +16,11 @@ from matplotlib.figure import Figure
 
 import vctune
 from vctune.analysis.margins import loop_margins
-from vctune.design.verdict.design_record import record_of
-from vctune.document.reading import ProblemFile, parse_problem
+from vctune.document.reading import parse_problem
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
 from vctune.proof.claims.sampled_poles import spectral_radius
-from vctune.report.figures.design_figures import Design, figures
 
 SEVEN = 7  # which combinations of parts are taken: coprime to how many there are
 
@@ -91,10 +89,10 @@ def solved(wheel):
 
 def test_the_nyquist_data_are_the_page_s(wheel, solved):
     best = solved.judgement
-    record = record_of(ProblemFile(wheel, for_passive_hands(DEVICE)), solved)
-    drawn = figures(Design(wheel, best.gains, best.coupling, record))["nyquist"].panels[0].marks[0]
+    axes = vctune.draw_nyquist(Figure().subplots(), wheel, best.gains)
+    x, y = axes.lines[0].get_data()
     L = solved.loop().L.at()
-    assert np.array_equal(drawn.x, L.values.real) and np.array_equal(drawn.y, L.values.imag)
+    assert np.array_equal(x, L.values.real) and np.array_equal(y, L.values.imag)
     assert L.omega[-1] == pytest.approx(pi / wheel.device.sample_time) and L.unit == "1"
     assert np.abs(solved.loop().S.at().values).max() == pytest.approx(best.peak_sensitivity, rel=1e-3)
 
@@ -159,13 +157,12 @@ def test_reprs_are_short(solved):
 def test_figures_are_drawn_on_axes_that_are_given(wheel, solved):
     best = solved.judgement
     design = wheel, best.gains, best.coupling
-    axes = Figure().subplots(2, 4).ravel()
+    axes = Figure().subplots(2, 3).ravel()
     drawn = [draw(at, *design) for draw, at in zip((
-        vctune.draw_required, vctune.draw_ratio, vctune.draw_required_in_hands, vctune.draw_ratio_in_hands,
-        vctune.draw_error, vctune.draw_impedance,
+        vctune.draw_required, vctune.draw_ratio, vctune.draw_error, vctune.draw_impedance,
     ), axes, strict=False)]  # fmt: skip
-    assert [*drawn, vctune.draw_nyquist(axes[6], *design[:2])] == list(axes[:7])
-    assert all(len(each.lines) > 1 and each.get_xlabel() for each in axes[:7])
+    assert [*drawn, vctune.draw_nyquist(axes[4], *design[:2])] == list(axes[:5])
+    assert all(len(each.lines) > 1 and each.get_xlabel() for each in axes[:5])
     required = {line.get_label(): line for line in axes[0].lines}
     over = required["coupling, Re Z_c"].get_ydata() / required["required, R"].get_ydata()
     band, hz = wheel.stability.band.hz, required["coupling, Re Z_c"].get_xdata()

@@ -70,7 +70,7 @@ write_together({Path("a"): "new", Path("b"): "new", Path("c"): "new"}, [Path("d"
 )
 COMMAND = """
 import vctune.cli, vctune.design.verdict.repair, vctune.design.solve
-import vctune.report.design_report, vctune.simulation.two_runs
+import vctune.report.page, vctune.simulation.two_runs
 from vctune.document.reading import read_problem
 
 def once(module, name, *arguments):
@@ -83,13 +83,12 @@ judged = once(vctune.design.solve, "solve", file.problem).judgement
 if judged and file.problem.experiments:
     once(vctune.simulation.two_runs, "simulate", file.problem, judged.gains, judged.coupling,
          file.problem.experiments[0])
-class Named:
-    def __init__(self, problem): self.digest = problem.sha256
-    def svg(self, name): return f"<svg>{self.digest}</svg>"
+Shown = vctune.report.page.Shown
 FIGURES = ("llewellyn", "nyquist", "transparency", "impedance")
-vctune.report.design_report.figures = lambda design: dict.fromkeys(FIGURES, Named(design.record.problem))
-vctune.report.design_report.simulation_figure = lambda simulation: Named(simulation.problem)
-vctune.report.design_report.overlays = lambda drawn: {}
+def named(name, problem): return Shown(name, "", "", "", problem.sha256)
+vctune.report.page.design_figures = lambda problem, record, doubt: [named(name, record.problem) for name in FIGURES]
+vctune.report.page.simulation_figure = lambda simulation: named("simulation", simulation.problem)
+vctune.report.page.svg = lambda digest, name: f"<svg>{digest}</svg>"
 """
 """What takes its time is done once, and a figure says of which problem it is."""
 EXPERIMENT = (
@@ -185,8 +184,8 @@ def test_ctrl_c_while_the_report_is_drawn(tmp_path):
     (tmp_path / "results/device").mkdir(parents=True)
     (tmp_path / "results/device/report.html").write_text("earlier")
     interrupted = (
-        "import signal, vctune.report.design_report as r\n"
-        "r.figures = lambda design: (signal.raise_signal(signal.SIGINT), print('went on'))\n"
+        "import signal, vctune.report.page as r\n"
+        "r.design_figures = lambda *design: (signal.raise_signal(signal.SIGINT), print('went on'))\n"
         "from vctune.cli import run; run()"
     )
     command = [sys.executable, "-u", "-c", interrupted, "solve", "device.toml", "--quiet"]

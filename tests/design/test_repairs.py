@@ -39,7 +39,7 @@ from vctune.model.display import ADMITTANCE
 from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Problem
-from vctune.report.page.page import design_page
+from vctune.report.page import report_files
 
 LAG = '[device]\nmass = 0.5\ndamping = {}\nsample_time = 1e-3\nhold = "lag"\n'
 LOOP = "[gains]\nvelocity = 40.0\nposition = 4000.0\n[coupling]\ndamping = 25000.0\nmass = 5.0\n"
@@ -468,7 +468,7 @@ def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path)
     (tmp_path / "gains.toml").write_text(gains_text(ADMITTANCE, *design, {}))
     checked = check_files([tmp_path / "idle.toml", tmp_path / "gains.toml"])[0]
     assert checked.verdict is CheckVerdict.PASSED and said in checked.warnings
-    shown = design_page(design_of(record, "x"), file.problem, {}, {})
+    shown = report_files(design_of(record, "x"), tmp_path)[tmp_path / "report.html"]
     assert shown.count("The velocity loop hardly moves the handle") == 1
 
 

@@ -27,7 +27,7 @@ from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.parts import ForceSensor, Servo
 from vctune.model.problem import Problem
-from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
+from vctune.report.experiments import HEADINGS, measured_rows
 from vctune.simulation.mechanics.intended_motion import intended_motion
 from vctune.simulation.mechanics.scene_stability import STANDING, fastest_mode, loop_matrix
 from vctune.simulation.mechanics.step import SAMPLES_PER_CALL, build

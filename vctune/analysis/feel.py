@@ -9,13 +9,12 @@ import numpy as np
 
 from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.analysis.phases import force_phases
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
-from vctune.model.loop.device_response import device_response, mechanism
+from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
@@ -23,9 +22,8 @@ from vctune.model.sampled.impedance_display import firmware_filter, spring_dampe
 # Frequencies, Hz, at which the code evaluates mass and damping of free motion: the frequency of a slow reach, and the
 # frequency of the fastest voluntary motion of an arm
 FREE_HZ = (1.0, 10.0)
-# Frequency, Hz, at which the code evaluates the wall and the force path: the upper end of voluntary motion and force
+# Frequency, Hz, at which the code evaluates the wall: the upper end of voluntary motion and force
 WALL_HZ = 10.0
-SPEED = 0.1  # Speed of the steady motion of the handle, m/s or rad/s
 HALF_POWER = sqrt(0.5)  # Value of |G_he| at which tracking ends: half the power
 LOWEST = 1e-6  # Lowest frequency of the search for the end of tracking, relative to Nyquist: half a millihertz at 1 kHz
 # Number of finer grids between the two neighbouring frequencies that enclose the end of tracking, and number of points
@@ -40,12 +38,8 @@ class Feel:
 
     mass: tuple[float | None, ...]  # apparent mass and damping in free motion at each of `FREE_HZ`, kg and N s/m
     damping: tuple[float | None, ...]
-    static_stiffness: float  # stiffness of the stiffest wall at 0 and at `WALL_HZ`, N/m
-    stiffness: float | None
-    force: float  # force that moves the handle steadily at `SPEED`, N
-    loop_latency: float | None  # lag around the loop at low frequency, s
-    force_latency: float | None  # lag from the hand's force to the resulting velocity at `WALL_HZ`, s
-    tracking_bandwidth: float
+    stiffness: float | None  # stiffness of the stiffest wall at `WALL_HZ`, N/m
+    tracking_bandwidth: float  # Hz
 
 
 def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
@@ -56,16 +50,10 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
     if nyquist >= WALL_HZ:
         omega = 2 * pi * WALL_HZ
         wall = omega * abs(complex(felt_impedance(device, gains, coupling, np.array([omega]), None)[0]))
-    rendered = isinstance(coupling, SpringDamper)
-    late = gains.closed and nyquist >= WALL_HZ and not rendered
     return Feel(
         mass=tuple(None if Z is None else Z.imag / (2 * pi * hz) for Z, hz in zip(free, FREE_HZ, strict=True)),
         damping=tuple(None if Z is None else Z.real for Z in free),
-        static_stiffness=_static_stiffness(device, gains, coupling),
         stiffness=wall,
-        force=SPEED * abs(_free(device, gains, coupling, 0.0)),
-        loop_latency=_loop_latency(device) if gains.closed or rendered or device.servo is not None else None,
-        force_latency=-force_phases(device, gains, 2 * pi * WALL_HZ).total / (2 * pi * WALL_HZ) if late else None,
         tracking_bandwidth=_tracking_bandwidth(device, gains),
     )
 
@@ -120,20 +108,6 @@ def _free(device: Device, gains: Gains, coupling: AnyCoupling, hz: float) -> com
     return complex(felt_impedance(device, gains, coupling, omega, 0j * omega)[0])
 
 
-def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the limit of |j omega D/N| for omega -> 0. Without an integrator this limit is 0."""
-    if isinstance(coupling, SpringDamper):
-        give = 0.0 if device.structure is None else 1 / mechanism(device, device.structure, FLOATS).stiffness
-        return float(1 / (1 / coupling.stiffness + give))
-    if device.servo is not None:
-        return inf
-    if gains.position == 0:
-        return 0.0
-    loop = response(device, gains, np.zeros(1))
-    N = 1.0 if loop.numerator is None else _complex(loop.numerator)
-    return float(np.abs(_complex(loop.D_scaled) / N)[0])
-
-
 def _tracking_bandwidth(device: Device, gains: Gains) -> float:
     """Return the frequency up to which the handle follows its command, which is a velocity or a force, Hz."""
     grid = with_resonance(device, frequency_grid(LOWEST * pi / device.sample_time, pi / device.sample_time))
@@ -158,11 +132,10 @@ def _tracking(device: Device, gains: Gains, omega: Floats) -> Floats:
     return np.abs(1 - _complex(loop.miss_scaled) / _complex(loop.D_scaled))
 
 
-def _loop_latency(device: Device) -> float:
-    """Return the lag of A H F in the limit omega -> 0, s."""
-    at = device_response(device, np.zeros(1), FLOATS)
-    lag = np.asarray(at.drive.lag + (0.0 if at.estimate is None else at.estimate.lag))
-    return float(lag.ravel()[0])
+def sensor_miss(device: Device, omega: Floats) -> Floats | None:
+    """Return |1 - F_s|, the error of the sensed force; None if it is 0."""
+    sensor = device_response(device, omega, FLOATS).sensor
+    return None if sensor is None else np.abs(omega * omega * sensor.loss + 1j * omega * sensor.lag)
 
 
 def _complex(pair: Pair) -> Complex:

@@ -31,7 +31,7 @@ from vctune.document.schema.kinds import require_record_of
 from vctune.document.text.date import today
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import write_together
-from vctune.report.page.contents import report_paths
+from vctune.report.paths import report_paths
 from vctune.running import OutOfTimeError, check_time
 from vctune.running import time_limit as limited
 

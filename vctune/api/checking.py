@@ -130,8 +130,8 @@ def check_object(checked: Checked) -> dict[str, Any]:
 
 def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
     """Write the cells and gain sets that a region has lost, as a list and as a picture."""
-    from vctune.report.figures.region_figure import lost_figure
-    from vctune.report.figures.with_matplotlib import figure_file
+    from vctune.report.region_figure import lost_figure
+    from vctune.report.style import figure_file
 
     make_folder(folder)
     record = json.dumps(checked.finding.record() if checked.finding else None, indent=2, allow_nan=False)

@@ -23,8 +23,8 @@ from vctune.document.records.simulation_json import simulation_beside
 from vctune.document.text.date import today
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import make_folder, write_together
-from vctune.report.page.contents import REPORT as REPORT
-from vctune.report.page.contents import report_paths
+from vctune.report.paths import REPORT as REPORT
+from vctune.report.paths import report_paths
 
 
 def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> Path:
@@ -81,7 +81,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
     InputError
         If there is no such design, if its object is invalid, or if the folder is missing or cannot be written.
     """
-    from vctune.report.design_report import write_report as write
+    from vctune.report.page import write_report as write
 
     if isinstance(design, str | Path):
         record, beside = read_design(Path(design)), Path(design).parent

@@ -24,8 +24,8 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import Content, write_together
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.report.figures.experiment_figures import HEADINGS as HEADINGS
-from vctune.report.figures.experiment_figures import measured_rows as measured_rows
+from vctune.report.experiments import HEADINGS as HEADINGS
+from vctune.report.experiments import measured_rows as measured_rows
 from vctune.simulation.simulation_record import simulation_record, trace_arrays
 from vctune.simulation.two_runs import Simulated
 from vctune.simulation.two_runs import simulate as run
@@ -118,7 +118,7 @@ def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
 
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     """Write simulation.json, traces.npz and their figure."""
-    from vctune.report.design_report import report_files, simulation_files
+    from vctune.report.page import report_files, simulation_files
 
     value, traces = simulation.record(), BytesIO()
     record = simulation_of(value)

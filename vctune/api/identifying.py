@@ -19,7 +19,7 @@ from vctune.document.records.identification_json import (
 )
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import Content, make_folder, write_together
-from vctune.report.page.contents import identification_paths
+from vctune.report.paths import IDENTIFICATION_FIGURES, report_paths
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -114,10 +114,10 @@ def write_identification(identified: Identification, folder: str | Path, *, repo
     value = json.dumps(identified.record.to_json(), indent=1, allow_nan=False) + "\n"
     files: dict[Path, Content] = {folder / DEVICE_FILE: identified.text, folder / FILE: value}
     if report:
-        from vctune.report.identification_report import identification_files
+        from vctune.report.identification import identification_files
 
         files |= identification_files(identified.found, identified.record, folder)
-    write_together(files, [path for path in identification_paths(folder) if path not in files])
+    write_together(files, [path for path in report_paths(folder, IDENTIFICATION_FIGURES) if path not in files])
     return folder / DEVICE_FILE
 
 

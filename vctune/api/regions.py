@@ -167,8 +167,8 @@ def _picture(result: AdmissibleGains, folder: Path) -> dict[Path, str]:
     """Return the picture of a region. Raise OutOfTimeError if too little time is left to draw it."""
     if seconds_left() < LOADING:
         raise OutOfTimeError
-    from vctune.report.figures.region_figure import region_figure
-    from vctune.report.figures.with_matplotlib import svg
+    from vctune.report.region_figure import region_figure
+    from vctune.report.style import svg
 
     figure = region_figure(result.file.problem, result.region, result.designs, result.marked)
     return {folder / PICTURE: svg(figure, Path(PICTURE).stem)}

@@ -128,8 +128,8 @@ def _swept(study: Study, path: Path, pool: WorkerPool, on_done: OnDone, *, resta
 
 def _write(swept: Swept, folder: Path) -> None:
     """Write the table of a sweep and, for one or two axes, its picture."""
-    from vctune.report.figures.sweep_figures import sweep_figure
-    from vctune.report.figures.with_matplotlib import figure_file
+    from vctune.report.style import figure_file
+    from vctune.report.sweep_figure import sweep_figure
 
     figure = sweep_figure(swept.table, grid=swept.study.sample.kind == "grid")
     pictures = figure_file(figure, folder, "error") if figure else {}

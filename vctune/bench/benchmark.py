@@ -12,8 +12,8 @@ from typing import Any
 
 from vctune.document.records.printed_json import BenchRecord
 from vctune.document.text.output_files import Content, write_together
-from vctune.report.figures.benchmark_figures import Panel, benchmark_figure
-from vctune.report.figures.with_matplotlib import svg
+from vctune.report.benchmark_figure import Panel, benchmark_figure
+from vctune.report.style import svg
 
 Tick = Callable[[str], None]  # Type of a function that receives the name of the current stage of the measurement
 DIGITS = 6  # Number of significant digits of a number in the CSV table

@@ -24,7 +24,7 @@ from vctune.design.solve import solve
 from vctune.design.verdict.judge import Status
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.report.figures.benchmark_figures import Panel, Series
+from vctune.report.benchmark_figure import Panel, Series
 
 # Number of frequencies of each kind in the grids of SLSQP and of the finest IPOPT: for Llewellyn's conditions, and
 # again for |S|

@@ -21,7 +21,7 @@ from vctune.bench.timing import patience
 from vctune.design.solve import solve
 from vctune.design.verdict.judge import Judgement
 from vctune.model.problem import Problem, Range
-from vctune.report.figures.benchmark_figures import Panel, Series
+from vctune.report.benchmark_figure import Panel, Series
 from vctune.study.executors import available_cores, worker_pool
 
 QUICK, FULL = 40, 3000  # Number of devices of a quick run and of a full one

@@ -13,11 +13,6 @@ DIGITS = 4  # Number of significant digits where a reader does not need to copy 
 PLAIN = (0.1, 1e4)  # Sizes between which a number keeps its unit without a prefix
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 PREFIXED = ("N", "Hz", "m", "s", "W")  # First letters of the units that take a prefix
-# Units that a sentence may contain
-UNITS = ("N m s/rad", "N m/rad", "N s/m", "N/m", "N m", "m/(N s)", "m/N", "kg m2", "kg", "N", "ms", "s")
-UNIT = "|".join(map(re.escape, UNITS))
-# A number or a range of numbers with a unit
-MEASURED = re.compile(rf"(?<![\w.,])(?:([\d.]+(?:e[+-]?\d+)?) to )?([\d.]+(?:e[+-]?\d+)?) ({UNIT})(?![\w/(])")
 SYMBOL = re.compile(r"(?<![\w.\"'])([A-Za-zτ])_([A-Za-z0-9]{1,5}\b)(?![_.])")  # A letter with a subscript
 # patterns of plain signs, each with its typographic form; a minus between symbols has spaces around it
 SIGNS: dict[str, str | Callable[[re.Match[str]], str]] = {
@@ -36,7 +31,7 @@ class Quantity(NamedTuple):
     unit: str
 
     def __str__(self) -> str:
-        return f"{self.value}{THIN}{self.unit}" if self.unit else self.value
+        return f"{self.value}{THIN * (self.unit not in ('', '°'))}{self.unit}"
 
 
 def quantity(value: float | None, unit: str = "", digits: int = DIGITS) -> Quantity:
@@ -98,46 +93,23 @@ def spaced(unit: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Return a sentence with typographic signs and units, as plain characters."""
-    text = MEASURED.sub(_measured, text)
+    """Return a sentence with typographic signs; its numbers keep their digits."""
     for sign, put in SIGNS.items():
         text = re.sub(sign, put, text)
-    text = re.sub(rf"(?<![\w/])(?:{UNIT})(?![\w/(])", lambda unit: spaced(unit[0]), text)
-    return re.sub(rf"(?<=\d) (?=(?:{UNIT}|Hz|%|dB)(?![\w/]))", THIN, text)
-
-
-def _measured(found: re.Match[str]) -> str:
-    low, high, unit = found[1], found[2], found[3]
-    if unit == "ms":
-        return f"{found[0][: -len(unit) - 1]}{THIN}ms"
-    return str(quantity(float(high), unit) if low is None else span(float(low), float(high), unit))
+    return text
 
 
 def html(text: str) -> str:
     """Return a sentence as escaped HTML, with symbols in italics and subscripts."""
-    words = _with_symbols(escape(plain(text), quote=False), lambda base, below: f"<i>{base}</i><sub>{below}</sub>")
+    words = SYMBOL.sub(r"<i>\1</i><sub>\2</sub>", escape(plain(text), quote=False))
     return re.sub("`([^`]+)`", r"<code>\1</code>", words)
 
 
 def svg_texts(svg: str) -> str:
-    """Return an SVG whose texts have subscripts, typographic signs and thin spaces."""
+    """Return an SVG whose texts have subscripts and typographic signs."""
+    lowered = '\\1<tspan dy=".25em" font-size="72%">\\2</tspan><tspan dy="-.18em">\u200b</tspan>'
 
-    return re.sub(
-        r"(<text[^>]*>)([^<]*)(</text>)", lambda found: found[1] + svg_text(unescape(found[2])) + found[3], svg
-    )
+    def typeset(found: re.Match[str]) -> str:
+        return f"{found[1]}{SYMBOL.sub(lowered, escape(plain(unescape(found[2])), quote=False))}{found[3]}"
 
-
-def svg_text(words: str) -> str:
-    """Return a text as the typeset content of an SVG element."""
-    return _with_symbols(escape(plain(words), quote=False), _lowered).removesuffix(RAISED)
-
-
-RAISED = '<tspan dy="-.18em">\u200b</tspan>'  # An empty character that moves the following text back to the base line
-
-
-def _lowered(base: str, below: str) -> str:
-    return f'{base}<tspan dy=".25em" font-size="72%">{below}</tspan>{RAISED}'
-
-
-def _with_symbols(text: str, put: Callable[[str, str], str]) -> str:
-    return SYMBOL.sub(lambda found: put(found[1], found[2]), text)
+    return re.sub(r"(<text[^>]*>)([^<]*)(</text>)", typeset, svg)

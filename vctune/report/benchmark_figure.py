@@ -8,8 +8,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from vctune.report.figures.with_matplotlib import STYLE
-from vctune.report.svg.elements import BLUE, GREEN, GREY, INK, ORANGE, RED
+from vctune.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE
 
 INKS = (BLUE, ORANGE, GREEN, RED, GREY, "#8e5bb5", "#a0703c", "#cc5fa0", "#2aa5a0", "#9aa11e", INK)
 MARKS = "osD^vP*X<>hd"

@@ -26,9 +26,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.keys import labelled
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
-from vctune.report.figures.with_matplotlib import STYLE, canvas
-from vctune.report.svg.elements import INK, ORANGE, PAPER, RED
-from vctune.report.svg.scales import decades_between, round_numbers
+from vctune.report.style import INK, ORANGE, PAPER, RED, STYLE, canvas, decades_between, round_numbers
 from vctune.report.typography import tick
 from vctune.running import check_time
 from vctune.study.plane import Plane, Squares

@@ -1,8 +1,9 @@
-"""Figures of an identification: force over time, response, residual, and each number with its interval."""
+"""The page of an identification: force over time, response, residual, and each number with its interval."""
 
 from __future__ import annotations
 
-from math import ceil, pi
+from math import ceil, pi, sqrt
+from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
@@ -10,25 +11,108 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vctune.document.recording import Floats
-from vctune.document.records.identification_json import IdentificationRecord
+from vctune.document.records.identification_json import IdentificationRecord, device_text
 from vctune.identification.identify import Identified
 from vctune.identification.motion.motion_study import MotionStudy
 from vctune.identification.record_study import RecordStudy
 from vctune.identification.response.periodic_study import PeriodicStudy, behind_force
 from vctune.identification.response.unmodelled import covered
 from vctune.model.numbers.units import Units
-from vctune.report.figures.servo_figures import following, servo_response
-from vctune.report.figures.style import WIDTH, decades, frequency_axis, in_prefixed
-from vctune.report.figures.with_matplotlib import STYLE, canvas, legend_above
-from vctune.report.svg.elements import BLUE, GREEN, GREY, ORANGE
+from vctune.report.design_figures import Shown
+from vctune.report.page import figure_entries, templates
+from vctune.report.paths import REPORT
+from vctune.report.servo_figures import following, servo_response
+from vctune.report.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    STYLE,
+    WIDTH,
+    canvas,
+    decades,
+    frequency_axis,
+    in_prefixed,
+    legend_above,
+    svg,
+)
+from vctune.report.typography import span
 
 WINDOW = 2.0  # Length, s, of the part of the log that the figure enlarges
 MOST_POINTS = 2000  # Greatest number of drawn points of a log, up to a factor of 2
 SPECTRUM_BINS = 120  # Number of edges of the bands of a spectrum, which have equal widths on a log scale
 
+# Title of each figure and a text that explains it, by the name of the figure
+READINGS = {
+    "time-fit": (
+        "Force in time",
+        "The upper panel shows the recorded force, and the force that mass and friction need for the motion, where the "
+        "difference is largest. The lower panel shows the difference over the whole log.",
+    ),
+    "following": (
+        "How the servo follows",
+        "The upper panel shows commanded position, measured position and fit, where the fit is worst. The "
+        "lower panel shows the difference over the whole log. A velocity that arrives early or late shifts the "
+        "position permanently.",
+    ),
+    "response": (
+        "Response",
+        "The panels show measured lines or bands with twice their standard deviation, and the fit. The grey area is "
+        "the box with the unmodelled disc. It contains every measured magnitude. The box does not include dry "
+        "friction, which shifts the phase of slow lines out of it. The lower panel shows how well each line repeats.",
+    ),
+    "residual-spectrum": (
+        "The residual",
+        "The curve shows the power of the residual over frequency. The dashed line is the noise of the encoder "
+        "alone. Power above it is model error, and the intervals allow for it.",
+    ),
+    "numbers": (
+        "Each parameter and what limits it",
+        "Dots are single records and directions with twice their standard deviation. The bar is the box, relative to "
+        "its middle.",
+    ),
+}
 
-def identification_figures(found: Identified, record: IdentificationRecord) -> dict[str, Figure]:
-    """Return the figures of an identification, by name."""
+
+def identification_files(found: Identified, record: IdentificationRecord, folder: Path) -> dict[Path, str]:
+    """Return the figures and the report of an identification. The page is the last file."""
+    said, put, shown = _findings(record), record.units.translated, list[Shown]()
+    for name, figure in _figures(found, record).items():
+        title, reading = READINGS[name]
+        shown.append(Shown(name, put(title), put(said.get(name, "")), put(reading), figure))
+    pictures = {each.name: svg(each.figure, each.name) for each in shown}
+    page = (
+        templates()
+        .get_template("identification.html.j2")
+        .render(
+            record=record,
+            figures=figure_entries(shown, pictures),
+            sentence=f"{len(record.numbers)} parameters, each with a range that the proof covers. {said['numbers']}",
+            between=lambda each: str(span(each.low, each.high, each.unit)),
+            text=device_text(record),
+        )
+    )
+    return {**{folder / f"{name}.svg": text for name, text in pictures.items()}, folder / REPORT: page}
+
+
+def _findings(record: IdentificationRecord) -> dict[str, str]:
+    """Return a sentence about each figure, by the figure's name."""
+    widest = max(record.numbers, key=lambda each: each.share)
+    between = span(widest.low, widest.high, widest.unit)
+    found = {"numbers": f"{widest.key} has the widest range: {between}, ± {100 * widest.share:.2g} %."}
+    shares = [each.residual_share for each in record.recordings if each.residual_share is not None]
+    if shares:
+        left = f"The fit leaves at most {100 * max(shares):.2g} % unexplained."
+        found |= dict.fromkeys(("time-fit", "following", "response"), left)
+    noise = [each.chi2 for each in record.recordings if each.chi2 is not None]
+    if noise:
+        found["residual-spectrum"] = (
+            f"The residual is {sqrt(max(noise)):.2g} times as large as the noise alone would make it."
+        )
+    return found
+
+
+def _figures(found: Identified, record: IdentificationRecord) -> dict[str, Figure]:
     figures = {}
     moved = [study for study in found.records if study.motion is not None]
     repeated = [study for study in found.records if study.periodic is not None]

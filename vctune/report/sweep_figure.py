@@ -11,8 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
-from vctune.report.figures.with_matplotlib import STYLE, canvas
-from vctune.report.svg.elements import BLUE, RED
+from vctune.report.style import BLUE, RED, STYLE, canvas
 from vctune.study.study_table import Table
 
 WIDE = 10.0  # Positive values that span more than this ratio are drawn on a logarithmic axis

@@ -14,9 +14,18 @@ from vctune.identification.servo.servo_motion import Complex, positions
 from vctune.identification.servo.servo_study import ServoStudy
 from vctune.identification.servo.servo_unmodelled import response_of, tried_servos
 from vctune.model.numbers.units import Units
-from vctune.report.figures.style import WIDTH, decades, frequency_axis, in_prefixed
-from vctune.report.figures.with_matplotlib import canvas, legend_above
-from vctune.report.svg.elements import BLUE, GREEN, GREY, ORANGE
+from vctune.report.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    WIDTH,
+    canvas,
+    decades,
+    frequency_axis,
+    in_prefixed,
+    legend_above,
+)
 
 WINDOW = 200  # Number of rows of the part of a log that the figure enlarges
 MOST_POINTS = 2000  # Greatest number of drawn points of a log, up to a factor of 2

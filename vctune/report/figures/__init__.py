@@ -1,1 +1,0 @@
-"""Curves and the figures that show them."""

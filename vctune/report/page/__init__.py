@@ -1,1 +1,0 @@
-"""The page: its contents, tables, sliders and sentences."""
