@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from typing import get_args
 
 import pytest
 from command import run
-from conftest import ROOT
 
-from vctune.api.explaining import CODE, explain
+from vctune.api.explaining import contents as explain_all
+from vctune.api.explaining import explain
 from vctune.document.text.codes import Code
 
-GUIDES = [path.read_text() for path in sorted((ROOT / "vctune").rglob("README.md"))]
 
-
-def test_every_code_has_one_page_and_every_page_a_code():
-    assert Counter(code for text in GUIDES for code, _ in CODE.findall(text)) == Counter(get_args(Code))
+def test_every_code_has_one_row_and_every_row_a_code():
+    explained = [entry for entry in explain_all().entries if entry.kind == "code"]
+    assert Counter(entry.name for entry in explained) == Counter(get_args(Code))
+    for entry in explained:
+        (shown,) = (each for each in explain(entry.name).entries if each.kind == "code")
+        assert re.fullmatch(r".+\.\n\nWhat to do: .+\.", shown.text), shown
 
 
 @pytest.mark.parametrize(

@@ -19,8 +19,7 @@ from vctune.model.numbers.units import LINEAR, ROTARY
 from vctune.proof.claims.registry import CLAIMS, Claim
 
 GUIDE = "README.md"
-# Pattern of a code's section in a guide: the heading with the code, and the text below it
-CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
+CODES = ["code", "meaning", "what to do"]  # Heads of a guide's table of codes
 # Pattern of a table of keys in a guide: the text between `<!-- reference -->` and the comment that ends it
 KEY_TABLES = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
 # Pattern of a key's row in such a table: its key and its meaning, as in "| `device.mass` | Mass, kg
@@ -144,8 +143,10 @@ def _guides(folder: Traversable, place: str) -> Iterator[tuple[str, str]]:
 def _entries(guide: str, text: str) -> Iterator[Entry]:
     """Yield the entries of a guide: codes, keys, and terms of the glossary. The entry of a table lists the keys in
     it."""
-    for code, page in CODE.findall(text):
-        yield Entry("code", (code,), page.strip(), guide)
+    for heads, rows in TABLE.findall(text):
+        for row in rows.splitlines() if _cells(heads) == CODES else ():
+            code, meaning, remedy = (cell.replace("\\|", "|") for cell in _cells(row.strip("|")))
+            yield Entry("code", (code.strip("`"),), f"{meaning}\n\nWhat to do: {remedy}", guide)
     for reference in KEY_TABLES.findall(text):
         rows = KEY_ROW.findall(reference)
         for key, meaning in rows:
