@@ -12,9 +12,8 @@ from device_oracle import response_at
 from device_pairs import real_of
 
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, feel, sensor_miss
-from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.gains import Coupling, Gains
+from vctune.model.gains import Coupling, Gains, coupling_impedance
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 
 WHEEL = Device(0.4, 2.0, 1e-3)

@@ -13,7 +13,7 @@ from conftest import ROOT, for_passive_hands
 from jsonschema import Draft202012Validator
 
 from vctune.bench import evaluator, peers, solvers, stress
-from vctune.bench import judged as judging
+from vctune.bench import solvers as judging
 from vctune.bench.benchmark import Measured, csv_of, record_of
 from vctune.bench.dense import dense
 from vctune.bench.devices import device

@@ -17,7 +17,7 @@ from vctune.design.bound.search import bound
 from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.document.reading import read_problem
-from vctune.document.records.design_file import read_design
+from vctune.document.records.design_json import read_design
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 

@@ -17,8 +17,8 @@ from random_problems import random_designs, random_texts
 from vctune.bench.evaluator import cases, error, required, sensitivity
 from vctune.design.bound.design_boxes import DesignBoxes
 from vctune.design.bound.lower_bounds import least_coupling, lower_bounds
+from vctune.design.bound.nodes import read_resume, resume_bytes
 from vctune.design.bound.relaxation import Places, relaxation
-from vctune.design.bound.resume import read_resume, resume_bytes
 from vctune.design.bound.search import Optimality, bound
 from vctune.design.prepared import pose, prepare
 from vctune.design.search.optimum import improved

@@ -16,7 +16,7 @@ from vctune.design.verdict.judge import Status
 from vctune.design.verdict.nlp_record import active
 from vctune.design.verdict.prices import BETTER, with_prices
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
-from vctune.document.records.price_json import PriceRecord
+from vctune.document.records.design_json import PriceRecord
 from vctune.model.numbers.units import LINEAR
 from vctune.model.parts import NUMBERS
 

@@ -31,7 +31,7 @@ from vctune.design.verdict.parameter_changes import ParameterChange, parameter_c
 from vctune.design.verdict.repair import find_repairs, with_repairs
 from vctune.document.gains_file import gains_text
 from vctune.document.reading import ProblemFile, parse_problem
-from vctune.document.records.design_file import design_of
+from vctune.document.records.design_json import design_of
 from vctune.document.text.codes import ENDING
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode

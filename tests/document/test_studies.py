@@ -15,7 +15,7 @@ from vctune.document.schema.statement import statement
 from vctune.document.study_axes import Axis, number_keys
 from vctune.document.study_file import read_study
 from vctune.document.text.errors import InputError
-from vctune.study.points import latin_hypercube, points
+from vctune.study.study_table import latin_hypercube, points
 
 BARE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 PROBLEM = BARE + "[stability]\ncriterion = 'passive'\nband_hz = [0.5, 100.0]\n"

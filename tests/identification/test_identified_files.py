@@ -16,10 +16,10 @@ from vctune import check, identify, solve
 from vctune.design.verdict.checked import CheckVerdict
 from vctune.document.text.errors import InputError
 from vctune.identification.box import Estimate, box
+from vctune.identification.identify import readable
 from vctune.identification.motion.covariance import BLOCK, least_squares, robust_covariance
 from vctune.identification.motion.motion import PlacedScores
 from vctune.identification.motion.spectral_filters import HIGHEST, filtered, smooth, spectrum, stride
-from vctune.identification.readable import readable
 from vctune.model.device import Device
 from vctune.model.experiment import Friction
 

@@ -20,9 +20,8 @@ from random_devices import COMBINATIONS, hand_for, ordinary_gains, with_parts
 from sampled_device_oracle import Hand as OracleHand
 from sampled_device_oracle import coupling_at, pulses, seen_at
 
-from vctune.model.coupling import sampled_resistance
 from vctune.model.device import Device
-from vctune.model.gains import Coupling, Gains
+from vctune.model.gains import Coupling, Gains, sampled_resistance
 from vctune.model.hands import HAND, Hand
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.parts import Actuator, ForceSensor, Structure

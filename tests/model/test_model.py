@@ -16,9 +16,8 @@ from hypothesis import strategies as st
 from vctune.bench.digits import exact
 from vctune.bench.evaluator import Case, impedances
 from vctune.design.nlp.nlp import SYMBOLS
-from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.gains import Coupling, Gains
+from vctune.model.gains import Coupling, Gains, coupling_impedance
 from vctune.model.loop.device_response import device_response
 from vctune.model.loop.impedances import G_hh_abs2, tracking_abs2
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit

@@ -14,8 +14,7 @@ from conftest import ROOT
 from vctune import solve
 from vctune.api.explaining import explain
 from vctune.design.search.theorems import impossible
-from vctune.design.verdict.claim_records import claim_records
-from vctune.design.verdict.design_record import design_record
+from vctune.design.verdict.design_record import claim_records, design_record
 from vctune.design.verdict.judge import judge
 from vctune.document.reading import parse_problem, problem_file
 from vctune.document.schema.statement import statement

@@ -15,7 +15,7 @@ from matplotlib.colors import to_rgb, to_rgba
 from pages import PARTS, recorded
 
 from vctune.document.reading import ProblemFile, parse_problem
-from vctune.document.records.design_file import design_of
+from vctune.document.records.design_json import design_of
 from vctune.model.gains import Coupling, Gains
 from vctune.report.curves import requirements
 from vctune.report.design_figures import design_figures

@@ -20,7 +20,7 @@ from vctune.analysis.responses import Loop
 from vctune.cli.printing.design_table import print_design
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
-from vctune.document.records.design_file import design_of, read_design
+from vctune.document.records.design_json import design_of, read_design
 from vctune.document.text.errors import InputError
 from vctune.model.gains import Coupling, Gains
 from vctune.report.curves import handle_impedance, requirements, transparency

@@ -27,8 +27,7 @@ from vctune.study import sweep as sweeping
 from vctune.study.executors import _for_workers, worker_pool
 from vctune.study.row import solve_point
 from vctune.study.rows import key_of, open_rows
-from vctune.study.study_summary import summary
-from vctune.study.study_table import csv_text, table_of
+from vctune.study.study_table import csv_text, summary, table_of
 from vctune.study.sweep import sweep
 
 FREE = (

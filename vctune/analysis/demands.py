@@ -11,9 +11,8 @@ import numpy as np
 from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import loop_gain, sensitivity_of
-from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, series_coupling
 from vctune.model.loop.device_response import device_response
 from vctune.model.loop.impedances import LoopResponse
 from vctune.model.loop.llewellyn import llewellyn_demand, rollett_factor
@@ -23,6 +22,18 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared_terms
+
+NODES = 64  # Number of frequencies that `tracking_terms` evaluates
+
+
+def tracking_terms(problem: Problem, gains: Gains) -> Floats:
+    """Return the tracking term of many loops, an estimate on a grid of frequencies."""
+    band, device = problem.transparency.band, problem.device
+    omega, weights = log_quadrature(band.min, band.max, NODES)
+    at, every = device_response(device, omega, FLOATS), Gains(gains.velocity[..., None], gains.position[..., None])
+    squares = loop_terms(loop_response(at, every, FLOATS), at, device.kind).tracking
+    return np.asarray(np.sqrt(squares @ weights if problem.transparency.norm == "rms" else squares.max(axis=-1)))
+
 
 END_DECADES = 5  # Number of decades by which the grid of an unbounded band extends beyond every corner of the device
 RIPPLE_POINTS = 6  # Number of grid points for each turn of e^{-2j omega tau}

@@ -11,9 +11,8 @@ from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex
-from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper, coupling_impedance
 from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair

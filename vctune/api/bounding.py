@@ -12,10 +12,10 @@ from typing import Any
 from vctune.api.design_files import json_text, write_record
 from vctune.api.folders import DESIGN_FILE
 from vctune.api.solving import require_gap, solve
-from vctune.design.bound.resume import ResumeState, read_resume, resume_bytes
+from vctune.design.bound.nodes import ResumeState, read_resume, resume_bytes
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
-from vctune.design.nlp.ipopt_version import ipopt_version
+from vctune.design.nlp.ipopt import ipopt_version
 from vctune.design.prepared import prepare
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress, improved
@@ -25,8 +25,7 @@ from vctune.design.verdict.judge import Judgement, Status, judge
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile
-from vctune.document.records.design_file import read_design
-from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.design_json import DesignRecord, read_design
 from vctune.document.schema.kinds import require_record_of
 from vctune.document.text.date import today
 from vctune.document.text.errors import InputError

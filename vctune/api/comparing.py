@@ -13,8 +13,7 @@ from vctune.api.design_files import known_record
 from vctune.api.solving import solve
 from vctune.design.prepared import pose
 from vctune.design.search.optimum import Progress
-from vctune.design.verdict.design_record import record_of
-from vctune.design.verdict.felt import felt_record
+from vctune.design.verdict.design_record import felt_record, record_of
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import on_yardstick, parse_problem

@@ -14,8 +14,7 @@ from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.gains_file import gains_text, numbers_text
 from vctune.document.reading import ProblemFile
-from vctune.document.records.design_file import design_of, read_design
-from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.design_json import DesignRecord, design_of, read_design
 from vctune.document.records.gains_json import SpringRecord as SpringRecord
 from vctune.document.records.part import text as text
 from vctune.document.records.printed_json import ReportRecord as ReportRecord
@@ -54,7 +53,7 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
 
 def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> DesignRecord:
     """Write gains.toml and design.json into an existing folder, and remove the report of an earlier design."""
-    from vctune.design.nlp.ipopt_version import ipopt_version
+    from vctune.design.nlp.ipopt import ipopt_version
 
     record = record_of(file, solved, ipopt_version(), today())
     write_record(folder, file, record)

@@ -17,7 +17,7 @@ from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design_for as design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile
-from vctune.document.records.design_file import read_design
+from vctune.document.records.design_json import read_design
 from vctune.document.records.simulation_json import FILE, SimulationRecord
 from vctune.document.records.simulation_json import simulation_of as simulation_of
 from vctune.document.text.errors import InputError

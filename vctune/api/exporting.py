@@ -227,8 +227,7 @@ def _stated_corner(
 def _c_files(file: ProblemFile, controller: Firmware, progress: Progress) -> Files:
     """Return the C code of a controller, with the files that replay its experiments."""
     from vctune.firmware.c_source import c_source
-    from vctune.firmware.replay import replay_files
-    from vctune.firmware.vectors import replays
+    from vctune.firmware.vectors import replay_files, replays
 
     sources = c_source(controller)
     return {**sources, **replay_files(controller, replays(file, controller, progress))}

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def versions() -> dict[str, str | None]:
     """Return the versions of vctune and of the libraries that affect a result."""
-    from vctune.design.nlp.ipopt_version import ipopt_version
+    from vctune.design.nlp.ipopt import ipopt_version
     from vctune.version import versions as of
 
     return of(ipopt_version())

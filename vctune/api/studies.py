@@ -20,8 +20,7 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import make_folder, write_together
 from vctune.study.executors import WorkerPool, available_cores, worker_pool
 from vctune.study.rows import open_rows
-from vctune.study.study_summary import summary
-from vctune.study.study_table import Table, csv_text, table_of
+from vctune.study.study_table import Table, csv_text, summary, table_of
 from vctune.study.sweep import OnDone
 from vctune.study.sweep import sweep as run
 

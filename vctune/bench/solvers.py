@@ -8,11 +8,10 @@ from math import inf, log, nan
 from statistics import median
 from time import process_time
 
-from vctune.bench import peers
+from vctune.bench import evaluator, peers
 from vctune.bench.benchmark import Measured, Tick
 from vctune.bench.dense import DenseProblem, Stopped, compiled, dense, ipopt
 from vctune.bench.evaluator import case_of, spectral_radius
-from vctune.bench.judged import judge_answer
 from vctune.bench.problems import reference_problems
 from vctune.bench.timing import timed
 from vctune.design.prepared import Prepared, prepare
@@ -21,10 +20,38 @@ from vctune.design.search.optimum import WORTH_POLISHING
 from vctune.design.search.scan import ScanResult, scan
 from vctune.design.search.start import Start
 from vctune.design.solve import solve
-from vctune.design.verdict.judge import Status
+from vctune.design.verdict.judge import Status, judge
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.report.benchmark_figure import Panel, Series
+
+# Relative difference between the errors of prover and evaluator above which they contradict each other
+AGREEMENT = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedAnswer:
+    """The judgement on an answer."""
+
+    error: float  # transparency error by the independent evaluator
+    violation: float
+    stable: bool  # whether the eigenvalues of the sampled loop without a hand lie inside the unit circle
+    verdict: Status  # status of the answer by the prover
+    consistent: bool
+
+
+def judge_answer(problem: Problem, gains: Gains, coupling: AnyCoupling) -> JudgedAnswer:
+    """Judge an answer by the prover and by the evaluator."""
+    judged = judge(problem, gains, coupling)
+    witnesses = [outcome.witness for outcome in judged.certificate.outcomes.values() if outcome.witness]
+    case = evaluator.case_of(problem.device, gains, coupling)
+    error, stable = float(evaluator.error(problem, case)), evaluator.spectral_radius(case) < 1
+    violation = evaluator.violation(problem, case, [*witnesses, judged.worst, judged.worst_sensitivity])
+    verdict = judged.status
+    same = abs(judged.transparency.error - error) <= AGREEMENT * error or not error < inf
+    sound = verdict is not Status.CERTIFIED or (violation == 0 and stable)
+    return JudgedAnswer(error, violation, stable, verdict, same and sound)
+
 
 # Number of frequencies of each kind in the grids of SLSQP and of the finest IPOPT: for Llewellyn's conditions, and
 # again for |S|
@@ -67,7 +94,7 @@ class Row:
     unstable: int  # number of the solver's answers with an unstable sampled loop; 0 for vctune
     succeeded: bool  # whether the solver reports success; True for vctune
     gap: float
-    error: float  # see `vctune.bench.judged.JudgedAnswer`
+    error: float  # see `vctune.bench.solvers.JudgedAnswer`
     violation: float
     stable: bool
     verdict: Status

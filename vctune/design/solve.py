@@ -23,7 +23,7 @@ from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, out_of_time, seconds_left, time_limit
 
 if TYPE_CHECKING:
-    from vctune.design.bound.resume import ResumeState
+    from vctune.design.bound.nodes import ResumeState
     from vctune.design.bound.search import Optimality, SearchState
 
 BOUND = "the search of every box"  # Name of the search of every box among the stages that a time limit may cut short

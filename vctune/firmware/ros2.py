@@ -9,8 +9,7 @@ from pathlib import Path
 from vctune.design.ros.admittance_design import RenderedAxis, parameters_of
 from vctune.design.ros.admittance_problem import as_problem, device_tables, document_of_both
 from vctune.document.reading import ProblemFile, problem_file
-from vctune.document.ros import AdmittanceFile
-from vctune.document.ros_writing import admittance_text
+from vctune.document.ros import AXES, AdmittanceFile
 from vctune.document.text.digest import digest
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
@@ -18,6 +17,31 @@ from vctune.firmware.firmware import Firmware, firmware
 from vctune.firmware.preamble import LEFT_TO_CALLER, statement
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.version import __version__
+
+CONTROLLER = "admittance_controller"  # Name of the controller in the file
+
+
+def admittance_text(given: AdmittanceFile, comments: Sequence[str]) -> str:
+    """Return the YAML text of a parameter file."""
+    first, named = given.axes[0], {axis.axis: axis for axis in given.axes}
+    axes = [named.get(name, first) for name in AXES]
+    selected = ", ".join(str(name in named).lower() for name in AXES)
+    lists = {name: [getattr(axis, name) for axis in axes] for name in ("mass", "damping_ratio", "stiffness")}
+    lines = [f"# {line}".rstrip() for line in comments]
+    lines += [f"{CONTROLLER}:", "  ros__parameters:", "    ft_sensor:"]
+    lines += [f"      filter_coefficient: {_number(given.filter_coefficient)}", "    admittance:"]
+    lines += [f"      # {', '.join(AXES)}", f"      selected_axes: [{selected}]"]
+    lines += [f"      {name}: [{', '.join(map(_number, numbers))}]" for name, numbers in lists.items()]
+    lines += [f"      joint_damping: {_number(first.joint_damping)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _number(value: float) -> str:
+    """Return a number in its shortest exact decimals, with a decimal point."""
+    text = repr(float(value))
+    mantissa, exponent, power = text.partition("e")
+    return text if "." in mantissa else f"{mantissa}.0{exponent}{power}"
+
 
 PARAMETERS = "admittance_controller.yaml"  # Name of the parameter file
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from vctune.document.reading import ProblemFile
-from vctune.firmware.firmware import Firmware
+from vctune.firmware.c_source import names_and_numbers, rendered_template
+from vctune.firmware.c_text import comment
+from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.preamble import not_proved, statement
 from vctune.model.device import Commanded
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors, usual_share
 from vctune.model.numbers.arithmetic import Floats
@@ -20,6 +24,30 @@ from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.firmware.stepped import Start, SteppedFirmware
 from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
+
+ALLOWED_ULP = 0  # Permitted difference in double precision, in units in the last place
+
+
+def replay_files(firmware: Firmware, simulated: list[Replay]) -> dict[str, str]:
+    """Return the texts of vectors.csv, replay.c and Makefile."""
+    given: dict[str, Any] = {
+        **names_and_numbers(firmware),
+        "experiments": [experiment_line(one, firmware.parts) for one in simulated],
+        "ulp": ALLOWED_ULP,
+        "hash_top": commented(statement(firmware)),
+    }
+    if firmware.precision == "single":
+        measured = greatest_difference(firmware, simulated)
+        given |= {"measured": f"{measured:.3g}", "allowed": f"{2 * measured:.3g}"}
+    written = {name: rendered_template(name, given) for name in ("replay.c", "Makefile")}
+    doubt = "" if certified(firmware) else commented([not_proved(firmware)]) + "\n"
+    return {"vectors.csv": doubt + vectors_text(simulated, firmware.units, firmware.parts.command), **written}
+
+
+def commented(texts: list[str]) -> str:
+    """Return texts as lines that begin with #."""
+    return "\n".join(f"# {line}".rstrip() for text in texts for line in comment(text) or [""])
+
 
 # Stiffness of the hand in the default experiments, N/m, before `default_experiments` scales it
 USUAL_STIFFNESS = 1000.0

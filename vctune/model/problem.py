@@ -10,8 +10,7 @@ from vctune.model.device import Device
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands
-from vctune.model.numbers.frequency import hertz
-from vctune.model.numbers.units import UNITS, Units
+from vctune.model.numbers.units import UNITS, Units, hertz
 from vctune.model.transparency import Terms
 from vctune.model.worlds import Worlds, WorldsMet
 

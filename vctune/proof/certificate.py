@@ -13,7 +13,7 @@ import numpy as np
 from flint import ctx
 
 from vctune.model.device import Device
-from vctune.model.numbers.frequency import hertz
+from vctune.model.numbers.units import hertz
 from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
 from vctune.proof.claims.every_device import widest_band_for_all
@@ -24,7 +24,7 @@ from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked
 from vctune.proof.claims.whole_samples import beside_whole_sample
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.arb_balls import PRECISION
-from vctune.proof.engine.band_edges import edge_in_hertz
+from vctune.proof.engine.bands import edge_in_hertz
 from vctune.proof.engine.boxes import Cells
 from vctune.proof.engine.interval import Outcome, Verdict, worst_verdict
 from vctune.proof.provers import PROVERS, Question, prove_passive

@@ -17,13 +17,12 @@ from vctune.analysis.loops_in_hands import loops_in_any_hand, loops_in_hands
 from vctune.analysis.resonance import round_at_resonance
 from vctune.analysis.sampled_loop import Complex
 from vctune.design.prepared import pose
-from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains, series_coupling
+from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_coupling
 from vctune.model.hands import Hand, Hands
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.numbers.frequency import hertz
+from vctune.model.numbers.units import hertz
 from vctune.model.problem import Band, Problem
 from vctune.model.sampled.hand_loop import offered
 from vctune.proof.claims.registry import ClaimId

@@ -13,9 +13,8 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from vctune.analysis.demands import transparency_error
+from vctune.analysis.demands import tracking_terms, transparency_error
 from vctune.analysis.extrema import Floats
-from vctune.analysis.tracking import tracking_terms
 from vctune.design.prepared import prepare
 from vctune.design.search.grid import least_errors
 from vctune.design.variables import point

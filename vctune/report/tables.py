@@ -12,7 +12,7 @@ from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.hands import QUANTITIES
-from vctune.model.numbers.frequency import hertz
+from vctune.model.numbers.units import hertz
 from vctune.model.parts import PART_NUMBERS, PARTS
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import CLAIMS, ClaimId

@@ -14,9 +14,8 @@ from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.analysis.loops_in_hands import LoopsInHands, loops_in_any_hand, loops_in_hands
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.variables import coupling_from
-from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper, coupling_impedance
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS

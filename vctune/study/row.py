@@ -10,7 +10,7 @@ from typing import Any
 from vctune.design.result import Solved
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for, point
-from vctune.design.verdict.felt import felt_record
+from vctune.design.verdict.design_record import felt_record
 from vctune.design.verdict.judge import Status
 from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN, RowYardstickRecord
 from vctune.model.problem import Problem

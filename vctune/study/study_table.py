@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from io import StringIO
+from itertools import product
 from math import isnan, nan
 from typing import Any
 
@@ -13,14 +16,99 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.verdict.judge import Status
-from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN
+from vctune.document.records.rows_json import (
+    COLUMN_OF_KEY,
+    QUANTITY_OF_COLUMN,
+    CornerRecord,
+    StudyYardstickRecord,
+    SweepRecord,
+)
 from vctune.document.schema.number_units import heading, unit_of
-from vctune.document.study_axes import number_keys
+from vctune.document.study_axes import Axis, number_keys
 from vctune.document.study_file import Study
 from vctune.model.display import DisplayName, stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
-from vctune.study.points import points
 from vctune.study.rows import Rows
+
+DIGITS = 12  # Number of significant digits of the computed values
+
+Values = tuple[float, ...]
+
+
+def points(study: Study) -> Iterator[Values]:
+    """Yield the values of the axes at every point; the last axis of a grid varies fastest."""
+    if study.sample.kind == "lhs":
+        return latin_hypercube(study.axes, study.sample.n, study.sample.seed)
+    columns = [axis_values(axis) for axis in study.axes]
+    return product(*columns) if study.sample.kind == "grid" else zip(*columns, strict=True)
+
+
+def axis_values(axis: Axis) -> Values:
+    """Return the values of an axis: its list, or n values of its range."""
+    if axis.scale == "list" or axis.n is None:
+        return axis.values
+    return _spread(axis, np.arange(axis.n) / (axis.n - 1))
+
+
+def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Values]:
+    """Yield n points of a Latin hypercube."""
+    generator = np.random.default_rng(seed)
+    shares = [(generator.permutation(n) + generator.random(n)) / n for _ in axes]
+    columns = [_spread(axis, share) for axis, share in zip(axes, shares, strict=True)]
+    return zip(*columns, strict=True)
+
+
+def _spread(axis: Axis, share: Floats) -> Values:
+    """Return the values of an axis at given shares of its range, between 0 and 1."""
+    if axis.scale == "list":
+        return tuple(axis.values[int(t * len(axis.values))] for t in share)
+    low, high = axis.values
+    made = low * (high / low) ** share if axis.scale == "log" else low + (high - low) * share
+    return tuple(min(max(float(f"{value:.{DIGITS}g}"), low), high) for value in made)
+
+
+def summary(study: Study, table: Table) -> SweepRecord:
+    """Return the summary of a sweep: counts by status, yardstick, best and worst design, and the corner without
+    designs."""
+    certified, error = table.certified, table.numbers["error"]
+    order = np.flatnonzero(certified)[np.argsort(error[certified], kind="stable")]
+    return SweepRecord(
+        study=study.name,
+        points=len(table.status),
+        status=dict(sorted(Counter(table.status).items())),
+        idle=int(table.idle.sum()),
+        yardstick=_yardstick(study),
+        units=table.units,
+        best=table.row(int(order[0])) if order.size else None,
+        worst=table.row(int(order[-1])) if order.size else None,
+        corner=_corner(table) if not certified.all() else None,
+    )
+
+
+def _yardstick(study: Study) -> StudyYardstickRecord:
+    measured = study.yardstick.transparency
+    return StudyYardstickRecord(
+        band_hz=list(measured.band.hz),
+        reference_impedance=measured.reference_impedance,
+        norm=measured.norm,
+        weights=asdict(measured.weights),
+        varied=[axis.key for axis in study.axes if axis.path[0] == "transparency"],
+    )
+
+
+def _corner(table: Table) -> CornerRecord:
+    without = ~table.certified
+    low = {key: float(column[without].min()) for key, column in table.axes.items()}
+    high = {key: float(column[without].max()) for key, column in table.axes.items()}
+    inside = np.logical_and.reduce([(column >= low[key]) & (column <= high[key]) for key, column in table.axes.items()])
+    reasons = Counter(reason for reason, lacks in zip(table.reason, without, strict=True) if lacks)
+    return CornerRecord(
+        points=int(without.sum()),
+        share=float(without.sum() / inside.sum()),
+        low=low,
+        high=high,
+        reason=reasons.most_common(1)[0][0],
+    )
 
 
 @dataclass(frozen=True, slots=True)

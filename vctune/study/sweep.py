@@ -16,9 +16,9 @@ from vctune.document.study_file import Study
 from vctune.document.text.errors import InputError
 from vctune.model.problem import Problem
 from vctune.study.executors import WorkerPool
-from vctune.study.points import Values, points
 from vctune.study.row import row_without_design, solve_point
 from vctune.study.rows import FAILED, Rows, constraints_key, invalid_key, key_of
+from vctune.study.study_table import Values, points
 
 INVALID = "invalid"  # Status of a point whose values do not form a valid problem
 DIED = "its worker died, and so did the one that tried it again, alone"

@@ -7,9 +7,8 @@ from math import inf, pi, tan
 
 import numpy as np
 
-from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, series_coupling
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import loop_in_hand

@@ -15,9 +15,8 @@ from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.bound.design_boxes import B_0, K_P, K_V, TAU_C, DesignBoxes, axes_of
 from vctune.design.bound.lower_bounds import least_coupling
-from vctune.design.bound.nodes import OpenNodes, joined, root
+from vctune.design.bound.nodes import OpenNodes, ResumeState, joined, root
 from vctune.design.bound.relaxation import Places, Relaxation, at_places, relaxation
-from vctune.design.bound.resume import ResumeState
 from vctune.design.bound.stability_bound import proved_stability
 from vctune.design.bound.strong_branching import Halved, halved
 from vctune.design.prepared import Posed, acting_terms, with_acting_terms

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass
+from functools import lru_cache
+from io import StringIO
 from math import exp, inf, log, pi
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from vctune.analysis.extrema import Floats
@@ -44,6 +49,19 @@ from vctune.model.sampled.worlds.loop_in_worlds import Disjuncts
 from vctune.model.sampled.worlds.loop_in_worlds import posed as posed_in
 from vctune.model.transparency import TERMS, log_quadrature
 from vctune.model.worlds import WorldsMet
+
+
+@lru_cache(maxsize=1)
+def ipopt_version() -> str:
+    """Return the version that IPOPT prints in its banner; CasADi shows it nowhere else."""
+    banner = StringIO()
+    x = ca.SX.sym("x")
+    quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}
+    with interrupt_deferred(), redirect_stdout(banner):
+        ca.nlpsol("banner", "ipopt", {"x": x, "f": x * x}, quiet)(x0=0)
+    found = re.search(r"Ipopt version (\d[\d.]*\d)", banner.getvalue())
+    return found[1] if found else "unknown"
+
 
 NEAR_SIDE = 1e-2  # Distance within which a point counts as lying on a side of the trust box
 TRACKING_REACH = 0.5  # Greatest change of the log frequency of a tracked peak of |S| in one NLP

@@ -25,8 +25,7 @@ from vctune.design.nlp.nlp_parameters import (
 )
 from vctune.design.nlp.nlp_structure import DEMANDS, NlpStructure
 from vctune.design.variables import CORNER, coupling_from
-from vctune.model.coupling import coupling_impedance, sampled_resistance
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, sampled_resistance, series_coupling
 from vctune.model.loop.llewellyn import modulus_excess
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate

@@ -14,7 +14,7 @@ from vctune.document.records.contact_json import ContactRecord, LatencyPartRecor
 from vctune.model.device import Device
 from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.numbers.frequency import finite_hertz
+from vctune.model.numbers.units import finite_hertz
 from vctune.model.problem import Problem
 from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.proof.certificate import certify

@@ -16,12 +16,10 @@ from vctune.analysis.worlds.binding import binding_world
 from vctune.design.result import Repair, Solved
 from vctune.design.search.rounding import near
 from vctune.design.variables import Point, keys_for, point, ranges
-from vctune.design.verdict.claim_records import claim_records
 from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.judge import Judgement, judge
-from vctune.design.verdict.nlp_record import active, solver_record
+from vctune.design.verdict.nlp_record import active, device_record, solver_record
 from vctune.design.verdict.repair import CUT_SHORT, LONGEST
-from vctune.design.verdict.uncertainty_record import uncertainty_record
 from vctune.document.file_doubts import file_doubts
 from vctune.document.reading import ProblemFile
 from vctune.document.records.certificate_json import (
@@ -41,6 +39,7 @@ from vctune.document.records.design_json import (
     DesignRecord,
     GlanceRecord,
     OptimalityRecord,
+    PriceRecord,
     RepairRecord,
 )
 from vctune.document.records.gains_json import (
@@ -51,11 +50,10 @@ from vctune.document.records.gains_json import (
     stated_units,
 )
 from vctune.document.records.part import Part
-from vctune.document.records.price_json import PriceRecord
 from vctune.document.text.codes import Note
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.frequency import finite_hertz, hertz
+from vctune.model.numbers.units import finite_hertz, hertz
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import IN_HANDS, claims_about
 from vctune.proof.claims.sampled_poles import spectral_radius
@@ -66,6 +64,68 @@ from vctune.version import versions
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
+from vctune.analysis.demands import transparency_error
+from vctune.analysis.feel import feel
+from vctune.design.prepared import pose
+from vctune.document.records.certificate_json import ClaimRecord
+from vctune.document.records.design_json import UncertaintyRecord
+from vctune.document.records.rows_json import FeltRecord
+from vctune.model.device import Device
+from vctune.proof.claims.registry import CLAIMS, ClaimId
+from vctune.proof.engine.interval import Outcome
+
+
+def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: float | None) -> UncertaintyRecord:
+    """Return the box, the errors that show the cost of robustness, and the devices on which the design is worst."""
+    posed, design = pose(problem), (judgement.gains, judgement.coupling)
+    box, uncertainty = posed.box, problem.uncertainty
+    assert box is not None and uncertainty is not None
+    worst = max(posed.cases, key=lambda case: transparency_error(case, *design).error)
+    return UncertaintyRecord(
+        box={key: [box.low.number(key), box.high.number(key)] for key in box.modelled.uncertain},
+        **({"unmodelled": [list(point) for point in uncertainty.unmodelled]} if uncertainty.unmodelled else {}),
+        objective=uncertainty.objective,
+        nominal_error=nominal_error,
+        robust_error=judgement.transparency.error,
+        worst_error=transparency_error(worst, *design).error,
+        worst_device=device_record(worst.device, problem),
+        min_ratio_device=device_record(judgement.tightest, problem),
+    )
+
+
+def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
+    """Return the record of each claim."""
+    outcomes = judgement.certificate.outcomes
+    return [_claim(problem, judgement, claim, outcome) for claim, outcome in outcomes.items()]
+
+
+def _claim(problem: Problem, judgement: Judgement, claim: ClaimId, outcome: Outcome) -> ClaimRecord:
+    also: dict[str, Any] = {"cut": True} if outcome.cut else {}
+    if outcome.device is not None:
+        also["witness_device"] = device_record(outcome.device, problem)
+    if outcome.hand is not None:
+        also["witness_hand"] = HandRecord(**asdict(outcome.hand))
+    return ClaimRecord(
+        id=claim,
+        claim=CLAIMS[claim].said_of(problem.device.kind),
+        verdict=outcome.verdict.value,
+        witness_hz=finite_hertz(outcome.witness),
+        **also,
+    )
+
+
+def felt_record(device: Device, gains: Gains, coupling: AnyCoupling) -> FeltRecord:
+    """Return the mass and damping that the hand feels, the stiffest wall, and the tracking bandwidth."""
+    felt = feel(device, gains, coupling)
+    return FeltRecord(
+        felt_mass_1hz=felt.mass[0],
+        felt_mass_10hz=felt.mass[1],
+        felt_damping_1hz=felt.damping[0],
+        felt_damping_10hz=felt.damping[1],
+        stiffest_wall=None if felt.stiffness == inf else felt.stiffness,
+        tracking_bandwidth_hz=felt.tracking_bandwidth,
+    )
+
 
 PROVED_BAND = "the proof of a wider band"  # Name of a stage that a time limit may cut short
 SHOWN = 200  # Greatest number of rounds of an exchange, and of states of a search of boxes, that a record keeps
@@ -78,7 +138,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     ----------
     file : the problem and its text
     solved : its result
-    ipopt : version of IPOPT if the result needed it (`vctune.design.nlp.ipopt_version.ipopt_version`)
+    ipopt : version of IPOPT if the result needed it (`vctune.design.nlp.ipopt.ipopt_version`)
 
     Returns
     -------

@@ -32,8 +32,7 @@ from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.hands import Hand
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
-from vctune.model.numbers.frequency import hertz
-from vctune.model.numbers.units import UNITS, Units
+from vctune.model.numbers.units import UNITS, Units, hertz
 from vctune.model.problem import Demands, Problem
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims.margins_of_claims import Design

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import degrees, pi
 from typing import Any
 
 import numpy as np
@@ -14,9 +14,9 @@ from vctune.design.prepared import pose
 from vctune.design.result import Polished, Solved
 from vctune.design.search.working_set import ConstraintPoint, stacked
 from vctune.design.variables import design_of
-from vctune.design.verdict.uncertainty_record import device_record
-from vctune.document.records.certificate_json import DeviceRecord
+from vctune.document.records.certificate_json import DeviceRecord, PerturbationRecord
 from vctune.document.records.design_json import ActiveRecord
+from vctune.model.device import Device
 from vctune.model.loop.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
@@ -93,3 +93,17 @@ def solver_record(solved: Solved) -> dict[str, Any]:
         "rounds": len(polished.rounds),
         "iterations": sum(each.solution.iterations for each in polished.rounds),
     }
+
+
+def device_record(device: Device, problem: Problem) -> DeviceRecord:
+    """Return mass, damping and delay of a device, and its other parameters for which the problem states an
+    uncertainty."""
+    widths = dict(problem.uncertainty.half_widths) if problem.uncertainty is not None else {}
+    known = device.numbers()
+    others = {key: number for key, number in known.items() if "." in key and key in widths}
+    found: dict[str, Any] = {"parts": others} if others else {}
+    if device.unmodelled is not None and device.unmodelled.share > 0:
+        share, phase = float(device.unmodelled.share), degrees(device.unmodelled.phase)
+        found["unmodelled"] = PerturbationRecord(share=share, phase_deg=phase)
+    own = {key: known[key] for key in ("mass", "damping", "delay") if key in known}
+    return DeviceRecord(**own, **found)

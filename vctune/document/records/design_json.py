@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -17,11 +18,49 @@ from vctune.document.records.gains_json import (
     TransparencyRecord,
 )
 from vctune.document.records.part import Document, Number, Pair, Part, Row, Shown, how_shown, text
-from vctune.document.records.price_json import PriceRecord
+from vctune.document.schema.number_units import unit_of
+from vctune.document.text.json import as_record, read_json
 from vctune.model.display import DISPLAYS
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.transparency import TermName
+
+MAX_BYTES = 10_000_000
+KIND = "a design.json of `vctune solve`"
+
+
+def read_design(path: Path) -> DesignRecord:
+    """Return the record in a design.json."""
+    return design_of(read_json(path, KIND, MAX_BYTES), str(path))
+
+
+def design_of(value: Any, source: str) -> DesignRecord:
+    """Return the record in the object of a design.json."""
+    return as_record(value, DesignRecord, source, kind=KIND, remedy="solve the problem again")
+
+
+# Relative change of the error, for a number that improves by 1 %, below which a price counts as zero
+NO_DIFFERENCE = 5e-5
+
+
+class PriceRecord(Part):
+    """The price of a parameter of the device: the relative change of the least error, to first order, if this number
+    improves."""
+
+    key: str
+    old: float
+    new: float
+    change: float
+
+    @property
+    def worth(self) -> str:
+        """The effect of improving the number on the error, in words."""
+        return "no difference" if abs(self.change) < NO_DIFFERENCE else f"{100 * self.change:+.2f} %"
+
+    def cells(self, units: Units) -> tuple[str, str, str]:
+        """Return the value, a better value, and their unit."""
+        return text(self.old, 4), text(self.new, 4), unit_of(tuple(self.key.split(".")), units)
+
 
 Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 

@@ -10,7 +10,7 @@ from typing import Any
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Environment, Experiment
-from vctune.model.numbers.frequency import hertz
+from vctune.model.numbers.units import hertz
 from vctune.model.parts import PARTS, Servo, VelocityEstimate
 from vctune.model.problem import Band, Bounds, Problem, Range
 from vctune.model.worlds import Worlds

@@ -5,8 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from math import inf, pi
 from types import MappingProxyType
 from typing import Literal
+
+
+def hertz(omega: float) -> float:
+    """Return an angular frequency in hertz."""
+    return float(f"{omega / (2 * pi):.12g}")
+
+
+def finite_hertz(omega: float | None) -> float | None:
+    """Return a frequency in hertz, or None if it is infinite or None."""
+    return None if omega is None or omega == inf else hertz(omega)
+
 
 UnitSystem = Literal["linear", "rotary"]  # Motion of the handle: along a line, or about an axis
 

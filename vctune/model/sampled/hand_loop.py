@@ -6,9 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from vctune.model.coupling import sampled_resistance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, sampled_resistance, series_coupling
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, nothing
 from vctune.model.numbers.pair import EvenOdd

@@ -22,8 +22,7 @@ from vctune.proof.claims.model_poles import NEAR
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.array_intervals import Enclosure, Floats, between, decimal, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
-from vctune.proof.engine.band_edges import extend_band
-from vctune.proof.engine.bands import STEP
+from vctune.proof.engine.bands import STEP, extend_band
 from vctune.proof.engine.box_tests import Margin, misses_zero, positive
 from vctune.proof.engine.boxes import WHOLE_SAMPLES, Boxes, Cells, Values, band_of, joined, over_band
 from vctune.proof.engine.branching import Proofs, Test, prove

@@ -32,7 +32,6 @@ from vctune.proof.claims.array_claims import (
 )
 from vctune.proof.claims.delay_parts import DELAY_ROWS, Ends, Part, parts_of, row_of
 from vctune.proof.claims.in_hands.any_spring import left_by_any_spring
-from vctune.proof.claims.in_hands.own_share import with_own_share
 from vctune.proof.claims.in_hands.resonant_hands import AROUND, RATIO, Resonance, resonance
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
@@ -61,10 +60,35 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.engine.box_tests import alone, next_to_zero, positive
 from vctune.proof.engine.boxes import SAMPLES_BEFORE, Boxes, Values, band_of, over_band
-from vctune.proof.engine.branching import Test, prove
+from vctune.proof.engine.branching import Decided, Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_polynomials
 from vctune.proof.engine.winding import turned_angle
+
+# Least relative distance between a box's share and the shares of its angles and hands at which the test omits the box
+WITHIN = 1e-9
+
+
+def with_own_share(test: Test, device: Device, names: tuple[str, ...]) -> Test:
+    """Return a test that reports a box as proved if its share of the stiffness belongs to none of its angles and
+    hands."""
+    share, stiffness = (1 + names.index(name) for name in (SHARES[1], STIFFNESS))
+    heavy = 1 + names.index(row_of("mass")) if row_of("mass") in names else None
+
+    def of(frequency: Floats, stiffness: Floats, mass: Floats | float) -> Floats:
+        spring = stiffness * (device.sample_time**2 / mass)
+        return np.asarray(spring / (2 * np.sin(np.minimum(frequency, np.pi) / 2) + spring))
+
+    def tested(boxes: Boxes) -> Decided:
+        decided, low, high = test(boxes), boxes.low, boxes.high
+        lightest, heaviest = (device.mass,) * 2 if heavy is None else (low[heavy], high[heavy])
+        with np.errstate(invalid="ignore"):  # at rest the share may have any value
+            least, most = of(high[0], low[stiffness], heaviest), of(low[0], high[stiffness], lightest)
+            beside = (low[share] > most * (1 + WITHIN)) | (high[share] < least * (1 - WITHIN))
+        return replace(decided, proved=decided.proved | beside)
+
+    return tested
+
 
 STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an uncertain mass
 MAX_BOXES = 400_000  # Number of boxes after which the prover leaves the claim open

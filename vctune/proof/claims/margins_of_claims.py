@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import inf, nextafter, pi
 
-from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Coupling, Gains
+from vctune.model.gains import AnyCoupling, Coupling, Gains, coupling_impedance
 from vctune.model.loop.affine import loop_constants
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import llewellyn_demand, moduli

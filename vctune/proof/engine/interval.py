@@ -13,7 +13,7 @@ from flint import arb, arb_series
 from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
-from vctune.model.numbers.frequency import hertz
+from vctune.model.numbers.units import hertz
 from vctune.proof.enclosures.arb_balls import box
 from vctune.running import check_time, report_progress
 

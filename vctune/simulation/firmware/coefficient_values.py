@@ -5,9 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 from math import inf
 
-from vctune.model.coupling import trapezoidal
 from vctune.model.experiment import Environment
-from vctune.model.gains import AnyCoupling, Coupling, SpringDamper
+from vctune.model.gains import AnyCoupling, Coupling, SpringDamper, trapezoidal
 
 
 def exact(decimal: float) -> Fraction:

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from math import inf
 from typing import Any, NamedTuple
 
-from vctune.model.coupling import sampled_reactance, sampled_resistance
-from vctune.model.gains import Coupling
+from vctune.model.gains import Coupling, sampled_reactance, sampled_resistance
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.worlds import Worlds
 

@@ -10,7 +10,7 @@ from math import pi
 
 from flint import arb
 
-from vctune.model.coupling import coupling_impedance
+from vctune.model.gains import coupling_impedance
 from vctune.model.numbers.arithmetic import Number
 from vctune.proof.claims.llewellyn.near_zero import low_end_verdict, prove_low_end
 from vctune.proof.claims.llewellyn.polynomials import conditions, is_rational, widest
@@ -23,7 +23,7 @@ from vctune.proof.claims.margins_of_claims import (
     resistance_margin,
 )
 from vctune.proof.enclosures.arb_balls import BALLS, as_series, design_ball, design_series
-from vctune.proof.engine.band_edges import extend_band
+from vctune.proof.engine.bands import extend_band
 from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 
 EXTENSION_BOXES = 2_000  # Number of boxes for one step beyond the band
