@@ -16,9 +16,7 @@ from vctune.bench import evaluator, peers, solvers, stress
 from vctune.bench import solvers as judging
 from vctune.bench.benchmark import Measured, csv_of, record_of
 from vctune.bench.dense import dense
-from vctune.bench.devices import device
-from vctune.bench.digits import exact, stable
-from vctune.bench.evaluator import Case, case_of
+from vctune.bench.evaluator import case_of
 from vctune.bench.problems import reference_problems
 from vctune.cli.commands.bench import bench
 from vctune.design.prepared import prepare
@@ -31,9 +29,6 @@ from vctune.document.text.errors import InputError
 from vctune.model.gains import Coupling, Gains
 from vctune.model.transparency import Terms
 
-LAG = Case(0.5, 2.0, 1e-3, 0.0, "lag", 40.0, 4000.0)
-ZOH = replace(LAG, hold="zoh")
-
 
 @pytest.fixture(scope="module")
 def wheel():
@@ -41,32 +36,6 @@ def wheel():
 
 
 # The independent evaluator
-
-
-@pytest.mark.parametrize(
-    ("hold", "values"), [(LAG, (14.1276, 394.645, 1140.27, 2215.64)), (ZOH, (14.1121, 411.113, 1619.22, 13078.68))]
-)
-def test_required_resistance_at_the_fixtures(hold, values):
-    omega = np.array([100.0, 1000.0, 2000.0, 3000.0])
-    found = evaluator.required(hold, omega)
-    assert found == pytest.approx(values, rel=1e-5)
-
-
-def test_required_resistance_does_not_cancel():
-    """The plain formula returns 0."""
-    found = evaluator.required(Case(0.5, 1.0, 1e-3, 0.0, "lag", 5000.0, 1e6), 0.01)
-    assert found == pytest.approx(5.5543e-5, rel=1e-4)
-
-
-@pytest.mark.parametrize("K_v", [10.0, 300.0, 900.0])
-def test_spectral_radius_of_the_velocity_loop(K_v):
-    """One pole, a - K_v (1-a)/b, without delay; two poles of z^2 - a z + K_v (1-a)/b after a sample."""
-    a = np.exp(-ZOH.damping * ZOH.sample_time / ZOH.mass)
-    step = K_v * (1 - a) / ZOH.damping
-    now = replace(ZOH, K_v=K_v, K_p=0.0)
-    assert evaluator.spectral_radius(now) == pytest.approx(abs(a - step), rel=1e-9)
-    late = replace(now, delay=ZOH.sample_time)
-    assert evaluator.spectral_radius(late) == pytest.approx(np.abs(np.roots([1.0, -a, step])).max(), rel=1e-9)
 
 
 def test_error_of_the_bare_device(wheel):
@@ -89,22 +58,6 @@ def test_violation_is_the_logarithm_of_what_is_missing(wheel):
 
 
 # Fifty digits
-
-
-def test_fifty_digits_at_the_crossings():
-    """The ratio of (25000, 5) is 1 at these frequencies."""
-    for omega in (5.3410, 76.1960, 284.483):
-        assert float(exact(replace(LAG, b_c=25000.0, m_c=5.0), omega).ratio) == pytest.approx(1.0, rel=1e-4)
-
-
-@pytest.mark.parametrize("samples", [0.0, 1.0])
-def test_fifty_digits_at_the_edge_of_stability(samples):
-    """Jury's test tells a relative 1e-12 either side of the limit: -1 without delay, a complex pair after a sample."""
-    a = np.exp(-2.0 * 1e-3 / 0.5)
-    limit = float(((1 + a) if samples == 0 else 1.0) * 2.0 / (1 - a))
-    late = replace(ZOH, delay=samples * 1e-3, K_p=0.0)
-    assert stable(replace(late, K_v=limit * (1 - 1e-11)))
-    assert not stable(replace(late, K_v=limit * (1 + 1e-11)))
 
 
 # Judges
@@ -181,11 +134,6 @@ def test_missing_peers_are_an_input_error(monkeypatch):
 
 
 # Rows
-
-
-def test_seeds_reproduce_devices():
-    assert device(3, 5) == device(3, 5)
-    assert device(3, 5)[0] != device(4, 5)[0] != device(4, 6)[0]
 
 
 @dataclass(frozen=True)

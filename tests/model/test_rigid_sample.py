@@ -9,9 +9,7 @@ from flint import ctx
 from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.sampled import plant_in_hand as sampled
 from vctune.model.sampled.plant_in_hand import Delays, PlantInHand, plant_in_hand
-from vctune.model.sampled.rigid_sample import WITHIN, powers_of
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, ball
 from vctune.proof.enclosures.array_intervals import Enclosure, between
 from vctune.proof.enclosures.jets import ENCLOSURES, Jet
@@ -50,16 +48,6 @@ def exactly(numbers):
         mass, damping, delay, *hand = map(ball, numbers)
         device = Device(mass, damping, ball(T), delay)
         return [float(x) for x in entries(plant_in_hand(device, Hand(*hand), DELAYS, BALLS))]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_closed_form_is_the_function_of_the_matrix(kind):
-    numbers = drawn(np.random.default_rng(1), KINDS[kind], 40)
-    found = np.array([np.broadcast_to(x, 40) for x in entries(plant(numbers, FLOATS))])
-    expected = np.array([exactly(each) for each in zip(*(x.tolist() for x in numbers), strict=True)]).T
-    scale = np.abs(expected).max(axis=1, keepdims=True)
-    assert np.abs(found - expected).max() <= 4e-15 * scale.max()
-    assert np.all(np.abs(found - expected) <= 1e-13 * scale)
 
 
 def enclosed(x, at, place):
@@ -119,17 +107,3 @@ def test_slopes_hold_every_derivative():
             mid, rad = (0.0, 0.0) if slope is None else (slope.mid, slope.rad)
             rounding = 1e-14 * (np.abs(more) + 1e-3) / step
             assert np.all(np.abs((more - less) / (2 * step) - mid) <= rad + rounding)
-
-
-def test_a_hand_that_is_too_stiff_for_a_sample_is_left_to_matrices():
-    assert powers_of(np.array([0.1]), np.array([WITHIN**2]), FLOATS) is None
-    assert powers_of(np.array([0.1]), np.array([np.nan]), FLOATS) is None
-    stiff = drawn(np.random.default_rng(4), 6.0, 20)
-    found = np.array([np.broadcast_to(x, 20) for x in entries(plant(stiff, FLOATS))])
-    expected = np.array([exactly(each) for each in zip(*(x.tolist() for x in stiff), strict=True)]).T
-    assert np.all(np.abs(found - expected) <= 1e-11 * np.abs(expected).max(axis=1, keepdims=True))
-
-
-def test_the_closed_form_is_used(monkeypatch):
-    monkeypatch.setattr(sampled, "half_coth", lambda *of: pytest.fail("a rigid device has a closed form"))
-    assert np.all(np.isfinite(entries(plant([np.array([x]) for x in (0.4, 2.0, 2.5e-3, 0.1, 5.0, 1000.0)], FLOATS))))

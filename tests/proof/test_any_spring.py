@@ -16,15 +16,13 @@ from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import ForceSensor
 from vctune.model.problem import Demands, Uncertainty
-from vctune.model.sampled.eliminated_spring import margin_in_spring
 from vctune.model.sampled.hand_loop import loop_in_hand, offered, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.claims.delay_parts import parts_of, row_of
-from vctune.proof.claims.every_hand import Asked, boxes_over, fixed_of, prove_hands
+from vctune.proof.claims.every_hand import Asked, boxes_over, fixed_of
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import device_box
 from vctune.proof.engine.boxes import SAMPLES_BEFORE
-from vctune.proof.engine.interval import Verdict
 
 T, FACTOR = 1e-3, 1.05
 HELD = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
@@ -40,32 +38,6 @@ def drawn(number: int) -> tuple[Device, Gains, Coupling]:
     K_v = device.damping * 10 ** rng.uniform(-2, 0.5)
     gains = Gains(K_v, rng.choice((0.0, K_v * rng.uniform(1, 20))))
     return device, gains, Coupling(10 ** rng.uniform(0, 1.5), rng.uniform(0.05, 0.5), 10 ** rng.uniform(-1, 0.5))
-
-
-def margin(device: Device, gains: Gains, coupling: Coupling, hand: Hand, theta: np.ndarray) -> np.ndarray:
-    loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
-    required = required_in_hand(loop, gains)
-    return offered(coupling, device, theta, FLOATS) * required.size - FACTOR * required.lost
-
-
-@pytest.mark.parametrize("number", range(20))
-def test_the_margin_is_a_quadratic_in_what_the_spring_changes(number):
-    device, gains, coupling = drawn(number)
-    rng = np.random.default_rng(number)
-    theta = rng.uniform(0.01, 3.0, 50)
-    hand = Hand(rng.uniform(0, 0.5, 50), rng.uniform(0, 30, 50), rng.uniform(0, 3000, 50))
-    plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
-    there = offered(coupling, device, theta, FLOATS)
-    given = margin_in_spring(plant, device, hand, hand.damping, gains, there, FACTOR, theta, FLOATS)
-    open_ = loop_in_hand(plant, theta, FLOATS).open  # x + j s p
-    np.testing.assert_allclose(given.damped, open_.odd, rtol=1e-9)
-    x, p, s2 = open_.even, open_.odd, given.half_sine
-    found = given.square * (x * x + s2 * p * p) + given.linear * x + given.rise * p + given.constant
-    (_, beta), _ = plant.step
-    size = (np.cos(theta / 2) ** 2 + 4 * s2 * beta * beta) ** 2
-    exact = margin(device, gains, coupling, hand, theta) * size
-    scale = np.abs(given.square) * (x * x + s2 * p * p) + np.abs(given.linear * x) + np.abs(given.constant)
-    assert np.all(np.abs(found - exact) <= 1e-9 * scale)
 
 
 @pytest.mark.parametrize("number", [*FEW, *MANY])
@@ -122,14 +94,3 @@ def holds(boxes, names, theta: float, at: dict[str, float]) -> bool:
     point = np.array([theta, *(at[name] for name in names)])[:, None]
     blur = 1e-9 * np.abs(point) + 1e-12
     return bool(np.any(np.all((boxes.low <= point + blur) & (point - blur <= boxes.high), axis=0)))
-
-
-def test_a_resonance_with_hardly_any_damping_takes_few_boxes():
-    """With ordinary boxes and those along the resonance, the proof took 150,000 boxes."""
-    device = Device(0.216, 0.091, 3.86e-4, 1e-3)
-    gains, coupling = Gains(9.7464644e-06, 0.0), Coupling(0.10458265, 0.00045388081, 0.0040307949)
-    box = device_box(device, Uncertainty(half_widths=(("damping", 0.9),), objective="nominal"))
-    demands = Demands(device, (1.0, 10.0), FACTOR, 100.0, passive=False, hands=HELD)
-    found = prove_hands(Design(device, gains, coupling), demands, box)
-    assert found.verdict is Verdict.PROVED
-    assert found.boxes < 10_000

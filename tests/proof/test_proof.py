@@ -22,8 +22,7 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
 from vctune.proof.claims.llewellyn import polynomials
-from vctune.proof.claims.llewellyn.conditions import prove_conditions, widest_band
-from vctune.proof.claims.llewellyn.near_zero import low_end_verdict, prove_low_end
+from vctune.proof.claims.llewellyn.conditions import low_end_verdict, prove_conditions, prove_low_end, widest_band
 from vctune.proof.claims.many_designs import prove
 from vctune.proof.claims.margins_of_claims import Design, conditions_margin
 from vctune.proof.claims.sampled_poles import prove_sensitivity
