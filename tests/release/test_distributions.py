@@ -88,7 +88,7 @@ def test_the_wheel_says_who_made_it_and_how_to_cite_it(built):
     with zipfile.ZipFile(built[1]) as packed:
         (name,) = (each for each in packed.namelist() if each.endswith("/METADATA"))
         said = message_from_string(packed.read(name).decode())
-    assert said["Version"] == __version__ and said["Author"] and "@software{vctune" in said.get_payload()
+    assert said["Version"] == __version__ and said["Author"] and "CITATION.cff" in said.get_payload()
 
 
 def test_the_wheel_solves_checks_exports_and_explains_in_an_empty_environment(empty):
