@@ -1,19 +1,23 @@
-"""Tutorials are notebooks that run: their commands print what the page shows, within two minutes."""
+"""Tutorials run: their commands print what the page shows, within two minutes.
+
+`VCTUNE_REFRESH=1 pytest -m slow tests/release/test_tutorials.py` writes what they print today.
+"""
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from conftest import ROOT
-from notebooks import as_notebook
 from test_readme import NUMBER
+
+from vctune import solve
 
 TUTORIALS = sorted((ROOT / "docs/tutorials").glob("*.md"))
 LONGEST = 120.0
@@ -22,6 +26,8 @@ HURRIED = re.compile(
     r"; (?:so would|no change of one number passes).*|^ *warning: .*\[warn-repairs-cut-short\]$\n", re.MULTILINE
 )
 """What else would pass depends on how much of it is found in half a minute."""
+COMMAND = re.compile(r"^\$ (.*(?:\n> .*)*)\n?", re.MULTILINE)
+"""A command begins with "$ ", and its further lines with "> "."""
 COMPILED = re.compile(r"^\$ make ", re.MULTILINE)
 
 
@@ -29,20 +35,27 @@ def stem(path):
     return path.stem
 
 
-@pytest.mark.parametrize("tutorial", TUTORIALS, ids=stem)
-def test_each_command_is_a_cell_and_no_output_is(tutorial):
-    text = tutorial.read_text("utf-8")
-    cells = json.loads(as_notebook(text))["cells"]
-    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
-    commands = re.findall(r"^\$ (.*)", text, re.MULTILINE)
-    assert [cell.splitlines()[1] for cell in code if cell.startswith("%%bash\n")] == commands
-    assert len(code) == len(commands) + text.count("```python\n")
-    assert not any(cell["outputs"] for cell in cells if cell["cell_type"] == "code")
+def printed_today(text, folder):
+    """Return a tutorial with what its commands print when all its blocks run one after the other in a folder."""
+    search = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    surroundings = os.environ | {"PATH": search, "COLUMNS": "120"}
 
+    def printed(*command):
+        done = subprocess.run(
+            command, cwd=folder, env=surroundings, text=True, check=False, stdout=-1, stderr=subprocess.STDOUT
+        )
+        assert done.returncode == 0, done.stdout
+        return "".join(f"{line.rstrip()}\n" for line in done.stdout.splitlines())
 
-def test_a_command_of_several_lines_is_one_cell():
-    (cell,) = json.loads(as_notebook("```console\n$ cat <<'END'\n> a $ b\n> END\na $ b\n```\n"))["cells"]
-    assert cell["source"] == "%%bash\ncat <<'END'\na $ b\nEND"
+    def run(block):
+        if block[1] == "python":
+            printed(sys.executable, "-c", block[2])
+            return block[0]
+        commands = {command: command.replace("\n> ", "\n") for command in COMMAND.findall(block[2])}
+        made = "".join(f"$ {command}\n{printed('bash', '-c', source)}" for command, source in commands.items())
+        return f"```console\n{made}```\n"
+
+    return re.sub(r"^```(console|python)\n(.*?)^```\n", run, text, flags=re.MULTILINE | re.DOTALL)
 
 
 @pytest.mark.slow
@@ -51,17 +64,14 @@ def test_a_tutorial_prints_what_it_shows(tutorial, tmp_path):
     shown = tutorial.read_text("utf-8")
     if COMPILED.search(shown) and not (shutil.which("make") and shutil.which("cc")):
         pytest.skip("needs make and a C compiler")
-    copy = tmp_path / tutorial.name
-    copy.write_text(shown, encoding="utf-8")
     before, began = os.times(), time.monotonic()
-    done = subprocess.run(
-        [sys.executable, ROOT / "docs/notebooks.py", copy], capture_output=True, text=True, check=False
-    )
+    today = printed_today(shown, tmp_path)
     after = os.times()
-    assert done.returncode == 0, done.stderr
+    if "VCTUNE_REFRESH" in os.environ:
+        tutorial.write_text(today, encoding="utf-8")
     worked = after.children_user + after.children_system - before.children_user - before.children_system
     assert 0.1 < worked < LONGEST, f"{worked} s of processor time in {time.monotonic() - began} s"
-    for here, there in zip(lines(shown), lines(copy.read_text("utf-8")), strict=True):
+    for here, there in zip(lines(shown), lines(today), strict=True):
         assert NUMBER.sub("#", here).split() == NUMBER.sub("#", there).split()
         assert [float(x) for x in NUMBER.findall(here)] == pytest.approx(
             [float(x) for x in NUMBER.findall(there)], rel=0.1 if "boxes" in here else 1e-2
@@ -71,3 +81,14 @@ def test_a_tutorial_prints_what_it_shows(tutorial, tmp_path):
 def lines(text: str) -> list[str]:
     """Return the lines of a tutorial, without digests."""
     return re.sub(r"sha256 [0-9a-f]{64}", "sha256", HURRIED.sub("", text)).splitlines()
+
+
+@pytest.mark.slow
+def test_live_gains_show_the_error_of_the_design_and_prove_what_the_sliders_say():
+    done = subprocess.run(
+        [sys.executable, "live_gains.py"], cwd=ROOT / "problems", capture_output=True, text=True, check=True
+    )
+    shown = re.findall(r"error ([\d.]+), least ratio ([\d.]+)", done.stdout)
+    solved = solve(ROOT / "problems/friction-wheel-hands.toml").judgement
+    assert [float(each) for each in shown[0]] == pytest.approx([solved.error, solved.min_ratio], rel=1e-3)
+    assert float(shown[1][1]) < 1.05 and "refuted" in done.stdout

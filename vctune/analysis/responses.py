@@ -97,10 +97,14 @@ class Loop:
 
     Attributes
     ----------
-    device : device with plain numbers, SI units; the hand takes the place of its least operator
-    gains : K_v, N s/m, and K_p, N/m
-    coupling : coupling, for Z_c; None if Z_c is not needed
-    hand : hand at the handle, with M, kg, B, N s/m, and K, N/m; None for a device without a hand
+    device : Device
+        Device with plain numbers, SI units; the hand takes the place of its least operator.
+    gains : Gains
+        K_v, N s/m, and K_p, N/m.
+    coupling : AnyCoupling, optional
+        Coupling, for Z_c; None if Z_c is not needed.
+    hand : Hand, optional
+        Hand at the handle, with M, kg, B, N s/m, and K, N/m; None for a device without a hand.
     """
 
     device: Device

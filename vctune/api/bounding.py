@@ -85,15 +85,22 @@ def bound(
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem; it must leave at least one variable free
-    design : the result of `solve`, the path of a design.json, or a known design with the state of an earlier search;
-        None to solve the problem first
-    gap : the search ends when the design's error is at most (1 + gap) times the bound
-    jobs : number of threads
-    time_limit : seconds, including the time to solve the problem, after which the function returns the bound reached so
-        far
-    stopped : function that returns whether to end the search now
-    progress : function that receives the state of the search
+    problem : ProblemSource
+        Path of a problem file, its tables as a dict, or the problem; it must leave at least one variable free.
+    design : Solved or KnownDesign or str or Path, optional
+        The result of `solve`, the path of a design.json, or a known design with the state of an earlier
+        search; None to solve the problem first.
+    gap : float
+        The search ends when the design's error is at most (1 + gap) times the bound.
+    jobs : int
+        Number of threads.
+    time_limit : float
+        Seconds, including the time to solve the problem, after which the function returns the bound reached so
+        far.
+    stopped : Callable[[], bool]
+        Function that returns whether to end the search now.
+    progress : Progress
+        Function that receives the state of the search.
 
     Returns
     -------

@@ -43,11 +43,15 @@ def check(
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem
-    gains : gains, SI units, given together with `coupling`; or a gains file or its path; None if the problem fixes
-        every variable
-    coupling : coupling of the design, SI units; a `SpringDamper` for an impedance display
-    time_limit : seconds after which all unproved claims are undecided
+    problem : ProblemSource
+        Path of a problem file, its tables as a dict, or the problem.
+    gains : DesignSource, optional
+        Gains, SI units, given together with `coupling`; or a gains file or its path; None if the problem fixes
+        every variable.
+    coupling : AnyCoupling, optional
+        Coupling of the design, SI units; a `SpringDamper` for an impedance display.
+    time_limit : float
+        Seconds after which all unproved claims are undecided.
 
     Returns
     -------
@@ -72,8 +76,10 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem
-    baseline : path of a region.json
+    problem : ProblemSource
+        Path of a problem file, its tables as a dict, or the problem.
+    baseline : str or Path
+        Path of a region.json.
 
     Returns
     -------

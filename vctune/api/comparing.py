@@ -42,8 +42,11 @@ def compare(
 
     Parameters
     ----------
-    a, b : path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design
-    progress : function that receives the current stage
+    a, b : ProblemSource or DesignRecord
+        Path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a
+        design.
+    progress : Progress
+        Function that receives the current stage.
 
     Returns
     -------

@@ -31,9 +31,12 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
 
     Parameters
     ----------
-    problem : the problem that was solved
-    solved : result of `solve`
-    folder : folder for the files; the function creates it if it does not exist
+    problem : ProblemSource
+        The problem that was solved.
+    solved : Solved
+        Result of `solve`.
+    folder : str or Path
+        Folder for the files; the function creates it if it does not exist.
 
     Returns
     -------
@@ -65,10 +68,12 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
 
     Parameters
     ----------
-    design : path of a design.json, the file's object, or its record
-    folder : folder for the report; the function creates it if it does not exist. None for the folder of the
-        design.json; required if `design` is no path. If the folder of the design.json, or without a path this folder,
-        has a simulation.json of the design, the report also shows the simulation
+    design : str or Path or Mapping[str, Any] or DesignRecord
+        Path of a design.json, the file's object, or its record.
+    folder : str or Path, optional
+        Folder for the report; the function creates it if it does not exist. None for the folder of the
+        design.json; required if `design` is no path. If the folder of the design.json, or without a path this
+        folder, has a simulation.json of the design, the report also shows the simulation.
 
     Returns
     -------

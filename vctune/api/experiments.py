@@ -66,11 +66,17 @@ def simulate(
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem
-    gains : gains, SI units, given together with `coupling`; or a gains file or its path; None for the design of `solve`
-    coupling : coupling of the design, SI units
-    experiment : experiment to simulate, by name or as an object; None for all experiments of the problem
-    progress : function that receives the current stage
+    problem : ProblemSource
+        Path of a problem file, its tables as a dict, or the problem.
+    gains : DesignSource, optional
+        Gains, SI units, given together with `coupling`; or a gains file or its path; None for the design of
+        `solve`.
+    coupling : AnyCoupling, optional
+        Coupling of the design, SI units.
+    experiment : Experiment or str, optional
+        Experiment to simulate, by name or as an object; None for all experiments of the problem.
+    progress : Progress
+        Function that receives the current stage.
 
     Returns
     -------

@@ -58,8 +58,9 @@ def explain(name: str) -> ExplanationRecord:
 
     Parameters
     ----------
-    name : a code, as in the brackets after a message; a key, complete or only its last part; a word or symbol of the
-        glossary; or a claim's identifier or label
+    name : str
+        A code, as in the brackets after a message; a key, complete or only its last part; a word or symbol of
+        the glossary; or a claim's identifier or label.
 
     Returns
     -------

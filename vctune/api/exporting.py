@@ -55,15 +55,23 @@ def export(
 
     Parameters
     ----------
-    source : path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design
-    gains : gains, SI units, given together with `coupling`; or a gains file or its path; None for the gains of the
-        design.json, or for the gains that the problem fixes
-    coupling : coupling of the design, SI units
-    to : "c" for C source with vectors to replay, or "ros2" for the parameters of an admittance_controller
-    precision : precision of the firmware's constants; "double" for a ROS 2 controller
-    unproved : whether to also export a design that is not proved; the head of every file then states that it is not
-        proved
-    progress : function that receives the current stage
+    source : ProblemSource or DesignRecord
+        Path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a
+        design.
+    gains : DesignSource, optional
+        Gains, SI units, given together with `coupling`; or a gains file or its path; None for the gains of the
+        design.json, or for the gains that the problem fixes.
+    coupling : AnyCoupling, optional
+        Coupling of the design, SI units.
+    to : Format
+        "c" for C source with vectors to replay, or "ros2" for the parameters of an admittance_controller.
+    precision : Precision
+        Precision of the firmware's constants; "double" for a ROS 2 controller.
+    unproved : bool
+        Whether to also export a design that is not proved; the head of every file then states that it is not
+        proved.
+    progress : Progress
+        Function that receives the current stage.
 
     Returns
     -------
@@ -143,8 +151,10 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
 
     Parameters
     ----------
-    exported : the files
-    folder : folder of the design, in which the function creates the folder of the files
+    exported : Exported
+        The files.
+    folder : str or Path
+        Folder of the design, in which the function creates the folder of the files.
 
     Returns
     -------

@@ -54,10 +54,14 @@ def identify(
 
     Parameters
     ----------
-    logs : CSV files, plain or .gz, all from the same device
-    config : the log.toml that assigns the columns; None if the headers name them
-    servo : whether the recordings contain a servo's command and position
-    progress : function that receives the current stage
+    logs : str or Path or Sequence[str or Path]
+        CSV files, plain or .gz, all from the same device.
+    config : str or Path, optional
+        The log.toml that assigns the columns; None if the headers name them.
+    servo : bool
+        Whether the recordings contain a servo's command and position.
+    progress : Callable[[str], None]
+        Function that receives the current stage.
 
     Returns
     -------
@@ -94,9 +98,12 @@ def write_identification(identified: Identification, folder: str | Path, *, repo
 
     Parameters
     ----------
-    identified : identification to write
-    folder : folder for the files; the function creates it if it does not exist
-    report : whether to write the report
+    identified : Identification
+        Identification to write.
+    folder : str or Path
+        Folder for the files; the function creates it if it does not exist.
+    report : bool
+        Whether to write the report.
 
     Returns
     -------

@@ -90,15 +90,24 @@ def region(
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem
-    x, y : dotted keys of two free variables; None for the usual keys of the display (see `axes_of`). If other variables
-        are free, a cell is feasible if some values within their bounds suffice
-    gains, coupling : a design that the picture marks, or its file
-    resolution : side of the smallest cell as a share of the plane's side, 1/2048 to 1/8, rounded down to a power of 1/2
-    solved : the result of `solve` for the problem; None to solve it first
-    time_limit : seconds after which the function returns the result so far
-    stopped : function that returns whether to end the search now; the remaining cells are undecided
-    progress : function that receives the current stage
+    problem : ProblemSource
+        Path of a problem file, its tables as a dict, or the problem.
+    x, y : str, optional
+        Dotted keys of two free variables; None for the usual keys of the display (see `axes_of`). If other
+        variables are free, a cell is feasible if some values within their bounds suffice.
+    gains, coupling : DesignSource, optional and AnyCoupling, optional
+        A design that the picture marks, or its file.
+    resolution : float
+        Side of the smallest cell as a share of the plane's side, 1/2048 to 1/8, rounded down to a power of
+        1/2.
+    solved : Solved, optional
+        The result of `solve` for the problem; None to solve it first.
+    time_limit : float
+        Seconds after which the function returns the result so far.
+    stopped : Callable[[], bool]
+        Function that returns whether to end the search now; the remaining cells are undecided.
+    progress : Progress
+        Function that receives the current stage.
 
     Returns
     -------

@@ -30,13 +30,18 @@ def solve(
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem
-    gap : share by which the error may exceed the proved lower bound on the error of every design; None for no such
-        proof
-    prices : whether to compute the prices of a certified local optimum: the decrease of the error if a parameter of the
-        device were better by 1 %
-    time_limit : seconds after which the function returns the result so far; `cut` then names the missing parts
-    progress : function that receives the current stage
+    problem : ProblemSource
+        Path of a problem file, its tables as a dict, or the problem.
+    gap : float, optional
+        Share by which the error may exceed the proved lower bound on the error of every design; None for no
+        such proof.
+    prices : bool
+        Whether to compute the prices of a certified local optimum: the decrease of the error if a parameter of
+        the device were better by 1 %.
+    time_limit : float
+        Seconds after which the function returns the result so far; `cut` then names the missing parts.
+    progress : Progress
+        Function that receives the current stage.
 
     Returns
     -------

@@ -63,18 +63,27 @@ def sweep(
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem; without `axes` the path of a study file
-    axes : values by dotted key of the problem: a list or an array, `{"linear": [a, b], "n": n}` or `{"log": [a, b],
-        "n": n}`, in the units of the problem file
-    sample : `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
-        hypercube; or `{"kind": "list"}`, the axes' lists element by element
-    folder : folder for rows, table and picture, in which an interrupted sweep continues; None to write nothing
-    jobs : number of workers; None for the number of cores; not used by "serial" and "dask:ADDRESS"
-    executor : "serial" to work only in this process; "processes" for worker processes, which a script may start only
-        under `if __name__ == "__main__":`; or "dask" or "dask:ADDRESS"
-    restart : whether to begin again instead of resuming
-    time_limit : seconds for each point; the row of a point that takes longer is undecided
-    on_done : function that is called after each point with the results so far, in words
+    problem : ProblemSource or Study
+        Path of a problem file, its tables as a dict, or the problem; without `axes` the path of a study file.
+    axes : Mapping[str, Any], optional
+        Values by dotted key of the problem: a list or an array, `{"linear": [a, b], "n": n}` or `{"log": [a,
+        b], "n": n}`, in the units of the problem file.
+    sample : Mapping[str, Any], optional
+        `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
+        hypercube; or `{"kind": "list"}`, the axes' lists element by element.
+    folder : str or Path, optional
+        Folder for rows, table and picture, in which an interrupted sweep continues; None to write nothing.
+    jobs : int, optional
+        Number of workers; None for the number of cores; not used by "serial" and "dask:ADDRESS".
+    executor : str
+        "serial" to work only in this process; "processes" for worker processes, which a script may start only
+        under `if __name__ == "__main__":`; or "dask" or "dask:ADDRESS".
+    restart : bool
+        Whether to begin again instead of resuming.
+    time_limit : float
+        Seconds for each point; the row of a point that takes longer is undecided.
+    on_done : OnDone
+        Function that is called after each point with the results so far, in words.
 
     Returns
     -------

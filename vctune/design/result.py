@@ -98,20 +98,31 @@ class Solved:
 
     Attributes
     ----------
-    problem : the problem
-    judgement : judgement of the best design; None without a design
-    polished : the local optimum before rounding; None if the optimiser did not find the design
-    optima : number of local optima
-    infeasibility : reason why there is no design; else None
-    scanned : result of the scan; None without a scan
-    seconds : seconds by stage
-    optimality : proved bound on the error of any design; None if not requested
-    nominal_error : error of the best design for only the nominal device, not proved; None if the device is not
-        uncertain
-    repairs : changes of the problem that would make a design possible; None if not requested
-    prices : prices of the device's parameters, the greatest gain first; None if not requested, without an optimum, or
-        if the design is not certified, IPOPT has not converged or the time limit ended the work
-    cut : stages that the time limit cut short, in words
+    problem : Problem
+        The problem.
+    judgement : Judgement, optional
+        Judgement of the best design; None without a design.
+    polished : Polished, optional
+        The local optimum before rounding; None if the optimiser did not find the design.
+    optima : int
+        Number of local optima.
+    infeasibility : Infeasibility, optional
+        Reason why there is no design; else None.
+    scanned : ScanResult, optional
+        Result of the scan; None without a scan.
+    seconds : dict[str, float]
+        Seconds by stage.
+    optimality : Optimality, optional
+        Proved bound on the error of any design; None if not requested.
+    nominal_error : float, optional
+        Error of the best design for only the nominal device, not proved; None if the device is not uncertain.
+    repairs : list[Repair], optional
+        Changes of the problem that would make a design possible; None if not requested.
+    prices : list[Price], optional
+        Prices of the device's parameters, the greatest gain first; None if not requested, without an optimum,
+        or if the design is not certified, IPOPT has not converged or the time limit ended the work.
+    cut : tuple[str, ...]
+        Stages that the time limit cut short, in words.
     """
 
     problem: Problem
@@ -155,7 +166,8 @@ class Solved:
 
         Parameters
         ----------
-        hand : hand at the handle; None for a device without a hand
+        hand : Hand, optional
+            Hand at the handle; None for a device without a hand.
 
         Raises
         ------

@@ -38,17 +38,26 @@ class Device(devices.Device):
 
     Attributes
     ----------
-    mass : moving mass, kg
-    damping : viscous damping, N s/m
-    sample_time : sample time of the firmware, s
-    delay : delay from sampling to actuation in addition to the hold, s
-    hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
-    operator : the least operator, a load that is always at the handle; None if the handle may be free
-    velocity, actuator, force_sensor, structure : parts of the device (`vctune.model.parts`); None for a part that is
-        absent or ideal
-    display : "admittance" or "impedance"
-    servo, unmodelled : None; other values are refused
-    units : "linear", or "rotary" with kg m2, N m s/rad and so on instead of kg and N s/m
+    mass : float
+        Moving mass, kg.
+    damping : float
+        Viscous damping, N s/m.
+    sample_time : float
+        Sample time of the firmware, s.
+    delay : float
+        Delay from sampling to actuation in addition to the hold, s.
+    hold : str
+        "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT).
+    operator : LeastOperator, optional
+        The least operator, a load that is always at the handle; None if the handle may be free.
+    velocity, actuator, force_sensor, structure : optional
+        Parts of the device (`vctune.model.parts`); None for a part that is absent or ideal.
+    display : str
+        "admittance" or "impedance".
+    servo, unmodelled : None
+        Other values are refused.
+    units : str
+        "linear", or "rotary" with kg m2, N m s/rad and so on instead of kg and N s/m.
 
     Raises
     ------
@@ -61,9 +70,12 @@ class Device(devices.Device):
 
         Parameters
         ----------
-        gains : gains of the velocity loop; for an impedance display K_p is 0
-        coupling : coupling, for Z_c; None if Z_c is not needed
-        hand : hand at the handle; None for a device without a hand
+        gains : Gains
+            Gains of the velocity loop; for an impedance display K_p is 0.
+        coupling : AnyCoupling, optional
+            Coupling, for Z_c; None if Z_c is not needed.
+        hand : Hand, optional
+            Hand at the handle; None for a device without a hand.
         """
         return Loop(self, gains, coupling, hand)
 
@@ -80,8 +92,10 @@ def problem(source: ProblemSource) -> ProblemFile:
 
     Parameters
     ----------
-    source : path of a problem file; its tables as a dict, `{"device": {"mass": 0.4, ...}, ...}`, whose numbers may be
-        NumPy's and whose tables may be `Device`, `Range` and so on; or a `Problem`, changed with `dataclasses.replace`
+    source : ProblemSource
+        Path of a problem file; its tables as a dict, `{"device": {"mass": 0.4, ...}, ...}`, whose numbers may
+        be NumPy's and whose tables may be `Device`, `Range` and so on; or a `Problem`, changed with
+        `dataclasses.replace`.
 
     Returns
     -------

@@ -33,9 +33,12 @@ class ProblemFile:
 
     Attributes
     ----------
-    problem : problem with all defaults filled in
-    text : text in TOML
-    source : path of the file, "stdin" for standard input; "problem" without a file
+    problem : Problem
+        Problem with all defaults filled in.
+    text : str
+        Text in TOML.
+    source : str
+        Path of the file, "stdin" for standard input; "problem" without a file.
     """
 
     problem: Problem
@@ -62,7 +65,8 @@ class ProblemFile:
 
         Parameters
         ----------
-        path : path of the key: the tables that contain it, and then the key
+        path : KeyPath
+            Path of the key: the tables that contain it, and then the key.
         """
         lines = toml.Lines(self.text)
         return next((at for end in range(len(path), 0, -1) if (at := lines.locate(path[:end]))), 1)
@@ -73,7 +77,8 @@ def read_problem(path: str | Path) -> ProblemFile:
 
     Parameters
     ----------
-    path : path of a TOML file; "-" is standard input
+    path : str or Path
+        Path of a TOML file; "-" is standard input.
 
     Returns
     -------

@@ -91,11 +91,17 @@ class Experiment:
 
     Attributes
     ----------
-    name : name that no other experiment of the problem has
-    environment, operator, sensors : see `Environment`, `Operator` and `Sensors`
-    friction : friction of the device; None without friction and for a servo
-    limit : greatest force of the actuator, N; None without a limit and for a servo, whose firmware commands no force
-    baseline : a regular controller for comparison; None without one
+    name : str
+        Name that no other experiment of the problem has.
+    environment, operator, sensors : Environment and Operator and Sensors
+        See `Environment`, `Operator` and `Sensors`.
+    friction : Friction, optional
+        Friction of the device; None without friction and for a servo.
+    limit : float, optional
+        Greatest force of the actuator, N; None without a limit and for a servo, whose firmware commands no
+        force.
+    baseline : Baseline, optional
+        A regular controller for comparison; None without one.
     """
 
     name: str

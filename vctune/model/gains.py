@@ -54,8 +54,10 @@ class Gains:
 
     Attributes
     ----------
-    velocity : K_v, N s/m; on an impedance display the injected damping; 0 on a servo
-    position : K_p, N/m; 0 on an impedance display and on a servo
+    velocity : Number
+        K_v, N s/m; on an impedance display the injected damping; 0 on a servo.
+    position : Number
+        K_p, N/m; 0 on an impedance display and on a servo.
     """
 
     velocity: Number
@@ -73,9 +75,12 @@ class Coupling:
 
     Attributes
     ----------
-    damping : b_c, N s/m, > 0; inf for a rigid coupling, which has mass and drag alone
-    mass : m_c, kg
-    drag : b_0, N s/m
+    damping : Number
+        b_c, N s/m, > 0; inf for a rigid coupling, which has mass and drag alone.
+    mass : Number
+        m_c, kg.
+    drag : Number
+        b_0, N s/m.
     """
 
     damping: Number

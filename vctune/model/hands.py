@@ -16,8 +16,10 @@ class LeastOperator:
 
     Attributes
     ----------
-    mass : m_h, kg, >= 0
-    damping : b_h, N s/m, >= 0
+    mass : Number
+        m_h, kg, >= 0.
+    damping : Number
+        b_h, N s/m, >= 0.
     """
 
     mass: Number
@@ -30,9 +32,12 @@ class Hand:
 
     Attributes
     ----------
-    mass : M, kg, >= 0
-    damping : B, N s/m, >= 0
-    stiffness : K, N/m, >= 0
+    mass : Number
+        M, kg, >= 0.
+    damping : Number
+        B, N s/m, >= 0.
+    stiffness : Number
+        K, N/m, >= 0.
     """
 
     mass: Number
@@ -60,8 +65,10 @@ class Hand:
 
         Parameters
         ----------
-        of : function of one number from this hand and one from each of the others
-        others : hands for the further arguments of the function
+        of : Callable[..., Number]
+            Function of one number from this hand and one from each of the others.
+        others : Hand
+            Hands for the further arguments of the function.
         """
         return Hand(**{name: of(*(getattr(hand, name) for hand in (self, *others))) for name in NAMES})
 
@@ -76,8 +83,10 @@ class Hand:
 
         Parameters
         ----------
-        impedance : the new unit of impedance, N s/m, > 0
-        time : the new unit of time, s, > 0
+        impedance : float
+            The new unit of impedance, N s/m, > 0.
+        time : float
+            The new unit of time, s, > 0.
 
         Returns
         -------

@@ -20,10 +20,13 @@ class VelocityEstimate:
 
     Attributes
     ----------
-    source : "measured" by a velocity sensor, or "difference", the backward difference of the sampled position
-    filter_hz : corner frequency f, Hz, of the velocity's low-pass y += a (x - y) with a = 1 - e^(-2 pi f T); None
-        without a low-pass
-    filter_order : number of such low-passes in series, 1 or 2; without effect without a low-pass
+    source : Literal['measured', 'difference']
+        "measured" by a velocity sensor, or "difference", the backward difference of the sampled position.
+    filter_hz : Number, optional
+        Corner frequency f, Hz, of the velocity's low-pass y += a (x - y) with a = 1 - e^(-2 pi f T); None
+        without a low-pass.
+    filter_order : int
+        Number of such low-passes in series, 1 or 2; without effect without a low-pass.
     """
 
     source: Literal["measured", "difference"] = "measured"
@@ -38,8 +41,10 @@ class Actuator:
 
     Attributes
     ----------
-    bandwidth_hz : -3 dB frequency, Hz, > 0
-    order : order of the low-pass, 1 or 2
+    bandwidth_hz : Number
+        -3 dB frequency, Hz, > 0.
+    order : int
+        Order of the low-pass, 1 or 2.
     """
 
     bandwidth_hz: Number
@@ -53,11 +58,15 @@ class ForceSensor:
 
     Attributes
     ----------
-    bandwidth_hz : -3 dB frequency, Hz, > 0; None without a low-pass
-    order : order of the low-pass, 1 or 2; without effect without a low-pass
-    delay : delay of the sensed force, s, >= 0
-    filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, 0 < a <= 1; None without a filter.
-        Only a servo may have it
+    bandwidth_hz : Number, optional
+        -3 dB frequency, Hz, > 0; None without a low-pass.
+    order : int
+        Order of the low-pass, 1 or 2; without effect without a low-pass.
+    delay : Number
+        Delay of the sensed force, s, >= 0.
+    filter_coefficient : Number, optional
+        A of the firmware's filter y += a (x - y) of the samples, 0 < a <= 1; None without a filter. Only a
+        servo may have it.
     """
 
     bandwidth_hz: Number | None = None
@@ -86,11 +95,15 @@ class Structure:
 
     Attributes
     ----------
-    handle_mass : mass of the handle, kg, > 0, less than the device's mass
-    frequency_hz : frequency of the free resonance of both masses, Hz, > 0
-    damping_ratio : damping ratio of that resonance, >= 0
-    load : mass and damping that move rigidly with the handle; None without a load. Frequency and damping ratio
-        describe the structure without the load
+    handle_mass : Number
+        Mass of the handle, kg, > 0, less than the device's mass.
+    frequency_hz : Number
+        Frequency of the free resonance of both masses, Hz, > 0.
+    damping_ratio : Number
+        Damping ratio of that resonance, >= 0.
+    load : LeastOperator, optional
+        Mass and damping that move rigidly with the handle; None without a load. Frequency and damping ratio
+        describe the structure without the load.
     """
 
     handle_mass: Number

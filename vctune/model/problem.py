@@ -223,8 +223,10 @@ class Problem:
 
         Parameters
         ----------
-        impedance : the new unit of impedance, N s/m, > 0
-        time : the new unit of time, s, > 0
+        impedance : float
+            The new unit of impedance, N s/m, > 0.
+        time : float
+            The new unit of time, s, > 0.
 
         Returns
         -------

@@ -40,14 +40,20 @@ class Certificate:
 
     Attributes
     ----------
-    design : the judged design
-    demands : the constraints on the design
-    outcomes : verdict, number of boxes and witness [rad/s] of each claim, by its identifier
-    without_factor : outcome of the claim `passive` with a factor of 1, if the prover did not prove it with the required
-        factor; else None
-    box : the box of devices that the claims cover; None for the design's own device
-    beside : certificates of the same design at the delays on both sides of a whole sample; for each claim, `outcomes`
-        contains the worst outcome among these certificates and the design's own
+    design : Design
+        The judged design.
+    demands : Demands
+        The constraints on the design.
+    outcomes : dict[ClaimId, Outcome]
+        Verdict, number of boxes and witness [rad/s] of each claim, by its identifier.
+    without_factor : Outcome, optional
+        Outcome of the claim `passive` with a factor of 1, if the prover did not prove it with the required
+        factor; else None.
+    box : DeviceBox, optional
+        The box of devices that the claims cover; None for the design's own device.
+    beside : tuple[Certificate, ...]
+        Certificates of the same design at the delays on both sides of a whole sample; for each claim,
+        `outcomes` contains the worst outcome among these certificates and the design's own.
     """
 
     design: Design
@@ -130,10 +136,13 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
 
     Parameters
     ----------
-    design : device, gains and coupling, in SI units
-    demands : constraints on the design's device; the band may be (0, inf) for hold "lag" without delay
-    box : box of devices around the design's own device; the prover proves each claim for all of them; None for the
-        design's own device
+    design : Design
+        Device, gains and coupling, in SI units.
+    demands : Demands
+        Constraints on the design's device; the band may be (0, inf) for hold "lag" without delay.
+    box : DeviceBox, optional
+        Box of devices around the design's own device; the prover proves each claim for all of them; None for
+        the design's own device.
 
     Returns
     -------

@@ -111,7 +111,7 @@ def nyquist_view(problem: Problem) -> tuple[float, float, float]:
 
 
 def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
-    """Draw the sampled velocity loop L up to Nyquist, its margins, and the circle in which |S| exceeds its limit.
+    """Draw the sampled velocity loop L up to Nyquist, its margins, and the circle in which ``|S|`` exceeds its limit.
 
     Parameters
     ----------

@@ -29,8 +29,10 @@ class Simulated:
 
     Attributes
     ----------
-    experiment : description of the experiment
-    baseline, design : the two runs; baseline is None if the experiment states no regular PID
+    experiment : Experiment
+        Description of the experiment.
+    baseline, design : Run, optional and Run
+        The two runs; baseline is None if the experiment states no regular PID.
     """
 
     experiment: Experiment

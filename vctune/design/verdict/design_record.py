@@ -136,9 +136,12 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
 
     Parameters
     ----------
-    file : the problem and its text
-    solved : its result
-    ipopt : version of IPOPT if the result needed it (`vctune.design.nlp.ipopt.ipopt_version`)
+    file : ProblemFile
+        The problem and its text.
+    solved : Solved
+        Its result.
+    ipopt : str, optional
+        Version of IPOPT if the result needed it (`vctune.design.nlp.ipopt.ipopt_version`).
 
     Returns
     -------

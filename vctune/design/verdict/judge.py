@@ -70,20 +70,33 @@ class Judgement:
 
     Attributes
     ----------
-    device : the nominal device
-    gains, coupling : the design
-    transparency : error and its three terms on the nominal device
-    error : the objective: the error on the nominal device, or the greatest error at the vertices of a box of devices
-    acting_error : the objective with only the terms that can differ between designs; bounds on the error refer to it
-    min_ratio, worst : least Re Z_c / R of all claims, and its frequency, rad/s (0 or inf at an end of the axis)
-    tightest : the device with the least ratio, among the nominal device and those of a box
-    in_hand : the least Re Z_c / R in the hands of the claim, with its hand; None without this claim
-    in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand; None without this claim
-    in_walls : the least ratio of the condition on walls, with its hand; None without walls
-    peak_sensitivity, worst_sensitivity : greatest |S| of the nominal device and the devices of a box up to Nyquist, and
-        its frequency, rad/s
-    certificate : the proved claims
-    cut : whether the time limit ended the proof, or the evaluation of the devices in hands
+    device : Device
+        The nominal device.
+    gains, coupling : Gains and AnyCoupling
+        The design.
+    transparency : TransparencyError
+        Error and its three terms on the nominal device.
+    error : float
+        The objective: the error on the nominal device, or the greatest error at the vertices of a box of
+        devices.
+    acting_error : float
+        The objective with only the terms that can differ between designs; bounds on the error refer to it.
+    min_ratio, worst : float
+        Least Re Z_c / R of all claims, and its frequency, rad/s (0 or inf at an end of the axis).
+    tightest : Device
+        The device with the least ratio, among the nominal device and those of a box.
+    in_hand : RatioInHand, optional
+        The least Re Z_c / R in the hands of the claim, with its hand; None without this claim.
+    in_any_hand : RatioInAnyHand, optional
+        The least Re(1/Z_c)/R of an impedance display in any passive hand; None without this claim.
+    in_walls : RatioInHand, optional
+        The least ratio of the condition on walls, with its hand; None without walls.
+    peak_sensitivity, worst_sensitivity : float
+        Greatest ``|S|`` of the nominal device and the devices of a box up to Nyquist, and its frequency, rad/s.
+    certificate : Certificate
+        The proved claims.
+    cut : bool
+        Whether the time limit ended the proof, or the evaluation of the devices in hands.
     """
 
     device: Device
@@ -126,7 +139,7 @@ class Judgement:
 
     @property
     def worst_sensitivity_hz(self) -> float:
-        """Frequency of the greatest |S|, Hz."""
+        """Frequency of the greatest ``|S|``, Hz."""
         return hertz(self.worst_sensitivity)
 
     @property
@@ -139,7 +152,8 @@ class Judgement:
 
         Parameters
         ----------
-        hand : hand at the handle; None for a device without a hand
+        hand : Hand, optional
+            Hand at the handle; None for a device without a hand.
         """
         return Loop(self.device, self.gains, self.coupling, hand)
 
@@ -193,13 +207,15 @@ def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
 
     Parameters
     ----------
-    problem : problem with all defaults filled in
-    gains, coupling : a design with plain floats, N s/m, N/m and kg
+    problem : Problem
+        Problem with all defaults filled in.
+    gains, coupling : Gains and AnyCoupling
+        A design with plain floats, N s/m, N/m and kg.
 
     Returns
     -------
     Judgement
-        Error, least Re Z_c / R, greatest |S| and the certificate.
+        Error, least Re Z_c / R, greatest ``|S|`` and the certificate.
     """
     return judge_posed(pose(problem), gains, coupling)
 

@@ -38,8 +38,10 @@ class InputError(ValueError):
 
     Attributes
     ----------
-    source : path of the file, or another source of the faults
-    mistakes : the faults; the text of the error has a line for each
+    source : str
+        Path of the file, or another source of the faults.
+    mistakes : list[Mistake]
+        The faults; the text of the error has a line for each.
     """
 
     def __init__(self, source: str, mistakes: list[Mistake]) -> None:
@@ -53,11 +55,16 @@ class InputError(ValueError):
 
         Parameters
         ----------
-        source : path of the file, or another source of the fault
-        code : code of the mistake
-        message : the fault, its amount, and what to do
-        key : dotted key; empty if no key is at fault
-        line : line of the file, from 1; None without a line
+        source : str
+            Path of the file, or another source of the fault.
+        code : Code
+            Code of the mistake.
+        message : str
+            The fault, its amount, and what to do.
+        key : str
+            Dotted key; empty if no key is at fault.
+        line : int, optional
+            Line of the file, from 1; None without a line.
         """
         return InputError(source, [Mistake(code, key, message, line)])
 
