@@ -66,9 +66,3 @@ def device_of(real: Real) -> Device:
 def loop(device: Device, gains: Gains, omega: Any) -> LoopResponse:
     """Return vctune's velocity loop at frequencies in rad/s, in doubles."""
     return loop_response(device_response(device, np.asarray(omega), FLOATS), gains, FLOATS)
-
-
-def open_over_closed(device: Device, gains: Gains, omega: Any) -> Any:
-    """Return |1/Delta|, Delta = 1 + P_mu C_f: D without gains over D with them."""
-    opened, closed = (loop(device, law, omega) for law in (Gains(0.0, 0.0), gains))
-    return np.sqrt(opened.D_scaled.abs2() / opened.scale2 / (closed.D_scaled.abs2() / closed.scale2))

@@ -8,7 +8,6 @@ in floats (`test_simulation` and the oracles of the loop hold that).
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -112,9 +111,6 @@ def stiffly(body: Body, y: np.ndarray, command: float, push: CubicHermiteSpline,
 
     tolerance = {"rtol": 1e-10, "atol": 1e-14}
     return solve_ivp(rates, (0.0, time), y, method="LSODA", first_step=time * 1e-6, **tolerance).y[:, -1]
-
-
-Solver = Callable[[Body, np.ndarray, float, CubicHermiteSpline, float, float], np.ndarray]
 
 
 def simulate(scene: Scene, samples: int) -> dict[str, np.ndarray]:

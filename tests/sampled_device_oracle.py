@@ -187,11 +187,6 @@ def seen_at(real: Real, gains: Gains, hand: Hand, z: Any, num: Arithmetic = DIGI
     return -G_f * (K_v + K_p * T / 2 * (z + 1) / (z - 1)) / (1 + K_v * G_v + K_p * G_x)
 
 
-def seen_impedance(real: Real, gains: Gains, hand: Hand, frequency_hz: float, num: Arithmetic = DIGITS) -> Any:
-    """Return Z_seen(e^{jwT}) in N s/m; the demand on the coupling is Re Z_c(e^{jwT}) >= R = -Re Z_seen."""
-    return seen_at(real, gains, hand, circle(real, frequency_hz, num), num)
-
-
 def coupling_at(real: Real, coupling: Coupling, z: Any, num: Arithmetic = DIGITS) -> Any:
     """Return Z_c as the firmware runs it, in N s/m at z: 1.3 with s = (2/T)(z-1)/(z+1)."""
     T = num.number(real.sample_time)

@@ -12,9 +12,6 @@ from math import floor
 import numpy as np
 from scipy.linalg import expm
 
-BEYOND = 1e-9
-"""By how much a spectral radius may exceed 1 by rounding: poles at 1 that nothing drives."""
-
 
 @dataclass(frozen=True)
 class Plant:

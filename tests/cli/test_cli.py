@@ -18,7 +18,6 @@ from conftest import FIXED, ROOT, for_passive_hands, mostly_slow
 from vctune.design.verdict import repair as repairing
 from vctune.exit_codes import ExitCode
 
-SOLVE = "solve device.toml --no-report"
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 
 

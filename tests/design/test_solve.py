@@ -6,13 +6,9 @@ import json
 from dataclasses import replace
 from math import inf, pi
 
-import device_scan
 import numpy as np
 import pytest
 from conftest import ROOT, for_passive_hands, mostly_slow
-from device_arithmetic import DOUBLES
-from device_oracle import coupling_impedance, response_at
-from device_pairs import real_of
 
 from vctune.bench.evaluator import Case, case_of, error, required, sensitivity, spectral_radius, stability_ratio
 from vctune.design.nlp.ipopt import numbers_of
@@ -327,23 +323,6 @@ def test_nlp_answers_satisfy_the_kkt_conditions(norm):
     assert np.abs(np.array(gradient)[inside]).max() < 1e-4
     if norm == "peak":
         assert np.abs(solution.multipliers[18:]).sum() == pytest.approx(1.0, rel=1e-6)
-
-
-def assert_admissible_by_the_oracles(problem, judgement):
-    real, gains, coupling = real_of(problem.device), judgement.gains, judgement.coupling
-    band, Z_0 = problem.stability.band, problem.transparency.reference_impedance
-    grid = device_scan.frequencies(real, band.min, band.max)
-    ratio, _ = device_scan.least(lambda omega: device_scan.ratio(real, gains, coupling, omega), grid)
-    assert ratio >= 1.05 * (1 - 1e-9)
-    assert device_scan.peak(real, gains)[0] <= 2 * (1 + 1e-9)
-    assert device_scan.sampled_radius(real, gains, held=False) < 1
-    band = problem.transparency.band
-    s = 1j * np.geomspace(band.min, band.max, 4001)
-    at, Z_c = response_at(real, gains, s, DOUBLES), coupling_impedance(coupling, s, DOUBLES)
-    squares = np.abs(Z_0 * at.G_hh) ** 2 + np.abs(at.tracking) ** 2 + np.abs(Z_c / Z_0) ** 2
-    mean = (squares.sum() - (squares[0] + squares[-1]) / 2) / (squares.size - 1)
-    assert judgement.transparency.error == pytest.approx(np.sqrt(mean), rel=1e-5)
-    assert not judgement.idle
 
 
 BASINS = {

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from agreement import all_to_all_digits, to_all_digits
 from device_arithmetic import DOUBLES, Digits
 from device_cases import NUM, Case, cases
 from device_oracle import (
@@ -156,6 +157,42 @@ def test_spectral_radius(count):
         worst = max(worst, (relative(proved_radius(case.device.bare, case.gains), true), str(case)))
     assert looked_at > 50 * count / 80
     assert worst[0] < 1e-9, worst
+
+
+BARE = Device(0.4, 2.0, 1e-3, 3e-4)
+WITH_FILTERS = replace(
+    BARE,
+    actuator=Actuator(500.0),
+    velocity=VelocityEstimate("difference", 200.0),
+    force_sensor=ForceSensor(500.0),
+)
+ON_A_SPRING = replace(BARE, structure=Structure(0.1, 120.0, 0.02))
+
+
+@pytest.mark.parametrize(
+    ("device", "required", "sensitivity", "radius"),
+    [
+        (
+            WITH_FILTERS,
+            ".0193672709, .630671644, 22.5219784, 348.805630",
+            ".00643075252, .164876966, 1.04935817, 1.88997878, .963973612, .963576622",
+            ".9797662915784",
+        ),
+        (
+            ON_A_SPRING,
+            ".0117964596, 1.01671854, 23.5807568, 55.8623927",
+            ".00644114239, .165865196, .797931623, 1.01709167, 1.15184488, 1.11299713",
+            ".9793483461890",
+        ),
+    ],
+    ids=["a", "b"],
+)
+def test_check_numbers(device, required, sensitivity, radius):
+    """R at 1 to 100 Hz, |S| at 1 to 500 Hz and the spectral radius, as model/README.md, section 12, has them."""
+    gains, omega = Gains(150.0, 3000.0), 2 * pi * np.array([1.0, 10.0, 50.0, 100.0, 400.0, 500.0])
+    assert all_to_all_digits(required, list(required_resistance(loop(device, gains, omega[:4]), FLOATS)))
+    assert all_to_all_digits(sensitivity, list(sensitivity_of(device, gains)(omega)))
+    assert to_all_digits(radius, proved_radius(device, gains))
 
 
 SLOW_PARTS = Device(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from itertools import permutations
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -12,19 +10,15 @@ import pytest
 from flint import arb, ctx
 from mpmath.ctx_mp import MPContext
 
-from vctune.design.nlp.nlp import SYMBOLS
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.matrices import (
     COTH_WITHIN,
     Matrix,
     bernoulli,
-    blocked,
     exponential_less_one,
     half_coth,
     inverse,
-    minors,
     norm_of,
-    rows_of,
 )
 from vctune.proof.enclosures.arb_balls import BALLS
 from vctune.proof.enclosures.array_intervals import Enclosure, between, matmul
@@ -131,18 +125,6 @@ def test_jets_of_half_coth_contain_its_derivatives(norm):
                 assert width > 1e-9 or np.isfinite(found[i][j].slopes[0].rad), (number, width)
 
 
-def test_what_is_0_by_structure_stays_0():
-    """A triangular matrix has a triangular f(A), whose diagonal is that of single numbers."""
-    A = ((-1.0, 0, 0), (0.5, -3.0, 0), (0.2, 0.7, -9.0))
-    for ops in (FLOATS, BALLS):
-        found = half_coth(tuple(tuple(x if x == 0 else arb(x) if ops is BALLS else x for x in row) for row in A), ops)
-        for i, j in entries(3):
-            if j > i:
-                assert type(found[i][j]) is int and found[i][j] == 0
-        for i in range(3):
-            assert float(found[i][i]) == pytest.approx(A[i][i] / 2 / np.tanh(A[i][i] / 2), rel=1e-14)
-
-
 @pytest.mark.parametrize("size", [1e-3, 1e-12, 1e-30])
 @pytest.mark.parametrize("ops", [FLOATS, BALLS], ids=["floats", "balls"])
 def test_an_exponential_has_the_powers_that_reach_its_corners(size, ops):
@@ -153,38 +135,6 @@ def test_an_exponential_has_the_powers_that_reach_its_corners(size, ops):
     if ops is BALLS:
         assert corner.contains(link * link * link / 6)
     assert float(corner) == pytest.approx(size**3 / 6, rel=1e-12)
-
-
-def test_arrays_of_matrices_are_their_matrices_one_by_one():
-    matrices = np.stack([random_matrix(np.random.default_rng(53), norm) for norm in (0.3, 1.0, 4.0)])
-    together = half_coth(rows_of_arrays(matrices), FLOATS)
-    for k, A in enumerate(matrices):
-        true = coth_by_exponentials(A.tolist())
-        for i, j in entries(len(A)):
-            assert together[i][j][k] == pytest.approx(float(true[i, j]), rel=1e-12, abs=1e-13)
-
-
-def rows_of_arrays(matrices: np.ndarray) -> Matrix:
-    size = matrices.shape[1]
-    return tuple(tuple(matrices[:, i, j] for j in range(size)) for i in range(size))
-
-
-def test_single_numbers_are_no_blocks():
-    """Balls and symbols are not stacked: their matrices stay rows."""
-    matrix = ((arb(1), 0), (arb(2), arb(3)))
-    assert BALLS.arrays is None and SYMBOLS.arrays is None
-    assert blocked(matrix, BALLS) is matrix
-    assert FLOATS.arrays is FLOATS and ENCLOSURES.arrays is ENCLOSURES
-    assert rows_of(blocked(((1.0, 0), (2.0, 3.0)), FLOATS)) == ((1.0, 0), (2.0, 3.0))
-
-
-def test_bernoulli_numbers():
-    known = {0: "1", 1: "-1/2", 2: "1/6", 4: "-1/30", 12: "-691/2730", 20: "-174611/330", 30: "8615841276005/14322"}
-    for n, number in known.items():
-        assert bernoulli(n) == Fraction(number)
-    assert all(bernoulli(n) == 0 for n in (3, 5, 21))
-    for n in range(2, 90, 2):
-        assert abs(NUM.mpf(bernoulli(n).numerator) / bernoulli(n).denominator / NUM.bernoulli(n) - 1) < 1e-100
 
 
 def test_numerators_that_are_no_doubles():
@@ -217,49 +167,6 @@ def test_inverse_by_elimination():
             assert contains(boxes[i][j], true[i, j]) and boxes[i][j].rad < 1e-13
             assert balls[i][j].contains(as_ball(true[i, j]))
     assert inverse(((2.0, 0), (1.0, 4.0))) == ((0.5, 0), (-0.125, 0.25))
-
-
-class Exact(Fraction):
-    """A fraction with the multiplication by a number that `minors` asks for."""
-
-    def __add__(self, other: Any) -> Exact:
-        return Exact(Fraction(self) + Fraction(other))
-
-    def __mul__(self, other: Any) -> Exact:
-        return Exact(Fraction(self) * Fraction(other))
-
-    def scaled(self, factor: int) -> Exact:
-        return Exact(Fraction(self) * factor)
-
-
-def determinant(matrix: list[list[Fraction]]) -> Fraction:
-    """Return the sum over permutations."""
-    n, total = len(matrix), Fraction(0)
-    for order in permutations(range(n)):
-        sign = (-1) ** sum(order[i] > order[j] for i in range(n) for j in range(i + 1, n))
-        total += sign * prod((matrix[i][order[i]] for i in range(n)), start=Fraction(1))
-    return total
-
-
-def test_minors_are_determinants():
-    """Without the column that is left out; those that have no term are absent."""
-    for number in range(40):
-        rng = np.random.default_rng((56, number))
-        n = int(rng.integers(1, 6))
-        there = rng.random((n, n + 1)) < rng.uniform(0.4, 1)
-        matrix = [
-            [Fraction(int(rng.integers(-9, 10)), int(rng.integers(1, 5))) if has else Fraction(0) for has in row]
-            for row in there.tolist()
-        ]
-        found = minors(
-            [
-                [Exact(x) if has else None for x, has in zip(*pair, strict=True)]
-                for pair in zip(matrix, there.tolist(), strict=True)
-            ]
-        )
-        for left_out in range(n + 1):
-            square = [[x for j, x in enumerate(row) if j != left_out] for row in matrix]
-            assert found.get(left_out, Fraction(0)) == determinant(square), (number, left_out)
 
 
 def test_products_of_matrices_of_enclosures():

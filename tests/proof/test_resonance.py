@@ -71,27 +71,6 @@ def test_a_box_that_is_left_to_the_others_is_among_them(theta, shares, width, un
         assert astuple(hand) == pytest.approx((at[1], at[2], min(at[3], near.greatest)))
 
 
-def test_no_end_outside_the_range_is_taken_for_the_least():
-    """A box across the stiffest hand may be least where no hand is."""
-    near = Resonance(0.1, 1e-3, 0.0, 3000.0, 1e-3)
-
-    def least_above(boxes):
-        decided = nothing_known(boxes)
-        decided.side[:] = 1.0
-        decided.fails[:] = True
-        return decided
-
-    theta = 1e-3 * np.sqrt(3000.0 / 0.3)  # resonant with the stiffest hand of 0.2 kg
-    across = one_box(ROWS, [theta, 0.2, 1.0, 0.9], [1.1 * theta, 0.2, 2.0, 1.6])
-    found = near.in_range(least_above, ROWS)(across)
-    assert found.side[:, 0].tolist() == [0, 0, 1, 0] and not found.fails[0] and not found.proved[0]
-    within = one_box(ROWS, [0.5 * theta, 0.2, 1.0, 0.9], [0.6 * theta, 0.2, 2.0, 1.1])
-    found = near.in_range(least_above, ROWS)(within)
-    assert found.side[:, 0].tolist() == [1, 1, 1, 1] and found.fails[0]
-    beyond = one_box(ROWS, [2 * theta, 0.2, 1.0, 0.9], [2.1 * theta, 0.2, 2.0, 1.1])
-    assert near.in_range(least_above, ROWS)(beyond).proved[0]
-
-
 def drawn(number: int) -> tuple[Design, Hands]:
     """Return a lightly damped device and a design of it, and hands."""
     rng = np.random.default_rng((97, number))
@@ -163,9 +142,3 @@ def test_a_device_of_hardly_any_damping_is_proved():
     assert found.verdict is Verdict.PROVED and found.boxes < 100_000
     refused = prove_hands(Design(device, Gains(0.0, 0.0), SpringDamper(0.0272, 7.55)), demands)
     assert refused.verdict is Verdict.REFUTED
-
-
-def test_well_damped_loops_are_left_as_they_are():
-    device = Device(0.4, 2.0, 1e-3)
-    assert resonance(Design(device, Gains(200.0, 0.0), Coupling(5.0, 0.1, 1.0)), HELD) is None
-    assert resonance(Design(device, Gains(0.1, 1000.0), Coupling(5.0, 0.1, 1.0)), HELD) is None

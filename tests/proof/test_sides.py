@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from vctune.model.problem import Demands, Uncertainty
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.claims import every_hand
-from vctune.proof.claims.every_hand import prove_hands, sides_of_rectangles
+from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import device_box, felt_with_hand
 from vctune.proof.engine.interval import Verdict
@@ -60,44 +59,6 @@ def test_r_is_affine_in_mass_and_damping_that_hand_and_device_exchange(parts):
             between = at(*((1 - share) * a + share * b for a, b in zip(*ends, strict=True)))
             size = np.abs(first) + np.abs(last) + np.abs(between) + 1e-9 * np.abs(first).max()
             assert np.all(np.abs(between - (1 - share) * first - share * last) <= 1e-7 * size)
-
-
-def test_every_line_of_one_sum_ends_on_sides():
-    rng = np.random.default_rng(7)
-    ends = {"m": (1.0, 1.5), "M": (0.0, 0.3), "K": (2.0, 7.0), "b": (0.2, 3.0), "B": (0.0, 30.0)}
-    arrays = {name: tuple(np.array([x]) for x in pair) for name, pair in ends.items()}
-    found = sides_of_rectangles(arrays, [("m", "M"), ("b", "B")])
-
-    def held(point):
-        return any(
-            np.any(
-                np.all(
-                    [
-                        (low <= point[name] + 1e-12) & (point[name] <= high + 1e-12)
-                        for name, (low, high) in side.items()
-                    ],
-                    axis=0,
-                )
-            )
-            for side in found
-        )
-
-    def on_side(own, other, total, upwards):
-        """Return where the line of a sum leaves the rectangle."""
-        (least, most), (low, high) = ends[own], ends[other]
-        return min(most, total - low) if upwards else max(least, total - high)
-
-    for _ in range(300):
-        inside = {name: rng.uniform(*pair) for name, pair in ends.items()}
-        for ways in product((False, True), repeat=2):
-            point = dict(inside)
-            for (own, other), upwards in zip((("m", "M"), ("b", "B")), ways, strict=True):
-                total = inside[own] + inside[other]
-                point[own] = on_side(own, other, total, upwards)
-                point[other] = total - point[own]
-            assert held(point)
-    for side in found:
-        assert all(np.all((ends[name][0] <= low) & (high <= ends[name][1])) for name, (low, high) in side.items())
 
 
 def test_only_rigid_admittance_displays_exchange_mass_and_damping_with_the_hand():
