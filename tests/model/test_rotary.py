@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT
-from vctune.design.verdict.design_record import claim_records
 
 from vctune import solve
-from vctune.design.verdict.design_record import design_record
+from vctune.design.verdict.design_record import claim_records, design_record
 from vctune.design.verdict.judge import judge
 from vctune.document.reading import parse_problem, problem_file
 from vctune.document.schema.statement import statement
