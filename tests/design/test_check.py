@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-from math import inf
 
 import command
 import numpy as np
@@ -48,24 +47,17 @@ def test_summary_of_a_folder(folder):
     assert run(".", cwd=folder).stdout.splitlines()[-1] == "1 passed, 1 FAILED, 2 bad input"
 
 
-def test_refusal_names_frequency_ratio_and_the_best_change(folder):
-    """Of other values of the number that is named, short of the new one and beyond it, none that passes errs less."""
+def test_refusal_names_frequency_ratio_and_a_change_that_passes(folder):
     text = run("poor.toml", cwd=folder).stdout
     found = re.search(
         r"refuted at ([\d.]+) Hz.*least Re Z_c / R ([\d.]+).*; (\S+) = ([\d.]+) instead of ([\d.]+) would pass", text
     )
     key, new, old = found[3], float(found[4]), float(found[5])
     assert float(found[2]) < 1
-    document = (folder / "poor.toml").read_text()
-    name = key.split(".")[1]
+    name, document = key.split(".")[1], (folder / "poor.toml").read_text()
     assert f"{name} = {old}" in document
-    errors = []
-    for share in (1.0, 0.7, 0.9, 0.99, 0.999, 1.001, 1.01, 1.1):
-        value = old + share * (new - old)
-        problem = parse_problem(document.replace(f"{name} = {old}", f"{name} = {value!r}"), "mended.toml", "mended")
-        judgement = judge(problem, *problem.fixed_design)
-        errors.append(judgement.transparency.error if judgement.status is Status.CERTIFIED else inf)
-    assert errors[0] <= min(errors) * (1 + 1e-6) < inf
+    mended = parse_problem(document.replace(f"{name} = {old}", f"{name} = {new!r}"), "mended.toml", "mended")
+    assert judge(mended, *mended.fixed_design).status is Status.CERTIFIED
 
 
 def test_json_is_the_object_of_solve(folder):

@@ -5,16 +5,14 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from functools import cache
-from math import inf, pi
+from functools import cache, reduce
+from math import pi
 from signal import SIGINT
 
 import numpy as np
 import pytest
 from command import run, started, wait_for_work
-from conftest import DEVICE, FIXED, ROOT, for_passive_hands
-from hypothesis import given
-from hypothesis import strategies as st
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
 from test_bound import infeasible_texts
 
 from vctune.bench.digits import exact
@@ -26,9 +24,9 @@ from vctune.design.verdict import repair as repairing
 from vctune.design.verdict.checked import CheckVerdict
 from vctune.design.verdict.design_record import design_record
 from vctune.design.verdict.gains_check import check_files
-from vctune.design.verdict.judge import Status, judge
-from vctune.design.verdict.parameter_changes import ParameterChange, parameter_changes
-from vctune.design.verdict.repair import find_repairs, with_repairs
+from vctune.design.verdict.judge import Status
+from vctune.design.verdict.parameter_changes import parameter_changes
+from vctune.design.verdict.repair import RepairTest, find_repairs, with_repairs
 from vctune.document.gains_file import gains_text
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.records.design_json import design_of
@@ -74,10 +72,68 @@ REFUTED = {
 }
 
 
-@pytest.fixture(autouse=True)
-def patient(monkeypatch):
-    """However busy the machine is, all that may be changed is tried."""
-    monkeypatch.setattr(repairing, "LONGEST", inf)
+HELD = (ROOT / "tests/gains/friction-wheel-hands.toml").read_text().partition("[design]")[0]
+"""Gains that are certified in the default hands, with 1.05 of the required R."""
+
+
+def of(name: str, number: float) -> str:
+    """Return these gains with another number of this name."""
+    changed, count = re.subn(rf"(?m)^{name} = \S+", f"{name} = {number}", HELD)
+    assert count == 1
+    return changed
+
+
+def wheel(gains: str, *, device: str = "", criterion: str = "hands", sensitivity: float = 2.0) -> str:
+    """Return the friction wheel with other bounds, or fixed gains, in the default hands."""
+    return (
+        f"[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n{device}{gains}"
+        "[operator]\nmass = { min = 0.0, max = 0.5 }\ndamping = { min = 0.0, max = 30.0 }\n"
+        "stiffness = { min = 0.0, max = 3000.0 }\n[transparency]\nreference_impedance = 10.0\n"
+        f"[stability]\ncriterion = '{criterion}'\nmax_sensitivity = {sensitivity}\n"
+    )
+
+
+def bounds(velocity="1.0, 1000.0", position="3e3, 1e5", damping="1e-3, 1e5", mass="1e-4, 1e4", drag="0.0, 1e3") -> str:
+    """Return the bounds of a problem that leaves everything free; a drag of one number is fixed."""
+    low, high = velocity.split(", ")
+    said = f"[gains]\nvelocity = {{ min = {low}, max = {high} }}\n"
+    low, high = position.split(", ")
+    said += f"position = {{ min = {low}, max = {high} }}\n[coupling]\n"
+    for name, ends in (("damping", damping), ("mass", mass), ("drag", drag)):
+        low, _, high = ends.partition(", ")
+        said += f"{name} = {{ min = {low}, max = {high} }}\n" if high else f"{name} = {low}\n"
+    return said
+
+
+LATE = "[device.force_sensor]\ndelay = 20e-3\n"
+CAUSES_IN_HANDS = {
+    "no drag": wheel(bounds(drag="0.0")),
+    "no drag, both criteria": wheel(bounds(drag="0.0"), criterion="both"),
+    "K_v too great": wheel(bounds(velocity="1200.0, 2000.0")),
+    "K_v too small": wheel(bounds(velocity="1.0, 20.0", position="2e4, 1e5")),
+    "m_c too small": wheel(bounds(mass="1e-4, 0.01", drag="0.5")),
+    "|S| too small": wheel(bounds(velocity="300.0, 1000.0"), sensitivity=1.05),
+    "late force sensor": wheel(bounds(damping="1e-3, 60.0", drag="0.0, 5.0"), device=LATE),
+}
+
+REPAIRS = {
+    "no drag": {"coupling.drag", "operator.stiffness.min"},
+    "no drag, both criteria": {"operator.damping.min"},
+    "K_v too great": {"gains.velocity.min", "device.sample_time"},
+    "K_v too small": {"gains.velocity.max", "stability.max_sensitivity"},
+    "m_c too small": {"coupling.mass.max", "operator.damping.min"},
+    "|S| too small": {"stability.max_sensitivity"},
+    "late force sensor": {"device.force_sensor.delay", "gains.position.min"},
+}
+INFEASIBLE_IN_HANDS = {name: (text, REPAIRS[name]) for name, text in CAUSES_IN_HANDS.items()}
+"""Causes of all kinds, and values whose change repairs each."""
+IN_HANDS = {
+    "no drag": wheel(of("drag", 0.0)),
+    "b_c": wheel(of("damping", 100.0)),
+    "b_c, both criteria": wheel(of("damping", 100.0), criterion="both"),
+    "m_c": wheel(of("mass", 0.03)),
+    "late": wheel(HELD, device="delay = 1e-4\n"),
+}
 
 
 def parsed(text: str) -> Problem:
@@ -99,17 +155,20 @@ def toml_text(document: dict) -> str:
 
 def changed(text: str, key: str, value: float, needs: str) -> str:
     """Write a repair, or a value in its place, into a problem file; `needs` is the line that the repair asks for."""
-    document, line = tomllib.loads(text), tomllib.loads(needs)
-    (table, entry), *_ = line.items()
-    ((name, stated),) = entry.items()
-    last = key.rsplit(".", 1)[-1]
-    if isinstance(stated, list):
-        stated[int(key[-2])] = value
-    elif isinstance(stated, dict):
-        stated[last] = value
+
+    def joined(table, other):
+        for name, each in other.items():
+            ranged = isinstance(each, dict) and not each.keys() <= {"min", "max"}
+            table[name] = joined(table.get(name, {}), each) if ranged else each
+        return table
+
+    document = joined(tomllib.loads(text), tomllib.loads(needs))
+    *tables, last = key.partition("[")[0].split(".")
+    entry = reduce(lambda table, name: table[name], tables, document)
+    if key.endswith("]"):
+        entry[last][int(key[-2])] = value
     else:
-        stated = value
-    document.setdefault(table, {})[name] = stated
+        entry[last] = value
     return toml_text(document)
 
 
@@ -121,96 +180,94 @@ def certified(text: str) -> bool:
     return solve(problem).status is Status.CERTIFIED
 
 
-def errs_least(text: str, repair: dict) -> bool:
-    """Whether of other values of a given number, short of a repair and beyond it, none that is certified errs less."""
-    key, old, new = repair["key"], repair["old"], repair["new"]
-    for share in (0.3, 0.7, 0.95, 0.995, 0.9999, 1.0001, 1.005, 1.05, 1.3):
-        problem = parsed(changed(text, key, max(old + share * (new - old), 0.0), repair["needs"]))
-        judgement = judge(problem, *problem.fixed_design)
-        if judgement.status is Status.CERTIFIED and judgement.transparency.error < repair["error"] * (1 - 1e-4):
-            return False
-    return True
-
-
 @cache
-def each_repair_is_least(text: str, *, at_least: int = 1, share: float = 0.9) -> list[dict]:
-    """Write every repair into the file as printed and solve; then nine tenths of it, or of a given number others."""
+def each_repair_suffices(text: str) -> list[dict]:
+    """Write every repair into the file as printed and solve. A smaller step of the same value was not enough."""
     text = for_passive_hands(text)
     file = ProblemFile(parsed(text), text)
     solved = with_repairs(file, solve(file.problem))
     record = json.loads(json.dumps(design_record(file, solved), allow_nan=False))
     found = record["repairs"]
-    assert len(found) >= at_least
+    assert found
     for repair in found:
         key, old, new, needs = repair["key"], repair["old"], repair["new"], repair["needs"]
-        old = inf if old is None else old
+        assert new != old
         assert certified(changed(text, key, new, needs)), repair
-        if file.problem.bounds.fixed and key in KEYS:
-            assert errs_least(text, repair), repair
-            continue
-        part = new / share if old == inf else old + share * (new - old)
-        assert not certified(changed(text, key, part, needs)), repair
     ranks = [
         (file.problem.bounds.fixed and repair["key"] not in KEYS, float(f"{repair['error']:.4g}"), repair["size"])
         for repair in found
     ]
     assert ranks == sorted(ranks)
+    again = with_repairs(file, solve(file.problem)).repairs
+    assert [(each.key, each.new) for each in again] == [(each["key"], each["new"]) for each in found]
     return found
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["no damping, whole axis", "gains too high"])
-def test_each_repair_suffices_and_nine_tenths_of_it_do_not(name):
-    each_repair_is_least(QUICK[name])
+CAUSES = QUICK | dict(infeasible_texts(20)) | THEOREMS
+CAUSES |= {name: (ROOT / f"problems/{name}.toml").read_text() for name in ("infeasible", "extremes/unstable-bounds")}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["narrow bounds", "undamped and late"])
-def test_each_of_many_repairs_suffices_and_nine_tenths_of_it_do_not(name):
-    each_repair_is_least(QUICK[name])
+@pytest.mark.parametrize("name", mostly_slow(CAUSES, ["gains too high"]))
+def test_each_repair_suffices(name):
+    each_repair_suffices(CAUSES[name])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "text", [text for _, text in infeasible_texts(20)], ids=[name for name, _ in infeasible_texts(20)]
-)
-def test_each_repair_of_ten_causes(text):
-    each_repair_is_least(text)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("text", THEOREMS.values(), ids=THEOREMS)
-def test_each_repair_of_a_theorem(text):
-    assert impossible(parsed(text)) is not None
-    each_repair_is_least(text)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["infeasible", "extremes/unstable-bounds"])
-def test_each_repair_of_the_gallery(name, problems):
-    each_repair_is_least((problems / f"{name}.toml").read_text())
-
-
-@pytest.mark.parametrize("name", REFUTED)
+@pytest.mark.parametrize("name", REFUTED | IN_HANDS)
 def test_each_repair_of_a_refuted_design(name):
-    """What is changed about the problem of given gains is known to better than 1 %."""
-    each_repair_is_least(REFUTED[name], share=0.99)
+    """Changes of the gains come first, of the problem after them."""
+    found = each_repair_suffices((REFUTED | IN_HANDS)[name])
+    assert found[0]["key"] in KEYS or all(repair["key"] not in KEYS for repair in found)
 
 
-def test_a_lower_edge_is_raised_to_where_the_ratio_is_1():
-    (found,) = (r for r in each_repair_is_least(REFUTED["from 0"]) if r["key"] == "stability.band_hz[0]")
-    assert found["new"] == pytest.approx(5.3410 / (2 * pi), rel=3e-3)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", INFEASIBLE_IN_HANDS)
+def test_each_repair_in_hands(name):
+    text, keys = INFEASIBLE_IN_HANDS[name]
+    assert {repair["key"] for repair in each_repair_suffices(text)} & keys
 
 
-def test_the_least_drag_is_that_of_the_limit():
+def test_a_step_is_at_most_a_few_times_what_is_needed():
     """R -> b^2/(4 (b + K_v - tau K_p)) = 0.025 for omega -> 0; a dense scan of the drag needed beyond."""
-    (found,) = (r for r in each_repair_is_least(REFUTED["from 0"]) if r["key"] == "coupling.drag")
+    (found,) = (r for r in each_repair_suffices(REFUTED["from 0"]) if r["key"] == "coupling.drag")
     s = 1j * np.geomspace(1e-3, 20 * pi, 200_001)
     Z_d, C = 0.5 * s + 2, (40 + 4000 / s) * 2 / (2 + 1e-3 * s)
     q = C / (Z_d + C)
     R = (abs(q) - q.real) / (2 * (1 / (Z_d + C)).real)
     series = 1 / (1 / 25000 + 1 / (5 * s))
-    assert found["new"] == pytest.approx(max(0.025, (R - series.real).max()), rel=3e-3)
+    needed = max(0.025, (R - series.real).max())
+    assert needed <= found["new"] <= 12 * needed
+
+
+def test_a_small_change_is_found_as_such():
+    """A servo whose drag misses by 3 %: the drag, and hands that are a little softer."""
+    text = """[device]
+sample_time = 3.3333333e-3
+servo = { delay = 0.4, bandwidth_hz = 4.0, order = 2 }
+[operator]
+mass = { min = 0.0, max = 1.0 }
+damping = { min = 0.0, max = 20.0 }
+stiffness = { min = 0.0, max = 500.0 }
+[environment]
+mass = { min = 0.0, max = 0.0 }
+stiffness = { min = 0.0, max = 0.0 }
+[stability]
+criterion = "hands"
+[coupling]
+damping = inf
+mass = 0.5
+drag = DRAG
+"""
+    assert certified(text.replace("DRAG", "155.0"))
+    found = {each["key"]: each for each in each_repair_suffices(text.replace("DRAG", "150.0"))}
+    assert found["coupling.drag"]["new"] <= 160.0 and found["operator.stiffness.max"]["new"] >= 450.0
+
+
+def test_small_steps_of_all_values_come_before_great_ones_of_any_and_a_few_are_proved():
+    document, text = tomllib.loads(DEVICE), for_passive_hands(DEVICE)
+    tried, changes = [], parameter_changes(document, parsed(text))
+    test = RepairTest(lambda problem: tried.append(problem) or True, lambda problem: None, 7)
+    assert find_repairs(document, changes, test) == []
+    assert len(tried) == 7 + sum(change.eases for change in changes)
 
 
 def test_a_check_names_the_best_change_of_a_gain_and_what_else_would_do(tmp_path):
@@ -220,20 +277,17 @@ def test_a_check_names_the_best_change_of_a_gain_and_what_else_would_do(tmp_path
     apart = check_files([tmp_path / "problem.toml", tmp_path / "poor.toml"])[0]
     pasted = check_files([tmp_path / "pasted.toml"])[0]
     assert apart.message == pasted.message
-    velocity = re.search(r"gains\.velocity = (\S+) instead of 150 would pass; so would ", apart.message)
-    assert velocity is not None
-    assert float(velocity[1]) == pytest.approx(400, rel=1e-3)  # the error falls with K_v; beyond, |S| is above 2
+    assert re.search(r"(gains|coupling)\.\w+ = (\S+) instead of \S+ would pass; so would ", apart.message)
     assert "stability.band_hz[1] = " in apart.message
     assert apart.finding.record()["repairs"] == pasted.finding.record()["repairs"]
     assert (apart.line, pasted.line) == (2, 6)
 
 
-def test_nothing_found_is_said(tmp_path, monkeypatch):
+def test_nothing_found_is_said(tmp_path):
     text = REFUTED["from 0"].replace("10.0]", "inf]").replace("25000.0", "9.0")
     (tmp_path / "poor.toml").write_text(text)
     document = tomllib.loads(text)
     assert find_repairs(document, parameter_changes(document, parsed(text))) == []
-    monkeypatch.setattr(repairing, "solved_numbers", lambda *design: {})  # takes seconds, and differs in every number
     assert check_files([tmp_path / "poor.toml"])[0].message.endswith("no change of one number passes")
 
 
@@ -256,30 +310,6 @@ def test_a_certified_design_needs_no_repairs():
     solved = solve(file.problem)
     assert with_repairs(file, solved) is solved
     assert design_record(file, solved)["repairs"] is None
-
-
-numbers = st.floats(1e-6, 1e6)
-
-
-@given(old=numbers, factor=st.sampled_from([1e-3, 1e3]), relative=st.floats(1e-6, 900), share=st.floats(0.1, 0.9))
-def test_changes_move_one_way_as_far_as_they_say(old, factor, relative, share):
-    change = ParameterChange(("device", "damping"), "", old, old * factor)
-    new = change.value(relative)
-    assert change.relative_change(new) == pytest.approx(relative, rel=1e-6)
-    assert change.size(new) == pytest.approx(abs(new - old) / max(new, old), rel=1e-6)
-    assert change.partial(new, share) - old == pytest.approx(share * (new - old))
-    short = change.rounded(relative, 0.03)
-    assert relative * (1 - 1e-9) <= change.relative_change(short) <= relative * 1.031
-
-
-@given(scale=numbers, relative=st.floats(1e-6, 9.0))
-def test_changes_from_0_and_from_infinity(scale, relative):
-    up = ParameterChange(("coupling", "drag"), "", 0.0, 10 * scale, scale)
-    down = ParameterChange(("stability", "band_hz", 1), "", inf, scale / 10, scale, 1e-9)
-    for change in (up, down):
-        assert change.relative_change(change.value(relative)) == pytest.approx(relative)
-        assert relative * (1 - 1e-9) <= change.relative_change(change.rounded(relative, 0.03)) <= relative * 1.031
-    assert down.partial(down.value(relative), 0.9) == pytest.approx(down.value(relative) / 0.9)
 
 
 def test_changes_leave_alone_what_the_file_does_not_say():
@@ -414,7 +444,7 @@ def test_a_sweep_looks_for_no_repairs(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [0.6, 0.8, 1.0, 1.3, 1.7])
+@pytest.mark.parametrize("seconds", [0.4, 0.6, 0.8])
 def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(seconds, tmp_path):
     running = started("solve", ROOT / "problems/infeasible.toml", cwd=tmp_path)
     wait_for_work(running, seconds)
@@ -429,7 +459,7 @@ def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(seconds, tmp_pat
 def test_odd_bands_have_valid_levers(band):
     text = for_passive_hands(LAG.format(2.0) + f"[stability]\nband_hz = {band}\n")
     for change in parameter_changes(tomllib.loads(text), parsed(text)):
-        for relative in change.relative_changes():
+        for relative in change.steps():
             new = change.value(relative)
             assert new != change.old
             try:
@@ -452,15 +482,14 @@ def tracking_of(text: str) -> float:
 
 @pytest.mark.slow
 def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path):
-    """Every cure, written into the file and solved, gives a loop in use; nine tenths of it do not."""
+    """Every cure, written into the file and solved, gives a loop in use."""
     file = ProblemFile(parsed(IDLE), IDLE)
     record = design_record(file, with_repairs(file, solve(file.problem)))
     assert (record["status"], record["idle"]) == ("certified", True) and record["transparency"]["tracking"] > 0.9
     assert {"stability.band_hz[1]", "stability.max_sensitivity"} <= {cure["key"] for cure in record["repairs"]}
     for cure in record["repairs"]:
-        key, old, new, needs = cure["key"], cure["old"], cure["new"], cure["needs"]
+        key, new, needs = cure["key"], cure["new"], cure["needs"]
         assert tracking_of(changed(IDLE, key, new, needs)) <= 0.5
-        assert tracking_of(changed(IDLE, key, old + 0.9 * (new - old), needs)) > 0.5
     (said,) = (line for line in record["warnings"] if "hardly uses its velocity loop" in line)
     assert f"{record['repairs'][0]['needs']} would cure it" in said
     design = Gains(**record["gains"]), Coupling(**record["coupling"])

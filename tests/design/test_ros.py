@@ -19,7 +19,7 @@ from sampled_device_oracle import Hand as OracleHand
 
 from vctune.design.ros import admittance_check, admittance_repair
 from vctune.design.ros.admittance_problem import corner_hz, coupling_of_admittance
-from vctune.design.verdict.gain_repair import repair_of
+from vctune.design.verdict.repair import _repair as repair_of
 from vctune.document.reading import read_problem
 from vctune.document.ros import TUNED, Admittance, read_admittance
 from vctune.exit_codes import ExitCode

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import sqrt
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -165,9 +164,8 @@ def _checked(
     file = problem_file(toml_text(as_problem(document)), Path(problem.source))
     progress(f"proving {axis.axis}")
     judgement = judge(file.problem, *file.problem.fixed_design)
-    began = perf_counter()
     repairs = repairs_of_axis(document, file.problem, judgement, progress)
-    finding = finding_of(file, judgement, repairs, [], perf_counter() - began)
+    finding = finding_of(file, judgement, repairs, [])
     traps = [note.line for note in _traps(axis, given.filter_coefficient, problem.problem.device)]
     finding = replace(finding, warnings=[*traps, *finding.warnings])
     parts, line, verdict = [check_message(judgement, None, [], [])], axis.line, VERDICTS[judgement.status]

@@ -11,7 +11,6 @@ from typing import Any, Protocol
 from vctune.design.result import Repair, Solved
 from vctune.design.verdict.design_record import record_of, warnings
 from vctune.design.verdict.judge import Judgement, Status
-from vctune.design.verdict.repair import CUT_SHORT, LONGEST
 from vctune.document.file_doubts import file_doubts
 from vctune.document.reading import ProblemFile
 from vctune.document.text.codes import Note
@@ -94,16 +93,13 @@ def finding_of(
     judgement: Judgement,
     repairs: list[Repair] | None,
     notes: Sequence[Note],
-    repairing: float,
 ) -> DesignFinding:
     """Return the details of the check of judged gains, with all warnings."""
     cut = judgement.cut
     if judgement.status is Status.VIOLATED or judgement.idle:
         cut |= out_of_time()
         repairs = repairs or None if cut else repairs  # after the time limit others may exist
-    found = [CUT_SHORT] if repairing > LONGEST else []
-    if cut:
-        found.append(OUT_OF_TIME)
+    found = [OUT_OF_TIME] if cut else []
     found += [*file_doubts(file), *warnings(file.problem, judgement, repairs)]
     if judgement.idle and repairs is None:
         found.append(SOLVE_INSTEAD)

@@ -19,7 +19,6 @@ from vctune.design.variables import Point, keys_for, point, ranges
 from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.judge import Judgement, judge
 from vctune.design.verdict.nlp_record import active, device_record, solver_record
-from vctune.design.verdict.repair import CUT_SHORT, LONGEST
 from vctune.document.file_doubts import file_doubts
 from vctune.document.reading import ProblemFile
 from vctune.document.records.certificate_json import (
@@ -173,8 +172,7 @@ def _recorded(
     judgement, problem = solved.judgement, solved.problem
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
     touched: list[str] = []
-    said = [CUT_SHORT] if solved.seconds.get("repairs", 0.0) > LONGEST else []
-    said += [*solved.cut_short, *file_doubts(file, Path(file.source).name)]
+    said = [*solved.cut_short, *file_doubts(file, Path(file.source).name)]
     if judgement is not None:
         parts = _judged(problem, judgement, proved)
         touched = at_bound(problem, judgement.gains, judgement.coupling)

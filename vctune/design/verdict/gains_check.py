@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from vctune.design.result import Repair
 from vctune.design.variables import keys_for, ranges
 from vctune.design.verdict.check_message import check_message, line_to_change, taken_back
 from vctune.design.verdict.checked import VERDICTS, Checked, CheckVerdict, finding_of
-from vctune.design.verdict.gain_repair import edits, undone, undone_together
 from vctune.design.verdict.judge import Judgement, Status, judge_all
 from vctune.design.verdict.parameter_changes import ParameterChange
 from vctune.design.verdict.rendered import rendered_in_words
@@ -24,9 +22,12 @@ from vctune.design.verdict.repair import (
     OF_FIXED,
     OF_FIXED_IN_USE,
     Progress,
+    edits,
     find_cures,
     has_design_in_use,
     repairs_of_design,
+    undone,
+    undone_together,
 )
 from vctune.document.gains_file import design_tables
 from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
@@ -154,11 +155,10 @@ def _judged(
     judgements = judge_all(file.problem, designs, [design.corner for _, design in given])
     checks = []
     for (source, design), judgement in zip(given, judgements, strict=True):
-        began = perf_counter()
         changed = edits(file.problem, judgement, design.solved) if design.sha256 == file.sha256 else []
         repairs, together = _repairs(file, judgement, changed, progress)
         notes = [OTHER_VERSION] if design.sha256 and design.sha256 != file.sha256 else []
-        finding = finding_of(file, judgement, repairs, notes, perf_counter() - began)
+        finding = finding_of(file, judgement, repairs, notes)
         verdict, message = VERDICTS[judgement.status], check_message(judgement, finding.repairs, changed, together)
         message = "; ".join(filter(None, [message, rendered_in_words(file.problem, judgement)]))
         line = line_to_change(source.text, finding.repairs, together)

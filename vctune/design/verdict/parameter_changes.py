@@ -15,13 +15,12 @@ from vctune.model.numbers.keys import KEYS, SPRING_KEYS, SYMBOLS
 from vctune.model.parts import PART_NUMBERS
 from vctune.model.problem import Problem
 
-RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
-# Changes that the search tries, relative to the smaller of the old and the new value, or to the natural size if the old
-# value is 0
-CHANGES_FROM_ZERO = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
+# Steps that the search tries, relative to the smaller of the old and the new value, or to the natural size if the old
+# value is 0; the last step is the limit
+STEPS, STEPS_FROM_ZERO = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0), (1e-4, 1e-2, 0.1, 1.0, 10.0)
+ROUNDING = 0.15  # Greatest share by which rounding to few digits may enlarge a step
 FURTHEST = 1e6  # Greatest factor by which the search changes a bound or a gain; no device needs more
 SOFTEST = 1e-3  # Least share to which the search reduces the greatest mass, damping or stiffness of the hands
-FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18  # Least relative change of a value, and least change from 0
 DIGITS = 12  # Greatest number of significant digits of a new value
 # Parameters of a device's parts for which better parts exist, such as the bandwidth of an actuator
 BETTER = {key: each for key, each in PART_NUMBERS.items() if each.better}
@@ -54,11 +53,6 @@ class ParameterChange:
             return self.path[-1] != "max" or self.limit < self.old
         return self.path[0] == "stability" or self.path[-1] in ("min", "max") or self.key in ONLY_UPWARDS
 
-    @property
-    def least(self) -> float:
-        """The least relative change to try; from an infinite old value, the change to the natural size."""
-        return FINEST_FROM_ZERO if self.old == 0 else FINEST if self.old < inf else 1.0
-
     def value(self, relative: float) -> float:
         """Return the value after a given relative change, limited to `limit`."""
         if self.old == 0:
@@ -82,22 +76,15 @@ class ParameterChange:
         relative = self.relative_change(new)
         return relative / (1 + relative) if relative < inf else 1.0
 
-    def partial(self, new: float, share: float) -> float:
-        """Return the value after a share of a change. If the old value is infinite, the share applies to the
-        reciprocals."""
-        return new / share if self.old == inf else self.old + share * (new - self.old)
-
-    def relative_changes(self) -> Iterator[float]:
+    def steps(self) -> Iterator[float]:
         """Yield the relative changes to try, up to the limit."""
-        if self.switch:
-            yield 1.0
-            return
         last = self.relative_change(self.limit)
-        steps = CHANGES_FROM_ZERO if self.old == 0 else RELATIVE_CHANGES
-        yield from (relative for relative in steps if self.least <= relative < last)
+        if not self.switch:
+            steps = STEPS_FROM_ZERO if self.old == 0 else STEPS
+            yield from (relative for relative in steps if relative < last)
         yield last
 
-    def rounded(self, relative: float, growth: float) -> float:
+    def rounded(self, relative: float) -> float:
         """Return the new value after a relative change, rounded away from the old value to as few digits as
         possible."""
         exact, upwards = self.value(relative), self.limit > self.old
@@ -105,9 +92,10 @@ class ParameterChange:
             context = Context(prec=digits, rounding=ROUND_CEILING if upwards else ROUND_FLOOR)
             new = float(context.create_decimal(Decimal(exact)))
             within = new <= self.limit if upwards else new >= self.limit
-            if within and self.relative_change(new) <= relative * (1 + growth):
+            if within and self.relative_change(new) <= relative * (1 + ROUNDING):
                 return new
-        return exact
+        towards = Context(prec=3, rounding=ROUND_FLOOR if upwards else ROUND_CEILING)  # the limit itself is not passed
+        return float(towards.create_decimal(Decimal(exact)))
 
     def line(self, new: float) -> str:
         """Return the new line of TOML after the change."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import inf, sqrt
+from functools import reduce
 from time import perf_counter
 from typing import Any
 
@@ -15,35 +15,42 @@ from vctune.analysis.demands import sensitivity_maxima, transparency_error
 from vctune.analysis.in_hands import least_ratios, ratio_in_some_hands
 from vctune.design.prepared import pose as pose_devices
 from vctune.design.result import Repair, Solved
-from vctune.design.verdict.gain_repair import best_values, edits, repair_of, solved_numbers, undone
 from vctune.design.verdict.judge import IDLE_TRACKING, Judgement, Status, judge, least_ratio
-from vctune.design.verdict.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
-from vctune.design.verdict.trial import RepairTest
-from vctune.document.gains_file import design_tables
+from vctune.design.verdict.parameter_changes import (
+    ParameterChange,
+    change_of_gain,
+    changes_of_demands,
+    parameter_changes,
+)
+from vctune.document.gains_file import design_numbers, design_tables
 from vctune.document.reading import ProblemFile, pose
 from vctune.document.text import toml
-from vctune.document.text.codes import Note
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.keys import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.proof.claims.model_poles import prove_model_poles
 from vctune.proof.claims.sampled_poles import prove_sampled_poles
 from vctune.proof.engine.interval import Verdict
-from vctune.running import OutOfTimeError, check_time, out_of_time, time_limit
+from vctune.running import OutOfTimeError, check_time, out_of_time
 
-SHARE = 0.9  # Share of a repair that must not be enough to make a design possible
-ROUNDS = 10  # Greatest number of corrections of the estimated least change
 REPAIRS = "the repairs"  # Name of a stage that a time limit may cut short
-LONGEST = 30.0  # Seconds after which vctune tries no more changes
-# Share of `LONGEST` after which vctune no longer solves the problem to find out which value was edited
-COMPARING = 0.25
-CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
-FINER = 30.0  # Factor by which the search reduces a change while the change suffices
+# Greatest numbers of changed problems that a search solves, or of changed designs that it judges. They bound its time
+# and, unlike a number of seconds, give the same answer on every machine
+MOST_SOLVED, MOST_JUDGED = 10, 24
 # Share by which the screening requires a greater ratio than the limit, so that the proof of rounded gains succeeds
 SLACK = 1e-5
 
 Progress = Callable[[str], None]
 Posed = Callable[[dict[str, Any]], Problem | None]
+
+
+@dataclass(frozen=True, slots=True)
+class RepairTest:
+    """Functions with which the search for repairs tests a changed problem."""
+
+    estimate: Callable[[Problem], bool]  # whether a problem seems to have a design
+    verify: Callable[[Problem], Judgement | None]  # its certified design
+    most: int  # greatest number of problems to verify
 
 
 def _posed(document: dict[str, Any]) -> Problem | None:
@@ -109,15 +116,12 @@ def _seems_in_use(problem: Problem) -> bool:
     return transparency_error(problem, *problem.fixed_design).tracking <= IDLE_TRACKING and _seems_admissible(problem)
 
 
-OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3, furthest_first=True)
-# Tests for problems that fix every variable of the design, and for problems that leave one variable free. vctune judges
-# a problem of the first kind in a millisecond, so the search can determine the least change accurately
-OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
-OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
+OF_FIXED = RepairTest(_seems_admissible, _judged, MOST_JUDGED)
+# Tests for problems that fix every variable of the design, and for problems that leave one variable free
+OF_FREE = RepairTest(_seems_solvable, _solved, MOST_SOLVED)
+OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), MOST_JUDGED)
 # The same tests, with the additional condition that the design uses its velocity loop
-OF_FREE_IN_USE = RepairTest(
-    _seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width, furthest_first=True
-)
+OF_FREE_IN_USE = RepairTest(_seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), MOST_SOLVED)
 
 
 def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
@@ -150,22 +154,45 @@ def repairs_of_design(
     pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
     problem, _ = pose(pasted, "")
     assert problem is not None, "a valid problem with valid gains is one"
-    progress("looking for repairs: the numbers of the design")
-    found, settled = list[Repair](), set[str]()
-    with time_limit(LONGEST):
-        if not changed:
-            with suppress(OutOfTimeError), time_limit(COMPARING * LONGEST):
-                differing = edits(problem, judgement, solved_numbers(stated, judgement, OF_FREE))
-                changed = differing if len(differing) == 1 else []
-        with suppress(OutOfTimeError):
-            found += undone(pasted, changed, OF_FIXED)
-            settled |= set(SYMBOLS) if found else set()
-            for repair in () if found else best_values(stated, judgement, OF_FREE):
-                found.append(repair)
-                settled.add(repair.key)
+    with suppress(OutOfTimeError):
+        found = undone(pasted, changed, OF_FIXED)
+        settled = set(SYMBOLS) if found else set()
         changes = [change for change in parameter_changes(pasted, problem) if change.key not in settled]
         found += find_repairs(pasted, changes, OF_FIXED, progress)
-    return sorted(found, key=lambda repair: (repair.key not in SYMBOLS, repair.rank))
+        return sorted(found, key=lambda repair: (repair.key not in SYMBOLS, repair.rank))
+    return []
+
+
+def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -> list[ParameterChange]:
+    """Return one change for each variable that differs from the solved design, with the solved value as its limit."""
+    given = design_numbers(judgement.kind, judgement.gains, judgement.coupling)
+    return [change_of_gain(problem, key, given[key], new) for key, new in solved.items() if new != given[key]]
+
+
+def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> list[Repair]:
+    """Undo one edit at a time; return each reversal that gives a certified design, the least error first."""
+    found = []
+    for change in changed:
+        design = _verified(change.applied(pasted, change.limit), test)
+        found += [_repair(change, change.limit, design)] if design is not None else []
+    return sorted(found, key=lambda repair: repair.rank)
+
+
+def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> bool:
+    """Return whether undoing all edits leads to a certified design."""
+    document = reduce(lambda document, change: change.applied(document, change.limit), changed, pasted)
+    return _verified(document, test) is not None
+
+
+def _verified(document: dict[str, Any], test: RepairTest) -> Judgement | None:
+    check_time()
+    problem, _ = pose(document, "")
+    return test.verify(problem) if problem is not None else None
+
+
+def _repair(change: ParameterChange, new: float, design: Judgement) -> Repair:
+    error = design.transparency.error
+    return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
 
 
 def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
@@ -187,80 +214,35 @@ def find_repairs(
     progress: Progress = lambda stage: None,
     posed: Posed = _posed,
 ) -> list[Repair]:
-    """Return the smallest changes that repair a problem, each of a single value."""
-    found: list[Repair] = []
-    with suppress(OutOfTimeError), time_limit(LONGEST):
-        searches = [_Search(document, change, test, posed) for change in changes]
-        left = {number: 0.0 for number, search in enumerate(searches) if not search.hopeless()}
-        trials = sorted((relative, number) for number in left for relative in changes[number].relative_changes())
-        for relative, number in trials:
-            if number not in left:
+    """Return the least of a few steps of each change that repairs a problem alone.
+
+    Small steps of every change come before great steps of any. A step that seems to suffice is proved.
+    """
+    found, left, verified = list[Repair](), dict(enumerate(changes)), 0
+
+    def applied(change: ParameterChange, new: float) -> Problem | None:
+        check_time()
+        return posed(change.applied(document, new))
+
+    def seems_to_suffice(problem: Problem | None) -> bool:
+        return problem is not None and test.estimate(problem)
+
+    with suppress(OutOfTimeError):
+        for place, change in enumerate(changes):  # what only relaxes a constraint suffices at most at its limit
+            if change.eases and not seems_to_suffice(applied(change, change.limit)):
+                del left[place]
+        for relative, number in sorted((step, each) for each in left for step in changes[each].steps()):
+            if number not in left or verified >= test.most:
                 continue
-            known = f", {len(found)} found" if found else ""
-            progress(f"looking for repairs: {changes[number].meaning}{known}")
-            if not searches[number].promising(relative):
-                left[number] = relative
-            elif (repair := searches[number].least(left.pop(number), relative)) is not None:
-                found.append(repair)
+            change = changes[number]
+            progress(f"looking for repairs: {change.meaning}{f', {len(found)} found' if found else ''}")
+            new = change.rounded(relative)
+            problem = applied(change, new)
+            if problem is None or not seems_to_suffice(problem):
+                continue
+            verified += 1
+            if (design := test.verify(problem)) is not None:
+                check_time()  # at the time limit the judgement may be incomplete
+                found.append(_repair(change, new, design))
+                del left[number]
     return sorted(found, key=lambda repair: repair.rank)
-
-
-@dataclass(frozen=True, slots=True)
-class _Search:
-    """The search for the least change of one value."""
-
-    document: dict[str, Any]  # parsed document
-    change: ParameterChange  # value to change
-    test: RepairTest  # functions that test changed problems
-    posed: Posed  # function that returns the problem that a document states, or None
-
-    def hopeless(self) -> bool:
-        """Return whether no change of this value suffices, because even the largest change does not."""
-        furthest = self.change.relative_change(self.change.limit)
-        return self.test.furthest_first and self.change.eases and not self.promising(furthest)
-
-    def promising(self, relative: float) -> bool:
-        """Return whether a relative change seems to suffice."""
-        posed = self.posed(self.change.applied(self.document, self.change.value(relative)))
-        check_time()
-        return posed is not None and self.test.estimate(posed)
-
-    def certified(self, new: float) -> Judgement | None:
-        """Return the judgement of the design with a new value; None if this design is not certified."""
-        posed = self.posed(self.change.applied(self.document, new))
-        check_time()
-        judgement = self.test.verify(posed) if posed is not None else None
-        check_time()  # at the time limit the judgement may be incomplete
-        return judgement
-
-    def least(self, low: float, high: float) -> Repair | None:
-        """Return the least change that repairs the problem while `SHARE` of it does not; None if the search finds
-        none."""
-        change, width = self.change, self.test.width
-        if change.switch:
-            design = self.certified(change.limit)
-            return repair_of(change, change.limit, design) if design is not None else None
-        relative = self._narrowed(low, high)
-        if change.old == 0 and relative <= change.least:  # any change from 0 suffices: use the tried one
-            new = change.rounded(high, width / 2)
-            design = self.certified(new)
-            return repair_of(change, new, design) if design is not None else None
-        for _ in range(ROUNDS):
-            new = change.rounded(relative, width / 2)
-            design, partial = self.certified(new), change.partial(new, SHARE)
-            if design is None:
-                relative *= 1 + width
-            elif self.certified(partial) is not None:
-                relative = change.relative_change(partial)
-            else:
-                return repair_of(change, new, design)
-        return None
-
-    def _narrowed(self, low: float, high: float) -> float:
-        """Return the least relative change that seems to suffice, to the relative accuracy of the test."""
-        while low == 0 and high > self.change.least:
-            low, high = (0.0, high / FINER) if self.promising(high / FINER) else (high / FINER, high)
-        while 0 < low * (1 + self.test.width) < high < inf:
-            middle = sqrt(low * high)
-            low, high = (low, middle) if self.promising(middle) else (middle, high)
-        return high

@@ -85,7 +85,6 @@ Code = Literal[
     "warn-gain",
     "warn-idle",
     "warn-name",
-    "warn-repairs-cut-short",
     "warn-residual",
     "warn-sample-time",
     "warn-solve-instead",
