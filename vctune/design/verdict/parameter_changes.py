@@ -17,7 +17,8 @@ from vctune.model.problem import Problem
 
 # Steps that the search tries, relative to the smaller of the old and the new value, or to the natural size if the old
 # value is 0; the last step is the limit
-STEPS, STEPS_FROM_ZERO = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0), (1e-4, 1e-2, 0.1, 1.0, 10.0)
+STEPS = (0.03, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 100.0)
+STEPS_FROM_ZERO = (1e-4, 1e-2, 0.1, 0.3, 1.0, 3.0, 10.0)
 ROUNDING = 0.15  # Greatest share by which rounding to few digits may enlarge a step
 FURTHEST = 1e6  # Greatest factor by which the search changes a bound or a gain; no device needs more
 SOFTEST = 1e-3  # Least share to which the search reduces the greatest mass, damping or stiffness of the hands
