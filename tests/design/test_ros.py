@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 from command import run as vctune
 from command import strict
 from device_arithmetic import DOUBLES
@@ -379,7 +380,7 @@ def test_a_mistake_in_the_file_is_said_with_its_line(arm, values, complaint):
 
 @pytest.mark.parametrize(
     "text, complaint",
-    [("", "states 0 controllers"), ("[1, 2]", "states 0"), ("a: !!python/object:os.system {}", "YAML")],
+    [("", "states no controller"), ("[1, 2]", "states no controller"), ("a: !!python/object:os.system {}", "YAML")],
 )
 def test_what_is_no_parameter_file_is_refused(arm, text, complaint):
     (arm / "ros.yaml").write_text(text)
@@ -454,3 +455,60 @@ def test_a_rotary_device_is_told_in_its_units(arm):
         r"a damping of [\d.]+ N m s/rad needs an inertia of more than [\d.]+ kg m2, not 0.001", done.stdout
     )
     assert "[ros-rotation]" not in done.stdout
+
+
+MANAGER = """{}:
+  ros__parameters:
+    update_rate: {}
+    admittance_controller:
+      type: {}
+"""
+KIND = "admittance_controller/AdmittanceController"
+
+
+@pytest.mark.parametrize("manager", ["controller_manager", "/arm/controller_manager", "/**"])
+def test_a_rate_or_a_type_of_the_file_that_contradicts_the_problem_is_refused(arm, manager):
+    for rate, kind, said in ((1000, KIND, None), (1009, KIND, None), (500, KIND, "update_rate"), (1000, "a/B", "a/B")):
+        body = PARAMETERS.removeprefix("/**:\n")
+        (arm / "ros.yaml").write_text(
+            MANAGER.format(manager, rate, kind) + (body if manager == "/**" else f"/**:\n{body}")
+        )
+        done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+        assert (done.returncode == ExitCode.BAD_INPUT) == (said is not None), done.stderr
+        if said == "update_rate":
+            assert "500 Hz contradicts device.sample_time = 0.001 s" in done.stderr and "arm.toml:4" in done.stderr
+            assert done.stderr.startswith("ros.yaml:3: ")
+        elif said:
+            assert said in done.stderr and "[ros-other-law]" in done.stderr
+
+
+def test_a_rate_of_the_controller_comes_before_that_of_its_manager(arm):
+    own = PARAMETERS.replace("      joints:", "      update_rate: 250\n      joints:")
+    (arm / "ros.yaml").write_text(MANAGER.format("controller_manager", 1000, KIND) + own)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.BAD_INPUT and "250 Hz contradicts" in done.stderr
+
+
+def test_dotted_names_are_tables_and_each_of_two_controllers_has_a_line(arm):
+    whole = vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout
+    (table,) = yaml.safe_load(PARAMETERS).values()
+    given = table["admittance_controller"]["ros__parameters"]
+    flat = {
+        f"{name}.{key}": value for name, part in given.items() if isinstance(part, dict) for key, value in part.items()
+    }
+    (arm / "ros.yaml").write_text(yaml.safe_dump({"admittance_controller": {"ros__parameters": flat}}))
+    assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout == whole
+    both = {f"{side}_admittance": {"ros__parameters": given} for side in ("left", "right")}
+    (arm / "ros.yaml").write_text(yaml.safe_dump(both))
+    lines = vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout
+    assert lines.count("left_admittance x: ") == lines.count("right_admittance x: ") == 1
+
+
+def test_keys_that_the_controller_ignores_and_lists_of_integers_are_warned_of(arm):
+    text = PARAMETERS + "        joint_dampng: 2.0\n"
+    (arm / "ros.yaml").write_text(text)
+    said = vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout
+    line = next(number for number, each in enumerate(text.splitlines(), 1) if "joint_dampng" in each)
+    assert f"line {line}: admittance.joint_dampng: the controller ignores it; did you mean joint_damping?" in said
+    changed(arm, mass="[30, 30, 30, 1, 1, 1]")
+    assert "admittance.mass is a list of integers" in vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout

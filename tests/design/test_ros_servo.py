@@ -260,7 +260,7 @@ def test_six_axes_of_four_designs_are_exported_into_one_file_and_checked_again(s
     assert drags == pytest.approx([80.0, 90.0, 80.0, 2.0, 2.0, 2.0], rel=1e-5)
     assert len({axis.joint_damping for axis in given.axes}) == 1, "it is one of the joints"
     assert [axis.stiffness > 1 for axis in given.axes] == [False, False, True, False, False, False]
-    assert f"vctune check {' '.join(SIX)} {path.name} proves it again" in path.read_text()
+    assert f"vctune check {' '.join(SIX)} {path.name}" in path.read_text()
     began = process_time()
     done = vctune("check", *SIX, path, cwd=six)
     assert process_time() - began < 3.0

@@ -18,7 +18,7 @@ from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile, read_problem
 from vctune.document.records.printed_json import NamedRecord, RefusalRecord
 from vctune.document.ros import is_admittance as is_admittance
-from vctune.document.ros import read_admittance
+from vctune.document.ros import read_admittances
 from vctune.document.text.errors import InputError, printable
 from vctune.document.text.output_files import make_folder, write_together
 from vctune.model.gains import AnyCoupling
@@ -116,7 +116,12 @@ def check_parameter_files(
     read = [read_problem(path) for path in problems]
     for problem in read:
         begun(problem.problem)
-    return [check for path in files for check in check_parameters(read, path, read_admittance(path), progress)]
+    return [
+        check
+        for path in files
+        for given in read_admittances(path)
+        for check in check_parameters(read, path, given, progress)
+    ]
 
 
 def check_object(checked: Checked) -> dict[str, Any]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from math import inf, isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
 from vctune.document.text import toml
+from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 
 # Axes in the order of the lists of the file: three translations, then three rotations
@@ -24,6 +26,19 @@ TUNED = (
     "admittance.joint_damping",
     "ft_sensor.filter_coefficient",
 )
+TYPE = "admittance_controller/AdmittanceController"  # Type of the controller whose law vctune proves
+# Parameters that the controller declares and vctune does not use, and those that every controller has
+DECLARED = {
+    "": ("joints", "command_joints", "command_interfaces", "state_interfaces", "chainable_command_interfaces",
+         "enable_parameter_update_without_reactivation", "robot_description", "type", "update_rate", "use_sim_time",
+         "is_async", "fallback_controllers", "params_file", "node_options_args", "qos_overrides"),
+    "kinematics": ("plugin_name", "plugin_package", "base", "tip", "alpha", "group_name"),
+    "ft_sensor": ("name", "frame", "filter_coefficient"),
+    "control": ("frame",),
+    "fixed_world_frame": ("frame",),
+    "gravity_compensation": ("frame", "CoG"),
+    "admittance": ("selected_axes", "mass", "damping_ratio", "stiffness", "joint_damping"),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +77,9 @@ class AdmittanceFile:
     filter_coefficient: float  # weight of each new sample in the filter of the force, in (0, 1]
     line: int  # line of the file that selects the axes
     lines: Mapping[str, int]  # lines of the file by the dotted keys of `TUNED`
+    name: str = ""  # of the controller, if the file has several
+    rate: tuple[str, float, int] | None = None  # key, value, Hz, and line of the stated update_rate
+    notes: tuple[Note, ...] = field(default=())  # warnings about the file
 
 
 # Message about a controller that does not render a mass with drag
@@ -77,8 +95,8 @@ def is_admittance(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES
 
 
-def read_admittance(path: Path) -> AdmittanceFile:
-    """Read the parameter file of one admittance_controller."""
+def read_admittances(path: Path) -> list[AdmittanceFile]:
+    """Read the parameters of each admittance_controller of a file."""
     source = str(path)
     try:
         import yaml
@@ -87,27 +105,60 @@ def read_admittance(path: Path) -> AdmittanceFile:
     text = toml.read_text(path)
     try:
         root = yaml.compose(text, yaml.SafeLoader)
-        value = yaml.safe_load(text)
+        value = _nested(yaml.safe_load(text))
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         message = f"not valid YAML: {getattr(error, 'problem', None) or error}"
         raise InputError.of(source, "not-yaml", message, line=None if mark is None else mark.line + 1) from None
     except (ValueError, RecursionError) as error:
         raise InputError.of(source, "not-yaml", f"not valid YAML: {error or 'nested too deeply'}") from None
-    matches = list(_controllers(value, ()))
-    if not matches and any(_controllers(value, (), "pd_gains")):
+    matches = list(_nodes(value, (), "admittance"))
+    if not matches and any(_nodes(value, (), "pd_gains")):
         raise InputError.of(source, "ros-other-law", FORWARD_DYNAMICS)
-    if len(matches) != 1:
-        known = ", ".join(".".join(place) for place, _ in matches)
-        message = f"states {len(matches)} controllers with ros__parameters.admittance{f' ({known})' if known else ''}"
-        raise InputError.of(source, "ambiguous-files", f"{message}; name a file with one")
-    return _Reader(source, *matches[0], root).read()
+    if not matches:
+        message = "states no controller with ros__parameters.admittance; name a file with one"
+        raise InputError.of(source, "ambiguous-files", message)
+    found = []
+    for place, given in matches:
+        reader, name = _Reader(source, place, given, root), place[-2] if len(place) > 1 else ""
+        manager = _manager(value, name)
+        _require_type(reader, manager, name)
+        read = reader.read()
+        found.append(replace(read, name=name * (len(matches) > 1), rate=_rate(reader, manager)))
+    return found
 
 
-def _controllers(
-    value: Any, place: tuple[str, ...], table: str = "admittance"
-) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any]]]:
-    """Yield the place and the parameters of every controller that states a given table."""
+def read_admittance(path: Path) -> AdmittanceFile:
+    """Read the parameters of the only admittance_controller of a file."""
+    found = read_admittances(path)
+    if len(found) > 1:
+        known = ", ".join(each.name for each in found)
+        raise InputError.of(str(path), "ambiguous-files", f"states {len(found)} controllers: {known}")
+    return found[0]
+
+
+def _nested(value: Any) -> Any:
+    """Return tables with dotted names, which are legal, as nested tables."""
+    if not isinstance(value, Mapping):
+        return value
+    made: dict[str, Any] = {}
+    for key, entry in value.items():
+        *tables, last = str(key).split(".")
+        table = made
+        for name in tables:
+            table = table.setdefault(name, {})
+            if not isinstance(table, dict):
+                raise ValueError(f"{key} is a table and a value")
+        inner = _nested(entry)
+        if isinstance(inner, dict) and isinstance(table.get(last), dict):
+            table[last] |= inner
+        else:
+            table[last] = inner
+    return made
+
+
+def _nodes(value: Any, place: tuple[str, ...], table: str) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any]]]:
+    """Yield the place and the parameters of every node that states a given parameter."""
     # the limit on the depth has nothing to do with the axes: it ends the search in deeply nested files
     if not isinstance(value, Mapping) or len(place) > len(AXES):
         return
@@ -115,15 +166,43 @@ def _controllers(
         if key == "ros__parameters" and isinstance(entry, Mapping) and table in entry:
             yield (*place, str(key)), entry
         else:
-            yield from _controllers(entry, (*place, str(key)), table)
+            yield from _nodes(entry, (*place, str(key)), table)
+
+
+def _manager(value: Any, name: str) -> tuple[tuple[str, ...], Mapping[str, Any]] | None:
+    """Return the place and the parameters of the controller_manager that runs a controller; None if there is none."""
+    running = [(place, given) for place, given in _nodes(value, (), name) if isinstance(given[name], Mapping)]
+    return next(iter([*running, *_nodes(value, (), "update_rate")]), None)
+
+
+def _require_type(reader: _Reader, manager: tuple[tuple[str, ...], Mapping[str, Any]] | None, name: str) -> None:
+    """Refuse a controller of another type, which may be another law under the same parameters."""
+    place, given = manager or ((), {})
+    of_manager = given.get(name)
+    stated = [((*place, name, "type"), of_manager.get("type"))] if isinstance(of_manager, Mapping) else []
+    for key, value in [*stated, ((*reader.place, "type"), reader.given.get("type"))]:
+        if value is not None and value != TYPE:
+            message = f"is {str(value)[:80]}; vctune proves the law of {TYPE} only"
+            raise InputError(reader.source, [Mistake("ros-other-law", ".".join(key), message, reader.line_of(key))])
+
+
+def _rate(reader: _Reader, manager: tuple[tuple[str, ...], Mapping[str, Any]] | None) -> tuple[str, float, int] | None:
+    """Return key, value and line of the update_rate of a controller, else of its controller_manager."""
+    for place, given in ((reader.place, reader.given), *([manager] if manager else [])):
+        value = given.get("update_rate", 0)
+        if _is_number(value) and value > 0:
+            key = (*place, "update_rate")
+            return ".".join(key), float(value), reader.line_of(key) or 1
+    return None
 
 
 class _Reader:
     """Reads the parameters of one controller and collects their faults."""
 
     def __init__(self, source: str, place: tuple[str, ...], given: Mapping[str, Any], root: Any) -> None:
-        self._source, self._place, self._given, self._root = source, place, given, root
+        self.source, self.place, self.given, self._root = source, place, given, root
         self._mistakes: list[Mistake] = []
+        self._notes: list[Note] = []
 
     def read(self) -> AdmittanceFile:
         """Return the content of the file."""
@@ -137,7 +216,7 @@ class _Reader:
         if not self._mistakes and not any(selected):
             self._wrong("admittance.selected_axes", "selects no axis: there is nothing to check")
         if self._mistakes:
-            raise InputError(self._source, self._mistakes)
+            raise InputError(self.source, self._mistakes)
         line, selection = (self._line(f"admittance.{name}") or 1 for name in ("mass", "selected_axes"))
         axes = (
             Admittance(axis, mass, ratio, stiffness, joint, line)
@@ -145,7 +224,22 @@ class _Reader:
             if chosen
         )
         lines = {key: self._line(key) or 1 for key in TUNED}
-        return AdmittanceFile(tuple(axes), coefficient, selection, lines)
+        self._note_unknown()
+        return AdmittanceFile(tuple(axes), coefficient, selection, lines, notes=tuple(self._notes))
+
+    def _note_unknown(self) -> None:
+        """Warn of keys that the controller ignores, since it does not declare them."""
+        tables = {name: self.given.get(name) for name in DECLARED if name} | {"": self.given}
+        keys = [(name, key) for name, table in tables.items() if isinstance(table, Mapping) for key in table]
+        for table, key in keys:
+            known = [*DECLARED[table], *(filter(None, DECLARED) if table == "" else ())]
+            if str(key) in known:
+                continue
+            whole, near = f"{table}.{key}".lstrip("."), get_close_matches(str(key), known, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            self._notes.append(
+                Note("ros-unknown-key", f"line {self._line(whole)}: {whole}: the controller ignores it{hint}")
+            )
 
     def _list(self, name: str, *, least: float = 0.0, most: float = inf, flags: bool = False) -> list[Any]:
         """Return one value for each axis. Record a fault for a list of another length, or for each invalid value."""
@@ -160,6 +254,9 @@ class _Reader:
             elif not flags and not (_is_number(element) and least <= element <= most):
                 limit = f" and at most {most:g}" if most < inf else ""
                 self._wrong(key, f"of {axis} is {_shown(element)}: must be a number of at least {least:g}{limit}")
+        if not flags and all(isinstance(element, int) for element in values):
+            said = f"line {self._line(key)}: {key} is a list of integers, which ROS 2 refuses; write {values[0]}.0, ..."
+            self._notes.append(Note("ros-integers", said))
         return [element if flags or not _is_number(element) else float(element) for element in values]
 
     def _number(self, table: str, name: str, default: float, most: float) -> float:
@@ -171,24 +268,28 @@ class _Reader:
         return float(value)
 
     def _table(self, name: str) -> Mapping[str, Any]:
-        table = self._given.get(name, {})
+        table = self.given.get(name, {})
         if isinstance(table, Mapping):
             return table
         self._wrong(name, f"is {_shown(table)}: must be a table")
         return {}
 
     def _wrong(self, key: str, message: str) -> None:
-        self._mistakes.append(Mistake("ros-parameter", ".".join([*self._place, key]), message, self._line(key)))
+        self._mistakes.append(Mistake("ros-parameter", ".".join([*self.place, key]), message, self._line(key)))
 
     def _line(self, key: str) -> int | None:
-        """Return the line of a key or, if it is absent, of the nearest table above it."""
-        node, line = self._root, None
-        for step in (*self._place, *key.split(".")):
+        return self.line_of((*self.place, *key.split(".")))
+
+    def line_of(self, path: tuple[str, ...]) -> int | None:
+        """Return the line of a key or, if it is absent, of the nearest table above it. Names may be dotted."""
+        node, line, steps = self._root, None, list(path)
+        while steps:
             pairs = node.value if hasattr(node, "value") and isinstance(node.value, list) else []
-            matches = [(name, entry) for name, entry in pairs if str(name.value) == step]
-            if not matches:
+            named = [(str(name.value).split("."), name, entry) for name, entry in pairs if hasattr(name, "value")]
+            match = next((each for each in named if steps[: len(each[0])] == each[0]), None)
+            if match is None:
                 return line
-            line, node = matches[0][0].start_mark.line + 1, matches[0][1]
+            line, node, steps = match[1].start_mark.line + 1, match[2], steps[len(match[0]) :]
         return line
 
 

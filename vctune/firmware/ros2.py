@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from shlex import quote
 
 from vctune.design.ros.admittance_design import RenderedAxis, parameters_of
 from vctune.design.ros.admittance_problem import as_problem, device_tables, document_of_both
@@ -86,9 +87,15 @@ def ros2_files(name: str, axes: Sequence[RosAxis], controllers: Sequence[Firmwar
     comments += [
         line for text, names in axes_of_line.items() for line in (f"{', '.join(names)}:", *text.split("\n"), "")
     ]
-    sources = dict.fromkeys(Path(axis.file.source).name for axis in axes)
-    again = f"vctune check {' '.join(sources)} {PARAMETERS} proves it again."
-    return {PARAMETERS: admittance_text(_parameters(axes), [*comments, again])}
+    sources = dict.fromkeys(_file_name(axis.file) for axis in axes)
+    again = f"vctune check {' '.join(sources)} {PARAMETERS}"
+    return {PARAMETERS: admittance_text(_parameters(axes), [*comments, "This proves it again:", again])}
+
+
+def _file_name(file: ProblemFile) -> str:
+    """Return the name of the problem file in a command; a design.json knows only the name of its problem."""
+    name = Path(file.source).name
+    return quote(name if name.endswith(".toml") else f"{name}.toml")
 
 
 def _least_ratio(controller: Firmware) -> str:

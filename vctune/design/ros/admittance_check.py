@@ -26,6 +26,7 @@ from vctune.design.verdict.judge import Status, judge
 from vctune.design.verdict.repair import Progress
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.ros import Admittance, AdmittanceFile
+from vctune.document.text import toml
 from vctune.document.text.codes import Code, Note
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
@@ -37,6 +38,7 @@ from vctune.model.numbers.units import UNITS, Units, UnitSystem
 from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode
 from vctune.simulation.scene import designed_scene
 
+SAME_RATE = 0.01  # Greatest relative difference between update_rate and 1/sample_time
 SLOW = 0.1  # Share of the Nyquist frequency below which vctune warns of a filter's corner frequency
 
 
@@ -67,6 +69,7 @@ def check_admittance(
 ) -> list[Checked]:
     """Check the selected axes of a parameter file. If several axes have the same values, the function proves only one
     of them."""
+    _require_rate(problem, path, given)
     tables, axes = _device(problem, given), _chosen(problem, path, given)
     checks: list[Checked] = []
     proved: dict[Admittance, Checked] = {}
@@ -74,14 +77,30 @@ def check_admittance(
         if not _moves_as(axis, problem):
             message = f"not looked at: {_misfit([axis], problem)}"
             checks.append(
-                _of_axis(_unproved(CheckVerdict.UNDECIDED, "ros-rotation", message, axis), problem, path, axis)
+                _of_axis(
+                    _unproved(CheckVerdict.UNDECIDED, "ros-rotation", message, axis), problem, path, axis, given.name
+                )
             )
             continue
         numbers = replace(axis, axis="")
         if numbers not in proved:
             proved[numbers] = _checked(problem, tables, given, axis, progress)
-        checks.append(_of_axis(proved[numbers], problem, path, axis))
+        checks.append(_of_axis(proved[numbers], problem, path, axis, given.name))
     return checks
+
+
+def _require_rate(problem: ProblemFile, path: Path, given: AdmittanceFile) -> None:
+    """Refuse a file that states another rate than the problem, whose proof would be of another loop."""
+    if given.rate is None:
+        return
+    (key, rate, line), T = given.rate, problem.problem.device.sample_time
+    if abs(rate * T - 1) > SAME_RATE:
+        stated = toml.Lines(problem.text).locate(("device", "sample_time"))
+        message = f"{rate:g} Hz contradicts device.sample_time = {T:g} s, {1 / T:.4g} Hz, of {problem.source}"
+        message += f":{stated}" if stated else ""
+        raise InputError.of(
+            str(path), "contradiction", f"{message}; write the rate at which the loop runs", key=key, line=line
+        )
 
 
 def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile) -> list[Admittance]:
@@ -115,9 +134,10 @@ def _unproved(verdict: CheckVerdict, code: Code, message: str, axis: Admittance)
     return Checked(Path(), "", verdict, Note(code, message).line, axis.line, None)
 
 
-def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittance) -> Checked:
+def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittance, controller: str) -> Checked:
     """Return a check with the name of an axis; several axes with the same values share one check."""
-    name, message, finding = f"{problem.problem.name} {axis.axis}", f"{axis.axis}: {checked.message}", checked.finding
+    called = f"{controller} {axis.axis}".strip()
+    name, message, finding = f"{problem.problem.name} {called}", f"{called}: {checked.message}", checked.finding
     if isinstance(finding, DesignFinding):
         named = replace(finding.file, problem=replace(finding.file.problem, name=name))
         finding = replace(finding, file=named)
@@ -166,7 +186,7 @@ def _checked(
     judgement = judge(file.problem, *file.problem.fixed_design)
     repairs = repairs_of_axis(document, file.problem, judgement, progress)
     finding = finding_of(file, judgement, repairs, [])
-    traps = [note.line for note in _traps(axis, given.filter_coefficient, problem.problem.device)]
+    traps = [note.line for note in (*given.notes, *_traps(axis, given.filter_coefficient, problem.problem.device))]
     finding = replace(finding, warnings=[*traps, *finding.warnings])
     parts, line, verdict = [check_message(judgement, None, [], [])], axis.line, VERDICTS[judgement.status]
     if verdict is not CheckVerdict.PASSED and looped:

@@ -65,6 +65,8 @@ Code = Literal[
     "remark-unpushed",
     "remark-unused",
     "remark-weak-delay",
+    "ros-integers",
+    "ros-unknown-key",
     "ros-no-damping",
     "ros-other-law",
     "ros-parameter",
