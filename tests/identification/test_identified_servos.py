@@ -15,6 +15,7 @@ from servo_logs import moved, servo_case
 from vctune import check, identify, problem, solve
 from vctune.design.verdict.gains_check import CheckVerdict
 from vctune.document.records.json_schemas import SCHEMAS
+from vctune.document.text.codes import ENDING
 from vctune.document.text.errors import InputError
 from vctune.identification.servo.servo_motion import interpolating_velocity, positions, sampled_response
 
@@ -256,3 +257,32 @@ def test_what_a_servo_has_not_is_refused(tmp_path):
     del case.columns["velocity_command_m_s"]
     with pytest.raises(InputError, match=r"columns.velocity_command: without a command nothing can be identified"):
         identify(case.write(tmp_path), servo=True)
+
+
+def told(position, command):
+    """A log of a servo as CSV, with times of 10 ms."""
+    rows = (f"{0.01 * k:.2f},{x:.6f},{y:.6f}" for k, (x, y) in enumerate(zip(position, command, strict=True)))
+    return "time_s,position_m,position_command_m\n" + "\n".join(rows) + "\n"
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_a_log_whose_command_is_not_of_its_motion_is_refused_without_a_word_of_numpy(tmp_path, number):
+    """Moved before the command, long after it, at its end, by another command, or ahead of it."""
+    rng, n = np.random.default_rng(number), 600
+    bump = np.convolve(rng.normal(0, 0.01, 200).cumsum(), np.ones(20) / 20, "same")
+    bump -= np.linspace(bump[0], bump[-1], bump.size)
+    late, early = np.zeros(n), np.zeros(n)
+    early[20:220], late[380:580] = bump, bump
+    still, at_end = np.zeros(n), np.zeros(n)
+    at_end[-3:] = 0.1
+    position, command = (
+        (early, late), (late, early), (late, at_end), (late, np.roll(early[::-1], 7)),
+        (early, still + 1e-3 * (np.arange(n) == 300)), (np.roll(late, -5), late),
+    )[number % 6]  # fmt: skip
+    (tmp_path / "log.csv").write_text(told(position, command))
+    done = run("identify", "log.csv", "--servo", "--no-report", cwd=tmp_path)
+    if done.returncode == 0:  # late by seconds, and followed all the same
+        assert number % 6 == 1
+    else:
+        assert done.returncode == 2 and ENDING.search(done.stderr.strip()), done.stderr
+    assert "Warning" not in done.stderr and "Error" not in done.stderr

@@ -21,6 +21,7 @@ from vctune.identification.servo.servo_motion import interpolating_velocity, pos
 from vctune.identification.servo.servo_noise import Noise, whitened
 from vctune.model.numbers.units import Units
 
+AHEAD = 0.25  # Greatest time by which a motion may seem to precede its command, in samples
 DECISIVE_GAIN = 10.0  # Gain in -2 log likelihood, for independent residuals, that decides between the orders
 MAX_RESIDUAL_SHARE = 0.5  # Relative residual of the motion above which vctune refuses a log
 GAIN_RANGE = (0.8, 1.25)  # Permitted range of the ratio of a servo's motion to its command
@@ -106,7 +107,11 @@ def _estimate(key: str, interval: Interval, source: str, jitter: float) -> Estim
 def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
     """Fit both orders of a servo to a recording and decide between them."""
     servo_log = _servo_log(recording, sample_time)
-    first, second = fit_servos(servo_log)
+    try:
+        with np.errstate(divide="raise", invalid="raise"):
+            first, second = fit_servos(servo_log)
+    except (FloatingPointError, ValueError, np.linalg.LinAlgError):  # no part of the motion fits the command
+        raise _unexplained(recording, "the motion does not follow the command anywhere") from None
     fit, other = (
         (first, second) if first.minus_twice_log_likelihood <= second.minus_twice_log_likelihood else (second, first)
     )
@@ -145,12 +150,24 @@ def _servo_log(recording: Recording, T: float) -> ServoLog:
     return ServoLog(time - time[0], velocity, position.values, T, is_position, max(rounding, least))
 
 
+def _unexplained(recording: Recording, what: str) -> InputError:
+    header, position = recording.channels[commanded(recording)].header, recording.channels["position"].header
+    message = f"{what}: is {header} the command of another axis or of another time than {position}?"
+    return InputError.of(recording.source, "log-unexplained", message, key=header)
+
+
 def _check_explained(recording: Recording, study: ServoStudy) -> None:
     """Refuse a recording whose motion does not follow its command, or follows it with an impossible gain."""
     command = commanded(recording)
     header, position = recording.channels[command].header, recording.channels["position"].header
     gain = study.fit.gain
-    if study.fit.residual_share > MAX_RESIDUAL_SHARE:
+    early = -max(each.delay.high for each in study.fits)
+    if early > AHEAD * study.servo_log.sample_time:
+        message = (
+            f"{position} moves at least {1e3 * early:.3g} ms before {header} tells it to: the two were not sampled "
+            "together, or the command is logged late"
+        )
+    elif study.fit.residual_share > MAX_RESIDUAL_SHARE:
         message = (
             f"{study.fit.residual_share:.0%} of the motion of {position} does not follow {header}: is it the command "
             "of another axis, or was the robot moved by something else?"
