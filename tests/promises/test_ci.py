@@ -93,7 +93,7 @@ def test_the_action_checks(repository):
     assert run(*shell, cwd=repository, **env).returncode == 0
     spoil(repository)
     done = run(*shell, cwd=repository, **env)
-    assert done.returncode == 1 and "\n::error file=gains.toml,line=2," in done.stdout
+    assert done.returncode == 1 and "::error file=gains.toml,line=2," in done.stdout
 
 
 def check_the_gate(repository, path, *, install):
@@ -101,7 +101,7 @@ def check_the_gate(repository, path, *, install):
     spoil(repository)
     done = steps(repository, path, install=False)
     assert done.returncode == 1
-    assert "\n::error file=gains.toml,line=2," in done.stdout
+    assert "::error file=gains.toml,line=2," in done.stdout
 
 
 def test_the_workflow_checks(repository):

@@ -190,8 +190,8 @@ def test_a_baseline_of_another_plane_is_refused(baseline, tmp_path):
     (tmp_path / "device.toml").write_text(for_passive_hands(PLAIN + "[gains]\nposition = 6000.0\n"))
     region_file = baseline / "results/device/region.json"
     code, out, err = run("check", "device.toml", "--region", region_file, cwd=tmp_path)
-    assert (code, out) == (ExitCode.BAD_INPUT, "")
-    assert "device.toml: gains.position: is fixed at 6000 and spans no plane" in err
+    assert (code, err) == (ExitCode.BAD_INPUT, "")
+    assert "device.toml: gains.position: is fixed at 6000 and spans no plane" in out
 
 
 def damaged(change):
@@ -227,8 +227,25 @@ def test_damaged_baselines_are_refused(baseline, tmp_path, name):
     (tmp_path / "device.toml").write_text(for_passive_hands(PLAIN))
     (tmp_path / "region.json").write_text(break_it(record_of(baseline)))
     code, out, err = run("check", "device.toml", "--region", "region.json", cwd=tmp_path)
-    assert (code, out) == (ExitCode.BAD_INPUT, "")
-    assert err.startswith("region.json: ") and message in err
+    assert (code, err) == (ExitCode.BAD_INPUT, "")
+    assert out.startswith("bad input  region.json: ") and message in out
+
+
+def test_a_damaged_region_is_one_annotation_and_the_gains_beside_it_are_checked(tmp_path):
+    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
+    (tmp_path / "gains.toml").write_text(FIXED.format(160.0))
+    (tmp_path / "region.json").write_text("{")
+    command = ("check", "device.toml", "gains.toml", "--region", "region.json", "--format", "github")
+    code, out, _ = run(*command, cwd=tmp_path)
+    assert code == ExitCode.BAD_INPUT and out.count("::error") == 1
+    assert "::error file=region.json," in out and "::notice file=gains.toml," in out
+
+
+def test_gains_that_cannot_be_read_are_the_only_error(tmp_path):
+    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
+    (tmp_path / "gains.toml").write_text(FIXED.format(160.0).replace("mass =", "mass :"))
+    code, out, _ = run("check", "device.toml", "gains.toml", "--format", "github", cwd=tmp_path)
+    assert (code, out.count("::")) == (ExitCode.BAD_INPUT, 2) and "file=gains.toml" in out
 
 
 FIXED_GAINS = DEVICE + FIXED.format("{ min = 1.0, max = 9.0 }")

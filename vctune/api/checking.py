@@ -101,6 +101,11 @@ def recheck(file: ProblemFile, baseline: Path, progress: Progress = lambda stage
     return recheck_region(file, baseline, progress)
 
 
+def refused_region(baseline: Path, error: InputError) -> Checked:
+    """Return the check of a region that cannot be read or does not belong to the problem."""
+    return Checked(baseline, baseline.stem, CheckVerdict.BAD_INPUT, str(error), error.mistakes[0].line or 1, None)
+
+
 def check_parameter_files(
     problems: Sequence[Path],
     files: Sequence[Path],

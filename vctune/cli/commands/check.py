@@ -61,13 +61,15 @@ def check(
     admittances = [file for file in files if is_admittance(file)]
     show_doubts = partial(warn_of_doubts, quiet=quiet)
     with progress_on_stderr("vctune check", shown=not quiet) as progress:
-        if admittances and baseline is None:
-            problems = [file for file in files if file not in admittances]
-            checks_found = check_parameter_files(problems, admittances, progress, show_doubts)
-        elif baseline is None:
-            checks_found = check_files(files, progress, show_doubts)
+        others = [file for file in files if file not in admittances]
+        if admittances:
+            checks_found = check_parameter_files(others, admittances, progress, show_doubts)
+        elif baseline is None or len(others) > 1:
+            checks_found = check_files(others, progress, show_doubts)
         else:
-            checks_found = _against(baseline, files, out, progress, show_doubts)
+            checks_found = []
+        if baseline is not None:  # the gains come first, since a time limit may end what follows
+            checks_found.append(_against(baseline, others, out, progress))
     checks = [replace(checked, strict=strict) for checked in checks_found]
     if style != "text" or not quiet:
         emit(FORMATS[style](checks))
@@ -76,23 +78,23 @@ def check(
     return worst(of_check(checked.result) for checked in checks)
 
 
-def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, show_doubts: Said) -> list[Checked]:
-    """Check a region and the gains files for its problem. Write the losses of the region, or remove those of an earlier
-    check."""
-    from vctune import read_problem
-    from vctune.api.checking import LOST, check_files, recheck, remove_lost, write_lost
+def _against(baseline: Path, files: list[Path], out: Path, progress: Progress) -> Checked:
+    """Check a region for the first of the files. Write its losses, or remove those of an earlier check."""
+    from vctune import InputError, read_problem
+    from vctune.api.checking import LOST, recheck, refused_region, remove_lost, write_lost
     from vctune.api.folders import folder_name
 
-    file = read_problem(files[0])
-    show_doubts(file.problem)
-    checked, again = recheck(file, baseline, progress)
+    try:
+        checked, again = recheck(read_problem(files[0]), baseline, progress)
+    except InputError as error:
+        return refused_region(baseline, error)
     folder = out / folder_name(checked.name)
     if again.lost and not again.cut:
         write_lost(checked, again, folder)
         click.echo(f"the lost cells and gain sets are listed and drawn in {folder}: {', '.join(LOST)}", err=True)
     elif not again.cut and (gone := remove_lost(folder)):
         click.echo(f"everything is proved again: removed {', '.join(gone)} from {folder}", err=True)
-    return [checked, *(check_files(files, progress) if len(files) > 1 else [])]
+    return checked
 
 
 def _files(path: Path) -> list[Path]:

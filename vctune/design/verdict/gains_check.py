@@ -61,6 +61,8 @@ def check_files(
     gains = [given for given in inputs if given.is_gains]
     broken = [given for given in inputs if given.error]
     problems = [given for given in inputs if not given.is_gains and not given.error]
+    if not gains and broken and len(problems) == 1:  # the file that cannot be read was to be its gains
+        return [*map(_refused, broken)]
     if not gains:
         return [_refused(given) if given.error else _check_problem(given, progress, begun) for given in inputs]
     if len(problems) == 1:
