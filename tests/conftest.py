@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterable
+from itertools import groupby
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 settings.register_profile("reproducible", derandomize=True, deadline=None, print_blob=False)
 settings.load_profile("reproducible")
 
+DRAWS = int(os.environ.get("VCTUNE_DRAWS", "4"))
+"""How many slow cases of a test run, and how many draws a slow test makes: few here, `WHOLE` or more at night."""
+WHOLE = 25
 ROOT = Path(__file__).parent.parent
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.37\n"
@@ -35,6 +40,25 @@ def for_passive_hands(text: str) -> str:
 def mostly_slow(cases: Iterable[Any], fast: Collection[Any]) -> list[Any]:
     """Return the cases of a test, all but a few of them slow."""
     return [case if case in fast else pytest.param(case, marks=pytest.mark.slow) for case in cases]
+
+
+def drawn(many: int) -> int:
+    """Return how many of many draws a slow test makes."""
+    return min(many, ceil(many * DRAWS / WHOLE))
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out all but `DRAWS` slow cases of a test, spaced evenly."""
+    if DRAWS >= WHOLE:
+        return
+    left_out = []
+    for _, group in groupby(items, key=lambda item: item.nodeid.partition("[")[0]):
+        slow = [item for item in group if item.get_closest_marker("slow")]
+        kept = {round(k * (len(slow) - 1) / max(DRAWS - 1, 1)) for k in range(DRAWS)}
+        left_out += [item for number, item in enumerate(slow) if number not in kept]
+    config.hook.pytest_deselected(items=left_out)
+    gone = set(map(id, left_out))
+    items[:] = [item for item in items if id(item) not in gone]
 
 
 @pytest.fixture(scope="session")

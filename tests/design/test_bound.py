@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import DEVICE, for_passive_hands
+from conftest import DEVICE, drawn, for_passive_hands
 from dense import NAMES, band, below, least_damping, within_bounds
 from random_problems import random_designs, random_texts
 
@@ -310,7 +310,8 @@ def test_barely_feasible_problems_are_never_emptied(name, slack, problems):
 @pytest.mark.slow
 @pytest.mark.parametrize("slack", [1e-1, 1e-3, 1e-6])
 def test_two_hundred_barely_feasible_problems_are_never_emptied(slack):
-    assert sum(never_empty(problem, slack) for problem in random_problems(90, seed=5)) >= 67
+    many = drawn(90)
+    assert sum(never_empty(problem, slack) for problem in random_problems(many, seed=5)) >= 0.74 * many
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import sys
 import command
 import numpy as np
 import pytest
-from conftest import DEVICE, FIXED, ROOT, for_passive_hands
+from conftest import DEVICE, FIXED, ROOT, drawn, for_passive_hands
 
 from vctune.design.solve import solve
 from vctune.design.verdict.checked import CheckVerdict
@@ -97,7 +97,7 @@ def test_bad_gains_files_are_refused_with_their_lines(tmp_path):
         assert part in done.stdout
 
 
-@pytest.mark.parametrize("count", [5, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [5, pytest.param(drawn(1000), marks=pytest.mark.slow)])
 def test_rounding_attack(tmp_path, count):
     """The numbers as printed in gains.toml pass, whatever the device."""
     rng = np.random.default_rng(3)

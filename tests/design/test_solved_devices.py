@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import mostly_slow
+from conftest import drawn, mostly_slow
 from device_arithmetic import DOUBLES
 from device_oracle import Coupling as CouplingNumbers
 from device_oracle import Gains as LawNumbers
@@ -18,7 +18,7 @@ from vctune.design.verdict.judge import Status
 from vctune.document.reading import pose
 
 FACTOR, LIMIT = 1.05, 2.0
-FEW, MANY = 6, 60
+FEW, MANY = 6, drawn(60)
 MOST_UNDECIDED = 0.05
 """Of random devices; of the first 80 one is neither solved nor proved infeasible."""
 UNITS = 2.0**7, 2.0**-5

@@ -14,7 +14,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from command import run
-from conftest import ROOT, for_passive_hands, mostly_slow
+from conftest import ROOT, drawn, for_passive_hands, mostly_slow
 from dense import conditions_surplus, meet_demands, surpluses
 from hypothesis import given
 from hypothesis import strategies as st
@@ -52,7 +52,7 @@ CASES = {
     "operator": ("friction-wheel", WIDE + HELD),
 }
 SOME = mostly_slow(CASES, ["zoh", "delay-worst"])
-FEW, MANY = 400, 100_000
+FEW, MANY = 400, drawn(100_000)
 EXACT = 1e-9
 """Rounding of the oracle."""
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from command import run
+from conftest import drawn
 from jsonschema import Draft202012Validator
 from servo_logs import moved, servo_case
 
@@ -20,7 +21,7 @@ from vctune.document.text.errors import InputError
 from vctune.identification.servo.servo_motion import interpolating_velocity, positions, sampled_response
 
 SERVO = {"T": 4e-3, "late": 3.4, "order": 1, "bandwidth": 12.0, "command": "velocity", "jitter": 0.0}
-MANY = range(100)
+MANY = range(drawn(100))
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def test_nineteen_of_twenty_servos_are_in_their_boxes(tmp_path):
 
 @pytest.mark.slow
 def test_nineteen_of_twenty_slow_motions_have_the_servo_in_their_boxes(tmp_path):
-    assert np.mean([trial(servo_case(seed, kind="slow"), tmp_path).inside for seed in MANY[:40]]) >= 0.95
+    assert np.mean([trial(servo_case(seed, kind="slow"), tmp_path).inside for seed in MANY[: drawn(40)]]) >= 0.95
 
 
 def test_a_design_for_the_box_is_certified_for_the_truth(tmp_path):
@@ -112,7 +113,7 @@ def test_a_design_for_the_box_is_certified_for_the_truth(tmp_path):
 
 @pytest.mark.slow
 def test_designs_for_nineteen_of_twenty_boxes_are_certified_for_the_truth(tmp_path):
-    cases = [each for each in map(servo_case, MANY) if each.kind == "sweep"][:40]
+    cases = [each for each in map(servo_case, MANY) if each.kind == "sweep"][: drawn(40)]
     assert np.mean([certified_for_the_truth(case, tmp_path) for case in cases]) >= 0.95
 
 
