@@ -87,6 +87,20 @@ def test_reports_with_experiments_are_made_again_to_the_byte(again):
         assert (folder / name).read_bytes() == before[name], name
 
 
+def test_a_design_that_is_there_is_simulated_and_stays(again):
+    """To the last byte, with a bound that took long; one of another version of the problem stays too."""
+    folder = again / "results/device"
+    text = (folder / "design.json").read_text().replace('"velocity": 150.0', '"velocity": 149.0')
+    (folder / "design.json").write_text(text)
+    assert vctune("simulate", "device.toml", cwd=again).returncode == 0
+    assert (folder / "design.json").read_text() == text
+    assert strict((folder / "simulation.json").read_text())["gains"]["velocity"] == 149.0
+    (again / "device.toml").write_text((again / "device.toml").read_text().replace("mass = 0.4", "mass = 0.41"))
+    assert vctune("simulate", "device.toml", cwd=again).returncode == 0
+    assert (folder / "design.json").read_text() == text
+    assert strict((folder / "simulation.json").read_text())["gains"]["velocity"] == 150.0
+
+
 def test_another_design_does_not_show_the_experiments(again):
     """A report shows a simulation only of its own gains; a simulation of other gains leaves the report alone."""
     folder = again / "results/device"

@@ -114,12 +114,20 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
     return chosen
 
 
-def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
-    """Solve a problem as for a report, but without repairs and the comparison of criteria, and return the result."""
-    from vctune.design.solve import solve
-    from vctune.design.verdict.prices import with_prices
+def design_in(folder: Path, file: ProblemFile) -> tuple[Gains, AnyCoupling] | None:
+    """Return the design of this version of the problem in a folder; None if there is none."""
+    try:
+        record = read_design(folder / DESIGN_FILE)
+    except InputError:
+        return None
+    return record.design if record.problem.sha256 == file.sha256 else None
 
-    return with_prices(solve(file.problem, progress))
+
+def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
+    """Solve a problem, but without repairs and prices, and return the result."""
+    from vctune.design.solve import solve
+
+    return solve(file.problem, progress)
 
 
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:

@@ -31,10 +31,10 @@ def simulate(
 ) -> int:
     """Simulate a design in the [[experiment]] tables of PROBLEM.
 
-    The design is in GAINS. Without GAINS, vctune solves PROBLEM first. The command writes simulation.json, traces.npz
-    and the figure `simulation`, and adds the figure to the design's report. The exit code is 1 if there is no design,
+    The design is in GAINS. Without GAINS, it is the one that `vctune solve PROBLEM` has written; if there is none,
+    vctune solves PROBLEM first, and never replaces another design. The command writes simulation.json, traces.npz and
+    the figure `simulation`, and adds the figure to the report of this design. The exit code is 1 if there is no design,
     if the design diverges in an experiment, or if it is unstable with the hand and environment of an experiment.
-
     """
     from vctune import read_problem
     from vctune.api.experiments import (
@@ -57,7 +57,7 @@ def simulate(
     folder = design_folder(file, out)
 
     with progress_on_stderr(f"vctune simulate {problem.name}", shown=not quiet) as progress:
-        design = (given.gains, given.coupling) if given else _solved(file, folder, progress)
+        design = (given.gains, given.coupling) if given else _known(file, folder, progress)
         if design is None:
             return ExitCode.FAILED
         simulation = run(file, *design, name, progress=progress)
@@ -74,17 +74,20 @@ def simulate(
     return ExitCode.OK if simulation.stable else ExitCode.FAILED
 
 
-def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:
-    """Solve the problem and write its design, but without repairs and a report. Without a design, print the reason and
-    return None."""
+def _known(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:
+    """Return the design of this problem in the folder, else that which solving it finds. A folder without any design
+    gets it; another design stays. Without a design, print the reason and return None."""
     from vctune.api.design_files import write_solved
-    from vctune.api.experiments import solve_to_simulate
+    from vctune.api.experiments import design_in, solve_to_simulate
+    from vctune.api.folders import DESIGN_FILE
     from vctune.cli.printing.output import warn
 
+    if (design := design_in(folder, file)) is not None:
+        return design
     solved = solve_to_simulate(file, progress)
-    judgement = solved.judgement
-    write_solved(folder, file, solved)
-    if judgement is None:
+    if not (folder / DESIGN_FILE).exists():
+        write_solved(folder, file, solved)
+    if solved.judgement is None:
         warn("no-design", f"{file.problem.name}: nothing to simulate: {solved.reason}")
         return None
-    return judgement.gains, judgement.coupling
+    return solved.judgement.gains, solved.judgement.coupling
