@@ -6,7 +6,7 @@ import pytest
 from command import run, strict
 from conftest import DEVICE, FIXED, for_passive_hands
 
-from vctune.document.reading import parse_problem
+from vctune.document.reading import parse_problem, read_problem
 from vctune.document.schema.plausibility import doubts
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
@@ -78,3 +78,11 @@ def test_what_is_usual_is_in_no_doubt(tmp_path):
     (tmp_path / "console.toml").write_text(GOOD)
     done = run("check", "console.toml", "--json", cwd=tmp_path)
     assert strict(done.stdout)[0]["warnings"] == [] and done.stderr == ""
+
+
+def test_a_mass_in_grams_and_a_log_in_the_place_of_a_problem_are_told(tmp_path):
+    (doubt,) = doubts(parse_problem(DEVICE.replace("0.4", "250"), "x", "x"))
+    assert (doubt.code, "Then write 0.25" in doubt.text) == ("warn-mass", True)
+    (tmp_path / "log.csv").write_text("time_s,position_m\n0,0\n")
+    with pytest.raises(InputError, match=r"`vctune identify .*log\.csv` makes a problem file"):
+        read_problem(tmp_path / "log.csv")

@@ -151,4 +151,4 @@ def test_a_region_of_another_kind_is_refused(files, of, on):
     (files / "region.json").write_text(json.dumps({**design, "problem": problem, "axes": axes}))
     done = run("check", f"{on}.toml", "--region", "region.json", cwd=files)
     assert done.returncode == ExitCode.BAD_INPUT
-    assert "[other-kind]" in done.stderr and "the region is for" in done.stderr
+    assert "[other-kind]" in done.stdout and "the region is for" in done.stdout

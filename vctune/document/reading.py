@@ -21,6 +21,7 @@ from vctune.document.schema.problem_schema import (
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, examined, refusal, validated
 from vctune.document.text import toml
 from vctune.document.text.digest import problem_digest
+from vctune.document.text.errors import InputError
 from vctune.model.display import ADMITTANCE, DISPLAYS, IMPEDANCE, SERVO, Display, DisplayName
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import Units, UnitSystem
@@ -91,6 +92,9 @@ def read_problem(path: str | Path) -> ProblemFile:
         If the file cannot be read or is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value
         and remedy.
     """
+    if ".csv" in Path(path).suffixes:
+        message = f"is a log, not a problem; `vctune identify {path}` makes a problem file from it"
+        raise InputError.of(str(path), "other-kind", message)
     return problem_file(toml.read_text(Path(path)), Path(path))
 
 

@@ -153,7 +153,7 @@ def _measure(record: DesignRecord, problem: Problem) -> str:
     where = f"{'in the mean' if wanted.norm == 'rms' else 'at most'} from {low:.4g} to {high:.4g} Hz"
     reference = f"{wanted.reference_impedance:.4g} {units.damping}"
     if isinstance(record.coupling, SpringRecord):
-        wall = f"A wall may be as stiff as {text(record.coupling.stiffness, 8)} {units.stiffness}"  # proved: no digit is lost
+        wall = f"A wall may be as stiff as {text(record.coupling.stiffness, 8)} {units.stiffness}"
         moved = f"in free motion the handle is {text(transparency.admittance, 3)} of Z_0 = {reference}"
         return f"{wall}; {moved}, {where}."
     if (contact := record.contact) is not None and contact.stiffest_contact is not None:

@@ -14,6 +14,7 @@ SLOWEST = 0.1
 # Stiffness of a hand, N/m or N m/rad, from which vctune asks whether it is in SI units: ten times the stiffness of a
 # stiff fixture, and a thousand times the stiffness of a firm grip
 STIFFEST = 1e6
+GRAMS = 50.0, 5000.0  # Masses of haptic devices in grams, from which vctune asks whether they are in kg
 FIRM = 1e3  # Stiffness of a firm grip, N/m
 FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))  # Finer units of time, each in seconds, with its name
 
@@ -24,6 +25,8 @@ def doubts(problem: Problem) -> Iterator[Note]:
     if T >= SLOWEST:
         unit, instead = in_finer_unit(T, SLOWEST)
         yield Note("warn-sample-time", f"device.sample_time is {T:g} s; is it in {unit}? Then write {instead:g}")
+    if problem.units.mass == "kg" and GRAMS[0] <= (mass := problem.device.mass) <= GRAMS[1]:
+        yield Note("warn-mass", f"device.mass is {mass:g} kg; is it in grams? Then write {mass / 1e3:g}")
     stiffness = problem.hands_met.high.stiffness if problem.hands_met is not None else 0.0
     if stiffness >= STIFFEST:
         unit = problem.units.stiffness

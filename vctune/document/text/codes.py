@@ -86,6 +86,7 @@ Code = Literal[
     "warn-environment",
     "warn-gain",
     "warn-idle",
+    "warn-mass",
     "warn-name",
     "warn-residual",
     "warn-sample-time",
