@@ -1,0 +1,53 @@
+"""The answers that were right stay: verdicts near the limit, errors, regions and simulations, through public names."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from answers import DESIGNS, FILE, answer, name_of, near, region, simulation
+from conftest import mostly_slow
+
+FAST = DESIGNS[::8]
+"""Problems whose answers are asked for each time."""
+GOLDEN = json.loads(FILE.read_text())
+WORSE = 1e-4
+"""Relative increase of an error, or of an undecided area, above which an answer is worse; better ones are welcome."""
+
+
+def agree(then: str, now: str) -> bool:
+    """Return whether a verdict is the recorded one, or decides what was undecided."""
+    return then in (now, "undecided")
+
+
+@pytest.mark.parametrize("path", mostly_slow(DESIGNS, FAST), ids=name_of)
+def test_a_design_is_as_good_as_it_was(path):
+    then, now = GOLDEN[name_of(path)], answer(path)
+    assert agree(then["status"], now["status"])
+    assert now.get("proved") == then.get("proved")
+    if "error" in then:
+        assert now["error"] <= then["error"] * (1 + WORSE)
+        assert now["claims"].keys() == then["claims"].keys()
+        assert all(agree(verdict, now["claims"][claim]) for claim, verdict in then["claims"].items())
+
+
+@pytest.mark.parametrize(
+    "path", mostly_slow([path for path in DESIGNS if "near" in GOLDEN[name_of(path)]], FAST), ids=name_of
+)
+def test_recorded_gains_and_gains_near_them_are_judged_as_they_were(path):
+    then = GOLDEN[name_of(path)]
+    now = near(path, then)
+    assert {place: verdict for place, verdict in now.items() if not agree(then["near"][place], verdict)} == {}
+
+
+def test_a_region_is_as_large_as_it_was():
+    then, now = GOLDEN["region"], region()
+    for kind in ("feasible", "infeasible"):
+        assert now[kind] >= then[kind] * (1 - WORSE)
+
+
+def test_a_simulation_measures_what_it_measured():
+    then, now = GOLDEN["simulation"], simulation()
+    assert now.keys() == then.keys() and now
+    for name, measures in then.items():
+        assert now[name] == pytest.approx(measures, rel=1e-6, abs=1e-9)
