@@ -1,0 +1,122 @@
+"""Plant one fault after another in a copy of the package, and see the golden answers turn red for each.
+
+`python tests/golden/faults.py [WORD]` takes some minutes and prints which test caught which fault; it exits with 1 if
+a fault goes unseen. It is not part of CI: run it after a change of the golden answers or of what a fault names.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+MOVED = "the fault has no place in"
+ROOT = Path(__file__).parent.parent.parent
+COPIED = ("vctune", "problems", "tests", "pyproject.toml")
+FAULTS = {
+    "the hold's half sample is lost": (
+        "model/device.py", "return self.sample_time / 2 + self.latency", "return self.latency"),
+    "the hold is a constant": (
+        "model/loop/device_response.py", "modulus = ops.sinc(omega * half)", "modulus = ops.sinc(0 * omega)"),
+    "the fraction of a sample is lost": (
+        "model/sampled/velocity_loop.py", "return floor(samples), samples - floor(samples)",
+        "return floor(samples), 0.0"),
+    "a delay just below a whole sample is not looked at": (
+        "proof/certificate.py", "    for device in beside_whole_sample(design.device, hands):",
+        "    for device in ():"),
+    "the force sensor is ideal": (
+        "model/loop/device_response.py", "sensor = sensor_response(device.sensing, omega, ops)", "sensor = None"),
+    "a corner frequency is read in rad/s": (
+        "model/loop/filters.py", "time = 1 / (2 * ops.pi * bandwidth_hz)", "time = 1 / (1 * bandwidth_hz)"),
+    "a differenced velocity does not lag": (
+        "model/loop/filters.py", "T / 2 * (half_sinc * half_sinc)", "0 * T * (half_sinc * half_sinc)"),
+    "the firmware's low-pass is twice as fast": (
+        "model/loop/filters.py", "x = 2 * ops.pi * filter_hz", "x = 4 * ops.pi * filter_hz"),
+    "an interpolated command is a held one": (
+        "model/loop/filters.py", "return FilterResponse(cos * cos, half",
+        "return FilterResponse(cos * 0 + 1, 0 * half"),
+    "undecided is read as proved": (
+        "proof/engine/interval.py", "(Verdict.REFUTED, Verdict.UNDECIDED, Verdict.PROVED)",
+        "(Verdict.REFUTED, Verdict.PROVED, Verdict.UNDECIDED)"),
+    "the last claim is dropped": (
+        "proof/certificate.py", "asked = claims_asked(demands, box)\n", "asked = claims_asked(demands, box)[:-1]\n"),
+    "the safety factor is not applied": (
+        "model/problem.py", "factor=stability.safety_factor,", "factor=1.0,"),
+    "the least operator does not help": (
+        "model/loop/llewellyn.py", "return excess if loop.operator_relief is None else excess - loop.operator_relief",
+        "return excess"),
+    "R of a passive hand is half": (
+        "model/loop/llewellyn.py", "(product - P) / loop.scale2", "(product - P) / (2 * loop.scale2)"),
+    "R in a hand is half": (
+        "model/sampled/hand_loop.py", "return Required(-0.5 * (P.odd", "return Required(-0.25 * (P.odd"),
+    "a servo's motion between samples is not seen": (
+        "model/sampled/hand_loop.py", "Required(loop.blur - 0.5", "Required(0 * loop.blur - 0.5"),
+    "a vertex of the box of hands is skipped": (
+        "proof/claims/every_hand.py", "low = high = list(corners)", "low = high = list(corners)[:-1]"),
+    "the box of devices is its middle": (
+        "proof/claims/every_hand.py", "box.low.number(key), box.high.number(key))",
+        "box.nominal.number(key), box.nominal.number(key))"),
+    "the drag is counted twice": (
+        "model/gains.py", "return Pair(coupling.drag + b_c", "return Pair(2 * coupling.drag + b_c"),
+    "the coupling's mass is felt in grams": (
+        "model/gains.py", "reactance = m_c * omega\n    if coupling.rigid:\n        return",
+        "reactance = 1e-3 * m_c * omega\n    if coupling.rigid:\n        return"),
+    "tracking is no part of the error": (
+        "analysis/demands.py", "        + weights.tracking**2 * squares.tracking\n", ""),
+    "the search sees one hand": (
+        "analysis/loops_in_hands.py", "return Hand(*(number.ravel() for number in each))",
+        "return Hand(*(number.ravel()[:1] for number in each))"),
+    "an unstable loop is taken for a stable one": (
+        "proof/claims/sampled_poles.py", "Verdict.REFUTED", "Verdict.PROVED"),
+    "every problem without a design is proved infeasible": (
+        "design/verdict/infeasible.py", "proved=False", "proved=True"),
+}  # fmt: skip
+
+
+def planted(name: str, folder: Path) -> str:
+    """Return the first failing test with a fault planted; "" if the answers stay."""
+    path, old, new = FAULTS[name]
+    file = folder / "vctune" / path
+    text = file.read_text()
+    if old not in text:
+        return f"{MOVED} {path} any more"
+    try:
+        file.write_text(text.replace(old, new))
+        return failing(folder)
+    finally:
+        file.write_text(text)
+
+
+def failing(folder: Path) -> str:
+    """Return the first golden answer that a copy of the package fails to give; "" if it gives all."""
+    command = (sys.executable, "-m", "pytest", "-q", "-x", "-n", "2", "-m", "slow or not slow", "tests/golden")
+    env = os.environ | {"PYTHONPATH": str(folder)}
+    done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
+    caught = re.search(r"^(?:FAILED|ERROR) \S*::(\S+)", done.stdout, re.MULTILINE)
+    return caught[1] if caught else "" if done.returncode == 0 else done.stdout[-300:]
+
+
+def main() -> int:
+    """Plant each fault whose name has the given word."""
+    chosen = [name for name in FAULTS if not sys.argv[1:] or sys.argv[1] in name]
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        for name in COPIED:
+            copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
+            copy(ROOT / name, folder / name)
+        if wrong := failing(folder):
+            sys.exit(f"without a fault: {wrong}")
+        unseen = 0
+        for name in chosen:
+            caught = planted(name, folder)
+            unseen += not caught or caught.startswith(MOVED)
+            print(f"{'red  ' if caught else 'GREEN'} {name}: {caught}", flush=True)  # noqa: T201
+    return int(unseen > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
