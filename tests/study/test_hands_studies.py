@@ -12,7 +12,7 @@ from time import process_time
 import numpy as np
 import pytest
 from command import run
-from conftest import DEVICE, ROOT, mostly_slow
+from conftest import DEVICE, ROOT, drawn, mostly_slow
 from flint import arb, ctx
 from random_devices import ordinary_gains, with_parts
 
@@ -145,7 +145,7 @@ def test_no_design_refutes_its_cell(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PLANES)
 def test_no_design_of_many_refutes_its_cell(name):
-    assert disproofs(name, 5, 40) == []
+    assert disproofs(name, 5, drawn(40)) == []
 
 
 @pytest.mark.slow
