@@ -15,7 +15,7 @@ from statistics import median
 
 import numpy as np
 import pytest
-from conftest import mostly_slow
+from conftest import drawn, mostly_slow
 from device_arithmetic import DIGITS, DOUBLES, Arithmetic
 from device_oracle import Real
 from device_pairs import real_of
@@ -35,7 +35,7 @@ from vctune.proof.engine.interval import Outcome, Verdict
 FACTOR = 1.05
 SIDES = (1e-3, -1e-3, 1e-5, -1e-5)
 """By how much the least ratio is above or below the factor."""
-FEW, MANY, MANY_LIMP = (1, 2), 200, 60
+FEW, MANY, MANY_LIMP = (1, 2), drawn(200), drawn(60)
 LEFT_OPEN = 0.03
 """Share of the proofs that may be given up: of flexible devices whose resonance with the hand crosses a wide box."""
 SECONDS = 5.0

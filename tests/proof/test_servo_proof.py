@@ -13,7 +13,7 @@ from statistics import median
 
 import numpy as np
 import pytest
-from conftest import mostly_slow
+from conftest import drawn, mostly_slow
 from flint import ctx
 from random_servos import Case, device_of, random_case, servo_device
 from servo_oracle import Follower, Grip, Need, Virtual, coupling, radius, seen
@@ -35,7 +35,7 @@ from vctune.proof.engine.interval import Outcome, Verdict
 
 SIDES = (1e-3, -1e-3, 1e-5, -1e-5)
 """By how much the drag is above or below the least one."""
-MANY = 200
+MANY = drawn(200)
 GROWS = 5e-4
 """Least angle at which growth 1e-5 below the demand is more than the rounding of doubles."""
 SECONDS = 0.05

@@ -12,6 +12,7 @@ from statistics import median
 
 import numpy as np
 import pytest
+from conftest import drawn
 from flint import ctx
 from random_servos import Case, random_case, servo_device
 from scipy.optimize import minimize
@@ -27,7 +28,7 @@ from vctune.proof.device_box import DeviceBox, device_box
 from vctune.proof.enclosures.arb_balls import PRECISION
 from vctune.proof.engine.interval import Outcome, Verdict
 
-MANY = 40
+MANY = drawn(40)
 WIDEST = 0.3
 RADII = ((5.0, 0.05), (50.0, 0.3))
 SECONDS = 5.0
