@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import astuple, dataclass
 
+import conftest
 import numpy as np
 import pytest
-from conftest import drawn
 from device_arithmetic import DIGITS
 from device_pairs import real_of
 from device_scan import exact, peak, sensitivity
@@ -26,7 +26,7 @@ from vctune.proof.engine.interval import Verdict
 FACTOR = 1.05
 SIDES = (1e-3, -1e-3, 1e-5, -1e-5)
 """By how much the least ratio is above or below the factor."""
-FEW, SOME, MANY = (0, 2, 3, 6, 9), range(10), range(drawn(300))
+FEW, SOME, MANY = (0, 2, 3, 6, 9), range(10), range(conftest.drawn(300))
 """Numbers of designs: of the few, too, one is unstable and one louder than it may be."""
 
 
