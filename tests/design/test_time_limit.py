@@ -260,7 +260,7 @@ def test_work_tells_how_far_it_is(folder):
     [
         (DEVICE.replace("1e-3", "0.5"), "warn-sample-time"),
         (DEVICE.replace("1e-3", "2000.0"), "warn-sample-time"),
-        (DEVICE.replace("0.4", "110.0") + "[operator]\nstiffness = { min = 0.0, max = 6e11 }\n", "warn-stiffness"),
+        (DEVICE.replace("0.4", "11.0") + "[operator]\nstiffness = { min = 0.0, max = 6e11 }\n", "warn-stiffness"),
     ],
 )
 def test_a_mistake_of_units_is_named_before_the_work(folder, monkeypatch, text, code):
