@@ -16,6 +16,16 @@ from vctune.report.page import write_report
 
 CHROMIUM = shutil.which("chromium")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
+SERVO = """[device]
+sample_time = 2e-3
+servo = { delay = 0.03, bandwidth_hz = 20.0, order = 2 }
+[operator]
+stiffness = { min = 0.0, max = 1000.0 }
+[coupling]
+damping = 300.0
+mass = 2.5
+drag = 50.0
+"""
 PARTS = """delay = 2e-4
 actuator = { bandwidth_hz = 700.0 }
 velocity = { from = "difference", filter_hz = 300.0 }

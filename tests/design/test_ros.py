@@ -20,9 +20,9 @@ from sampled_device_oracle import Hand as OracleHand
 
 from vctune.design.ros import admittance_check, admittance_repair
 from vctune.design.ros.admittance_problem import corner_hz, coupling_of_admittance
-from vctune.design.verdict.repair import _repair as repair_of
+from vctune.design.verdict.repair import repair_of
 from vctune.document.reading import read_problem
-from vctune.document.ros import TUNED, Admittance, read_admittance
+from vctune.document.ros import TUNED, Admittance, read_admittances
 from vctune.exit_codes import ExitCode
 from vctune.simulation.firmware.coefficient_values import coupling_coefficients
 
@@ -78,7 +78,7 @@ def damped(ratio, joint_damping):
 
 def test_it_reads_the_selected_axes(arm):
     changed(arm, selected_axes="[true, false, false, true, false, false]")
-    found = read_admittance(arm / "ros.yaml")
+    found = read_admittances(arm / "ros.yaml")[0]
     assert [axis.axis for axis in found.axes] == ["x", "rx"]
     assert found.filter_coefficient == 0.05
     x = found.axes[0]
@@ -87,7 +87,7 @@ def test_it_reads_the_selected_axes(arm):
     assert x.joint_damping == 5.0, "the controller's default"
     assert x.damping == pytest.approx(2 * 2.5 * sqrt(5.0 * 50.0) + 5.0 * 5.0)
     changed(arm, damping_ratio=damped(2.5, 0.5))
-    assert read_admittance(arm / "ros.yaml").axes[0].joint_damping == 0.5
+    assert read_admittances(arm / "ros.yaml")[0].axes[0].joint_damping == 0.5
     assert corner_hz(0.05, T) == pytest.approx(8.16, abs=0.01)
     assert corner_hz(0.05, T) == pytest.approx(-log(0.95) / (2 * pi * T))
 
@@ -158,7 +158,7 @@ def test_what_is_proved_is_stable_as_it_is_stepped(arm):
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.OK and "x: proved" in done.stdout
     assert "filter_coefficient 0.05 at 1000 Hz is a low-pass of 8.2 Hz" in done.stdout
-    problem, axis = read_problem(arm / "arm.toml").problem, read_admittance(arm / "ros.yaml").axes[0]
+    problem, axis = read_problem(arm / "arm.toml").problem, read_admittances(arm / "ros.yaml")[0].axes[0]
     rng = np.random.default_rng(1)
     for share in [*rng.uniform(size=(40, 3)), [0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1]]:
         hand = tuple(share * np.array([0.5, 30.0, 3000.0]))
@@ -178,7 +178,7 @@ def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
     hand = done.stdout.split("Hz in the hand of ")[-1].split("\n")[0].split(", ")
     told = tuple(float(number.split()[0]) for number in hand)
     (arm / "late.toml").write_text(ARM + f"[device.force_sensor]\nbandwidth_hz = {corner_hz(0.9, T)}\n")
-    problem, axis = read_problem(arm / "late.toml").problem, read_admittance(arm / "ros.yaml").axes[0]
+    problem, axis = read_problem(arm / "late.toml").problem, read_admittances(arm / "ros.yaml")[0].axes[0]
     assert radius(problem, axis, 0.9, told) > 1
 
 
@@ -252,10 +252,10 @@ def test_a_change_is_tried_as_the_file_would_state_it(arm, tried):
         problem = posed(change.applied(document, new))
         if change.key in TUNED:
             restated(arm, LIGHT, {"key": change.key, "new": new})
-            given = read_admittance(arm / "ros.yaml")
+            given = read_admittances(arm / "ros.yaml")[0]
             changed(arm, **LIGHT)
         else:
-            given = read_admittance(arm / "ros.yaml")
+            given = read_admittances(arm / "ros.yaml")[0]
         T = problem.device.sample_time
         assert problem.fixed_design[1] == coupling_of_admittance(given.axes[0], T)
         if given.filter_coefficient < 1:
@@ -429,7 +429,7 @@ def random_arm(rng, arm):
     )
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     bare, late = (read_problem(arm / name).problem for name in ("arm.toml", "late.toml"))
-    axis = read_admittance(arm / "ros.yaml").axes[0]
+    axis = read_admittances(arm / "ros.yaml")[0].axes[0]
     if done.returncode == ExitCode.OK:
         for share in rng.uniform(size=(20, 3)):
             hand = tuple(share * np.array([0.5, 30.0, 3000.0]))
@@ -512,3 +512,9 @@ def test_keys_that_the_controller_ignores_and_lists_of_integers_are_warned_of(ar
     assert f"line {line}: admittance.joint_dampng: the controller ignores it; did you mean joint_damping?" in said
     changed(arm, mass="[30, 30, 30, 1, 1, 1]")
     assert "admittance.mass is a list of integers" in vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout
+
+
+def test_the_rate_of_another_controller_is_not_that_of_this_one(arm):
+    other = "joint_state_broadcaster:\n  ros__parameters:\n    update_rate: 50\n"
+    (arm / "ros.yaml").write_text(other + PARAMETERS)
+    assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode != ExitCode.BAD_INPUT

@@ -16,7 +16,7 @@ from vctune.design.ros.admittance_check import check_admittance
 from vctune.design.ros.admittance_problem import as_problem, coupling_of_admittance, document_of_both
 from vctune.design.verdict.checked import CheckVerdict
 from vctune.document.reading import pose, problem_file, read_problem
-from vctune.document.ros import read_admittance
+from vctune.document.ros import read_admittances
 from vctune.document.text.toml_writing import toml_text
 from vctune.exit_codes import ExitCode
 from vctune.model.hands import Hand
@@ -61,7 +61,7 @@ def checked(folder, arm, rule, factor=1.0):
     (folder / "arm.toml").write_text(problem_text(arm, factor=factor))
     (folder / "ros.yaml").write_text(parameters([rule] * 6, selected=["x"]))
     path = folder / "ros.yaml"
-    (found,) = check_admittance(read_problem(folder / "arm.toml"), path, read_admittance(path))
+    (found,) = check_admittance(read_problem(folder / "arm.toml"), path, read_admittances(path)[0])
     return found
 
 
@@ -103,7 +103,7 @@ def test_the_step_of_the_controller_is_what_is_proved(tmp_path):
         arm = random_arm(rng)
         rule = random_rule(rng, arm)
         (tmp_path / "ros.yaml").write_text(parameters([rule] * 6))
-        given = read_admittance(tmp_path / "ros.yaml")
+        given = read_admittances(tmp_path / "ros.yaml")[0]
         command = ("velocity", "position")[number % 2]
         file = problem_file(problem_text(arm, command), tmp_path / "arm.toml")
         problem, _ = pose(as_problem(document_of_both(file.document, given, given.axes[0])), "arm")
@@ -232,7 +232,7 @@ def test_a_design_is_written_as_parameters_that_the_check_accepts(tmp_path):
         made = vctune("export", f"{name}.toml", "--to", "ros2", cwd=tmp_path)
         assert made.returncode == ExitCode.OK, made.stderr
         path = tmp_path / f"results/{name}/firmware/admittance_controller.yaml"
-        given, problem = read_admittance(path), read_problem(tmp_path / f"{name}.toml")
+        given, problem = read_admittances(path)[0], read_problem(tmp_path / f"{name}.toml")
         assert [axis.axis for axis in given.axes] == ["x", "y", "z"]
         for axis in given.axes:
             rendered = coupling_of_admittance(axis, 2e-3, servo=True)
@@ -255,7 +255,7 @@ def test_six_axes_of_four_designs_are_exported_into_one_file_and_checked_again(s
     made = vctune("export", *SIX, "--to", "ros2", cwd=six)
     assert made.returncode == ExitCode.OK, made.stderr
     path = six / "results/arm/firmware/admittance_controller.yaml"
-    given = read_admittance(path)
+    given = read_admittances(path)[0]
     drags = [coupling_of_admittance(axis, 2e-3, servo=True).drag for axis in given.axes]
     assert drags == pytest.approx([80.0, 90.0, 80.0, 2.0, 2.0, 2.0], rel=1e-5)
     assert len({axis.joint_damping for axis in given.axes}) == 1, "it is one of the joints"

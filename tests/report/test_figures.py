@@ -12,7 +12,7 @@ import pytest
 from conftest import DEVICE, FIXED, for_passive_hands, mostly_slow
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb, to_rgba
-from pages import PARTS, recorded
+from pages import PARTS, SERVO, recorded
 
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.records.design_json import design_of
@@ -41,16 +41,6 @@ velocity = 0.0
 [coupling]
 damping = 0.045
 stiffness = 150.0
-"""
-SERVO = """[device]
-sample_time = 2e-3
-servo = { delay = 0.03, bandwidth_hz = 20.0, order = 2 }
-[operator]
-stiffness = { min = 0.0, max = 1000.0 }
-[coupling]
-damping = 300.0
-mass = 2.5
-drag = 50.0
 """
 KINDS = {
     "hands": DEVICE + HELD + "[stability]\ncriterion = 'hands'\n",

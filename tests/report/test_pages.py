@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 from conftest import DEVICE, FIXED, mostly_slow
-from pages import PARTS, chromium, made, needs_chromium, opened, recorded
+from pages import PARTS, SERVO, chromium, made, needs_chromium, opened, recorded
 from servo_logs import servo_case
 
 from vctune import identify
@@ -20,16 +20,7 @@ CASES = {
     "every part": DEVICE + PARTS + FIXED.format(160.0).replace("150.0", "60.0") + "drag = 3.0\n",
     "infeasible": DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n",
     "default": DEVICE,
-    "servo": """[device]
-sample_time = 2e-3
-servo = { delay = 0.03, bandwidth_hz = 20.0, order = 2 }
-[operator]
-stiffness = { min = 0.0, max = 1000.0 }
-[coupling]
-damping = 300.0
-mass = 2.5
-drag = 50.0
-""",
+    "servo": SERVO,
 }
 PRICED = "every hand, held", "default"
 MARGIN, TOP, WIDTH, HEIGHT = 14 * 72 / 25.4, 19 * 72 / 25.4, 595.0, 842.0

@@ -128,15 +128,6 @@ def read_admittances(path: Path) -> list[AdmittanceFile]:
     return found
 
 
-def read_admittance(path: Path) -> AdmittanceFile:
-    """Read the parameters of the only admittance_controller of a file."""
-    found = read_admittances(path)
-    if len(found) > 1:
-        known = ", ".join(each.name for each in found)
-        raise InputError.of(str(path), "ambiguous-files", f"states {len(found)} controllers: {known}")
-    return found[0]
-
-
 def _nested(value: Any) -> Any:
     """Return tables with dotted names, which are legal, as nested tables."""
     if not isinstance(value, Mapping):
@@ -172,7 +163,13 @@ def _nodes(value: Any, place: tuple[str, ...], table: str) -> Iterator[tuple[tup
 def _manager(value: Any, name: str) -> tuple[tuple[str, ...], Mapping[str, Any]] | None:
     """Return the place and the parameters of the controller_manager that runs a controller; None if there is none."""
     running = [(place, given) for place, given in _nodes(value, (), name) if isinstance(given[name], Mapping)]
-    return next(iter([*running, *_nodes(value, (), "update_rate")]), None)
+    named = [each for each in _nodes(value, (), "update_rate") if each[0][-2:-1] and _is_manager(each[0][-2])]
+    return next(iter([*running, *named]), None)
+
+
+def _is_manager(name: str) -> bool:
+    """Return whether a node has the name of a controller_manager, in any namespace."""
+    return name.rpartition("/")[2] == "controller_manager"
 
 
 def _require_type(reader: _Reader, manager: tuple[tuple[str, ...], Mapping[str, Any]] | None, name: str) -> None:

@@ -18,7 +18,7 @@ from vctune.analysis.resonance import round_at_resonance
 from vctune.analysis.sampled_loop import Complex
 from vctune.design.prepared import pose
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_coupling
+from vctune.model.gains import AnyCoupling, Coupling, Gains, coupling_impedance, series_coupling
 from vctune.model.hands import Hand, Hands
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
@@ -31,6 +31,7 @@ POINTS = 400  # Number of frequencies of a curve without a resonance
 PER_DECADE = 40  # Number of frequencies per decade of a curve of the sampled loop
 WORST = 3  # Number of hands with a curve of their own
 UNMOVED = 1e-6  # Share of a command below which a servo counts as at rest, for example at Nyquist with interpolation
+NOTHING = Coupling(1e-18, 1e-18, 0.0)  # A coupling that is practically absent, without drag
 SPRING, DAMPER = 200.0, 14.0  # The two environments of the paper (section 5) on a linear device, N/m and N s/m
 
 

@@ -10,15 +10,14 @@ from matplotlib.axes import Axes
 from vctune.analysis.feel import NO_LOOP, impedance_at_handle, sensor_miss
 from vctune.analysis.margins import loop_margins
 from vctune.analysis.responses import Loop
-from vctune.model.gains import AnyCoupling, Coupling, Gains
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.report.curves import Requirement, Transparency, handle_impedance, requirements, transparency
+from vctune.report.curves import NOTHING, Requirement, Transparency, handle_impedance, requirements, transparency
 from vctune.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, decades, frequency_axis, shade
 from vctune.report.tables import in_place
 
 SHALLOW = 1e-9  # Least shown value as a share of the top of the axis; at Nyquist R may vanish
 LEAST_SPAN = 0.1  # Least span of ratios that sets the limits of the axis
-NOTHING = Coupling(1e-18, 1e-18, 0.0)  # A coupling that is practically absent, without drag
 THIN = ((RED, "--"), (INK, ":"), (GREY, "-."))  # Colours and dashes of further requirements
 
 

@@ -11,13 +11,13 @@ from vctune.document.records.certificate_json import CertificateRecord
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.gains_json import SpringRecord
 from vctune.document.records.part import text
-from vctune.model.gains import Coupling, Gains
+from vctune.model.gains import Gains
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import CLAIMS
+from vctune.report.curves import NOTHING
 
 LITTLE_USE = 0.75  # Share of the error without a loop at or above which a design is of little use
-NOTHING = Coupling(1e-18, 1e-18, 0.0)  # A coupling that is practically absent, without drag
 MOST = 3  # Greatest number of active constraints on the first screen
 # Names of active constraints, by a part of the formula
 NAMES = {

@@ -174,7 +174,7 @@ def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: Rep
     found = []
     for change in changed:
         design = _verified(change.applied(pasted, change.limit), test)
-        found += [_repair(change, change.limit, design)] if design is not None else []
+        found += [repair_of(change, change.limit, design)] if design is not None else []
     return sorted(found, key=lambda repair: repair.rank)
 
 
@@ -190,7 +190,8 @@ def _verified(document: dict[str, Any], test: RepairTest) -> Judgement | None:
     return test.verify(problem) if problem is not None else None
 
 
-def _repair(change: ParameterChange, new: float, design: Judgement) -> Repair:
+def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
+    """Return a change of a value as a repair."""
     error = design.transparency.error
     return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
 
@@ -243,6 +244,6 @@ def find_repairs(
             verified += 1
             if (design := test.verify(problem)) is not None:
                 check_time()  # at the time limit the judgement may be incomplete
-                found.append(_repair(change, new, design))
+                found.append(repair_of(change, new, design))
                 del left[number]
     return sorted(found, key=lambda repair: repair.rank)
