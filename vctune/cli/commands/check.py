@@ -10,12 +10,9 @@ import click
 from vctune.cli.printing.options import out_option, output_options, time_limited
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from vctune.api.checking import Checked
     from vctune.cli.printing.progress import Progress
-
-    Said = Callable[..., None]
+    from vctune.document.reading import ProblemFile
 
 
 @click.command(short_help="Prove gains that already exist.")
@@ -51,6 +48,7 @@ def check(
     from dataclasses import replace
     from functools import partial
 
+    from vctune import read_problem
     from vctune.api.checking import check_files, check_parameter_files, is_admittance
     from vctune.cli.printing.exits import of_check, worst
     from vctune.cli.printing.formats import FORMATS
@@ -62,14 +60,17 @@ def check(
     show_doubts = partial(warn_of_doubts, quiet=quiet)
     with progress_on_stderr("vctune check", shown=not quiet) as progress:
         others = [file for file in files if file not in admittances]
+        problem = read_problem(others[0]) if baseline is not None and others else None
         if admittances:
             checks_found = check_parameter_files(others, admittances, progress, show_doubts)
         elif baseline is None or len(others) > 1:
             checks_found = check_files(others, progress, show_doubts)
         else:
             checks_found = []
-        if baseline is not None:  # the gains come first, since a time limit may end what follows
-            checks_found.append(_against(baseline, others, out, progress))
+            if problem is not None:
+                show_doubts(problem.problem)
+        if baseline is not None and problem is not None:  # after the gains, since a time limit may end it
+            checks_found.append(_against(problem, baseline, out, progress))
     checks = [replace(checked, strict=strict) for checked in checks_found]
     if style != "text" or not quiet:
         emit(FORMATS[style](checks))
@@ -78,14 +79,14 @@ def check(
     return worst(of_check(checked.result) for checked in checks)
 
 
-def _against(baseline: Path, files: list[Path], out: Path, progress: Progress) -> Checked:
-    """Check a region for the first of the files. Write its losses, or remove those of an earlier check."""
-    from vctune import InputError, read_problem
+def _against(file: ProblemFile, baseline: Path, out: Path, progress: Progress) -> Checked:
+    """Check a region for a problem. Write its losses, or remove those of an earlier check."""
+    from vctune import InputError
     from vctune.api.checking import LOST, recheck, refused_region, remove_lost, write_lost
     from vctune.api.folders import folder_name
 
     try:
-        checked, again = recheck(read_problem(files[0]), baseline, progress)
+        checked, again = recheck(file, baseline, progress)
     except InputError as error:
         return refused_region(baseline, error)
     folder = out / folder_name(checked.name)
