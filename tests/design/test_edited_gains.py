@@ -117,16 +117,6 @@ def test_what_a_file_says_that_it_was_is_believed_of_its_own_problem_only_and_pr
         (wheel / "gains.toml").write_text(text)
 
 
-def test_an_edited_gain_that_leaves_the_loop_idle_is_what_cures_it(tmp_path):
-    """The design is proved all the same, and hardly uses its loop."""
-    gains = "[gains]\nvelocity = { min = 0.01, max = 400.0 }\nposition = 0.0\n[coupling]\ndamping = 1e3\nmass = 5.0\n"
-    folder = solved(tmp_path, for_passive_hands(DEVICE) + gains)
-    velocity = numbers_of(folder)["gains.velocity"]
-    checked = edited(folder, {"gains.velocity": 0.5})
-    assert (checked.verdict, checked.line) == (CheckVerdict.PASSED, line_of(folder, "gains.velocity"))
-    assert f"gains.velocity = {velocity!r} would cure it, a greater K_v" in checked.warnings[-1]
-
-
 def test_a_number_that_the_file_does_not_state_is_annotated_at_its_table(tmp_path):
     """Of pasted gains, too, the line is of the first repair's table and of no other number."""
     text = "[gains]\nvelocity = 40.0\nposition = 4000.0\n[coupling]\ndamping = 25000.0\nmass = 5.0\n"

@@ -21,23 +21,16 @@ from vctune.design import solve as solving
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
 from vctune.design.verdict import repair as repairing
-from vctune.design.verdict.checked import CheckVerdict
 from vctune.design.verdict.design_record import design_record
 from vctune.design.verdict.gains_check import check_files
 from vctune.design.verdict.judge import Status
 from vctune.design.verdict.parameter_changes import parameter_changes
 from vctune.design.verdict.repair import RepairTest, find_repairs, with_repairs
-from vctune.document.gains_file import gains_text
 from vctune.document.reading import ProblemFile, parse_problem
-from vctune.document.records.design_json import design_of
-from vctune.document.text.codes import ENDING
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
-from vctune.model.display import ADMITTANCE
-from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Problem
-from vctune.report.page import report_files
 
 LAG = '[device]\nmass = 0.5\ndamping = {}\nsample_time = 1e-3\nhold = "lag"\n'
 LOOP = "[gains]\nvelocity = 40.0\nposition = 4000.0\n[coupling]\ndamping = 25000.0\nmass = 5.0\n"
@@ -467,53 +460,3 @@ def test_odd_bands_have_valid_levers(band):
             except InputError as error:
                 raise AssertionError(f"{change.line(new)}: {error}") from None
 
-
-IDLE = for_passive_hands(
-    "[device]\nmass = 0.35\ndamping = 1.2\nsample_time = 5e-4\ndelay = 5e-4\n[stability]\nband_hz = [0.25, 200.0]\n"
-)
-"""One sample late, and stable far beyond what its loop can follow."""
-
-
-def tracking_of(text: str) -> float:
-    solved = solve(parsed(text))
-    assert solved.status is Status.CERTIFIED
-    return solved.judgement.transparency.tracking
-
-
-@pytest.mark.slow
-def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path):
-    """Every cure, written into the file and solved, gives a loop in use."""
-    file = ProblemFile(parsed(IDLE), IDLE)
-    record = design_record(file, with_repairs(file, solve(file.problem)))
-    assert (record["status"], record["idle"]) == ("certified", True) and record["transparency"]["tracking"] > 0.9
-    assert {"stability.band_hz[1]", "stability.max_sensitivity"} <= {cure["key"] for cure in record["repairs"]}
-    for cure in record["repairs"]:
-        key, new, needs = cure["key"], cure["new"], cure["needs"]
-        assert tracking_of(changed(IDLE, key, new, needs)) <= 0.5
-    (said,) = (line for line in record["warnings"] if "hardly uses its velocity loop" in line)
-    assert f"{record['repairs'][0]['needs']} would cure it" in said
-    design = Gains(**record["gains"]), Coupling(**record["coupling"])
-    (tmp_path / "idle.toml").write_text(for_passive_hands(IDLE))
-    (tmp_path / "gains.toml").write_text(gains_text(ADMITTANCE, *design, {}))
-    checked = check_files([tmp_path / "idle.toml", tmp_path / "gains.toml"])[0]
-    assert checked.verdict is CheckVerdict.PASSED and said in checked.warnings
-    shown = report_files(design_of(record, "x"), tmp_path)[tmp_path / "report.html"]
-    assert shown.count("The velocity loop hardly moves the handle") == 1
-
-
-def test_idle_gains_of_a_problem_that_has_better_ones_say_so(tmp_path):
-    """The demands are not to blame where solving the problem finds a loop in use."""
-    weak = "[gains]\nvelocity = 0.5\nposition = 0.0\n[coupling]\ndamping = 100.0\nmass = 1.0\n"
-    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
-    (tmp_path / "gains.toml").write_text(weak)
-    checked = check_files([tmp_path / "device.toml", tmp_path / "gains.toml"])[0]
-    assert checked.verdict is CheckVerdict.PASSED
-    assert ENDING.search(checked.warnings[-1])[1] == "warn-solve-instead"
-    assert checked.finding.record()["repairs"] is None
-
-
-def test_a_design_in_use_is_searched_no_cure_for(monkeypatch):
-    monkeypatch.setattr(repairing, "find_cures", None)
-    file = ProblemFile(parsed(DEVICE), DEVICE)
-    record = design_record(file, repairing.with_repairs(file, solve(file.problem)))
-    assert (record["idle"], record["repairs"]) == (False, None)

@@ -114,8 +114,6 @@ class Solved:
         Seconds by stage.
     optimality : Optimality, optional
         Proved bound on the error of any design; None if not requested.
-    nominal_error : float, optional
-        Error of the best design for only the nominal device, not proved; None if the device is not uncertain.
     repairs : list[Repair], optional
         Changes of the problem that would make a design possible; None if not requested.
     prices : list[Price], optional
@@ -133,7 +131,6 @@ class Solved:
     scanned: ScanResult | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     optimality: Optimality | None = None
-    nominal_error: float | None = None
     repairs: list[Repair] | None = None
     prices: list[Price] | None = None
     cut: tuple[str, ...] = ()

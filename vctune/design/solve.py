@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from math import inf
@@ -14,13 +13,13 @@ import numpy as np
 
 from vctune.design.prepared import Prepared, prepare
 from vctune.design.result import Solved
-from vctune.design.search.optimum import PROOF, SEARCH, SEARCHING, Progress, improved, nominal_start, optimum
+from vctune.design.search.optimum import PROOF, SEARCH, Progress, improved, optimum
 from vctune.design.search.scan import scan
 from vctune.design.search.theorems import impossible
 from vctune.design.verdict.infeasible import nearest_miss, out_of_time_before_a_design
 from vctune.design.verdict.judge import judge
 from vctune.model.problem import Problem
-from vctune.running import OutOfTimeError, out_of_time, seconds_left, time_limit
+from vctune.running import OutOfTimeError, out_of_time
 
 if TYPE_CHECKING:
     from vctune.design.bound.nodes import ResumeState
@@ -70,15 +69,7 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
         seconds["bound"] = perf_counter() - began - seconds["scan"]
         miss = nearest_miss(prepared, scanned, proved=True)
         return Solved(problem=problem, infeasibility=miss, scanned=scanned, seconds=seconds, optimality=early)
-    waited = perf_counter()
-    nominal = None
-    if problem.uncertainty is not None:
-        progress("solving for the nominal device")
-        with suppress(OutOfTimeError), time_limit(SEARCHING * seconds_left()):
-            nominal = nominal_start(prepared)
-        seconds["nominal"] = perf_counter() - waited
-    starts = [nominal[0], *scanned.starts] if nominal is not None else scanned.starts
-    best = optimum(prepared, replace(scanned, starts=starts), progress)
+    best = optimum(prepared, scanned, progress)
     solved = Solved(
         problem=problem,
         judgement=best.judgement,
@@ -86,7 +77,6 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
         optima=best.optima,
         scanned=scanned,
         seconds=seconds | best.seconds,
-        nominal_error=nominal[1] if nominal is not None else None,
         cut=best.cut,
     )
     if exhaustive and (solved.judgement is None or gap is not None) and not out_of_time():

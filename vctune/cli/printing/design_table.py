@@ -77,7 +77,7 @@ def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = ()) 
         if record.repairs:
             say("any one of these alone would do:")
             say(_repairs(record.repairs))
-        elif record.repairs is not None and not record.idle:  # the warning about an idle design says so
+        elif record.repairs is not None:
             say("vctune found no change of a single value that makes the problem feasible")
         for warning in record.warnings:
             say(f"[yellow]warning:[/yellow] {escape(warning)}")

@@ -10,8 +10,8 @@ from typing import Any
 from vctune.design.result import Repair
 from vctune.design.ros.admittance_problem import FILTER_AS_CORNER, as_problem
 from vctune.design.verdict.judge import Judgement, Status
-from vctune.design.verdict.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
-from vctune.design.verdict.repair import OF_FIXED, OF_FIXED_IN_USE, Progress, find_repairs
+from vctune.design.verdict.parameter_changes import ParameterChange, parameter_changes
+from vctune.design.verdict.repair import OF_FIXED, Progress, find_repairs
 from vctune.document.reading import pose
 from vctune.document.ros import HEAVIEST, LIGHTEST, TUNED, Admittance
 from vctune.model.problem import Problem
@@ -20,17 +20,13 @@ from vctune.model.problem import Problem
 def repairs_of_axis(
     document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress
 ) -> list[Repair] | None:
-    """Return the changes of one value after which an axis passes or uses its loop; None if the axis needs no change."""
-    tables = as_problem(document)
-    if judgement.idle:
-        changes, test = changes_of_demands(tables, problem), OF_FIXED_IN_USE
-    elif judgement.status is Status.VIOLATED:
-        changes, test = [*_of_file(document), *parameter_changes(tables, problem)], OF_FIXED
-    else:
+    """Return the changes of one value after which a refuted axis passes; None if the axis needs no change."""
+    if judgement.status is not Status.VIOLATED:
         return None
+    changes = [*_of_file(document), *parameter_changes(as_problem(document), problem)]
     of_file = FILTER_AS_CORNER if document["ft_sensor"]["filter_coefficient"] < 1 else ""
     own = [each for each in changes if each.path[0] != "coupling" and each.key != f"device.{of_file}"]
-    found = find_repairs(document, own, test, progress, _posed)
+    found = find_repairs(document, own, OF_FIXED, progress, _posed)
     return sorted(map(_in_yaml, found), key=lambda repair: (repair.key not in TUNED, repair.rank))
 
 

@@ -22,7 +22,7 @@ from vctune.design.search.scan import ScanResult, better_start_near, in_same_bas
 from vctune.design.search.start import Start
 from vctune.design.search.theorems import impossible
 from vctune.design.search.working_set import ConstraintPoint, WorkingSet
-from vctune.design.variables import CORNER, design_of, point
+from vctune.design.variables import CORNER, design_of
 from vctune.design.verdict.judge import Judgement, Status, judge_posed
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
@@ -93,29 +93,6 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
 def _best_known(optima: Sequence[Polished], unit: float) -> str:
     """Return the end of a progress message: the error of the best optimum so far, in SI units."""
     return f", best error {min(each.error for each in optima) * unit:.4g}" if optima else ""
-
-
-@np.errstate(all="ignore")
-def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best design that the optimiser finds, SI units; None if it finds none."""
-    if impossible(problem) is not None:
-        return None
-    prepared = prepare(problem)
-    optima, complete = local_optima(prepared, scan(prepared.scaled), lambda stage: None, WORTH_POLISHING)
-    if not complete:
-        raise OutOfTimeError
-    return design_of(prepared.units.to_si(optima[0].values)) if optima else None
-
-
-def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
-    """Return the best design for the nominal device of an uncertain one, as a start, and its error; None if the
-    optimiser finds no design."""
-    nominal = prepare(replace(prepared.problem, uncertainty=None))
-    law = estimated(nominal.problem)
-    if law is None:
-        return None
-    scaled = design_of(nominal.units.to_dimensionless(point(*law)))
-    return Start(*scaled, nominal.scaled.error(*scaled)), nominal.given.error(*law)
 
 
 @np.errstate(all="ignore")

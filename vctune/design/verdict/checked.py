@@ -17,7 +17,6 @@ from vctune.document.text.codes import Note
 from vctune.running import out_of_time
 
 OUT_OF_TIME = Note("time-limit", "the time limit cut the check short; what is stated was known by then")
-SOLVE_INSTEAD = Note("warn-solve-instead", "solving the problem finds a design that does use its velocity loop")
 
 
 class CheckVerdict(StrEnum):
@@ -96,12 +95,10 @@ def finding_of(
 ) -> DesignFinding:
     """Return the details of the check of judged gains, with all warnings."""
     cut = judgement.cut
-    if judgement.status is Status.VIOLATED or judgement.idle:
+    if judgement.status is Status.VIOLATED:
         cut |= out_of_time()
         repairs = repairs or None if cut else repairs  # after the time limit others may exist
     found = [OUT_OF_TIME] if cut else []
-    found += [*file_doubts(file), *warnings(file.problem, judgement, repairs)]
-    if judgement.idle and repairs is None:
-        found.append(SOLVE_INSTEAD)
+    found += [*file_doubts(file), *warnings(file.problem, judgement)]
     lines = [note.line for note in [*found, *notes]]
     return DesignFinding(file, judgement, repairs, lines)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from math import degrees, inf, log10, pi
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.analysis.worlds.binding import binding_world
-from vctune.design.result import Repair, Solved
+from vctune.design.result import Solved
 from vctune.design.search.rounding import near
 from vctune.design.variables import Point, keys_for, point, ranges
 from vctune.design.verdict.contact_record import contact_record
@@ -74,7 +73,7 @@ from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.proof.engine.interval import Outcome
 
 
-def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: float | None) -> UncertaintyRecord:
+def uncertainty_record(problem: Problem, judgement: Judgement) -> UncertaintyRecord:
     """Return the box, the errors that show the cost of robustness, and the devices on which the design is worst."""
     posed, design = pose(problem), (judgement.gains, judgement.coupling)
     box, uncertainty = posed.box, problem.uncertainty
@@ -84,7 +83,6 @@ def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: fl
         box={key: [box.low.number(key), box.high.number(key)] for key in box.modelled.uncertain},
         **({"unmodelled": [list(point) for point in uncertainty.unmodelled]} if uncertainty.unmodelled else {}),
         objective=uncertainty.objective,
-        nominal_error=nominal_error,
         robust_error=judgement.transparency.error,
         worst_error=transparency_error(worst, *design).error,
         worst_device=device_record(worst.device, problem),
@@ -176,9 +174,9 @@ def _recorded(
     if judgement is not None:
         parts = _judged(problem, judgement, proved)
         touched = at_bound(problem, judgement.gains, judgement.coupling)
-        said += warnings(problem, judgement, solved.repairs)
+        said += warnings(problem, judgement)
         if problem.uncertainty is not None:
-            parts["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
+            parts["uncertainty"] = uncertainty_record(problem, judgement)
     if date is not None:
         parts["date"] = date
     parts |= borne
@@ -215,7 +213,7 @@ def _touched(problem: Problem, values: Point) -> list[tuple[str, str]]:
     return found
 
 
-def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | None = None) -> list[Note]:
+def warnings(problem: Problem, judgement: Judgement) -> list[Note]:
     """Return warnings about a design."""
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
@@ -237,22 +235,10 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
     if judgement.idle:
         said = (
             f"the design hardly uses its velocity loop: |1 - G_he| is {judgement.transparency.tracking:.3g}, "
-            f"and 1 means no loop at all{_cured(cures)}"
+            "and 1 means no loop at all; a constraint that can be relaxed, a wider bound or a faster device may help"
         )
         found.append(Note("warn-idle", said))
     return found
-
-
-def _cured(cures: Sequence[Repair] | None) -> str:
-    """Return the changes after which an idle design uses its loop, in words; the change with the least error comes
-    first."""
-    if cures is None:
-        return ""
-    if not cures:
-        return "; vctune found no change of one constraint that cures it"
-    first, *others = cures
-    also = f"; so would {', or '.join(cure.needs for cure in others)}" if others else ""
-    return f"; {first.needs} would cure it, {first.change}{also}"
 
 
 @np.errstate(all="ignore")

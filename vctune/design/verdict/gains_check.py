@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,17 +19,13 @@ from vctune.design.verdict.parameter_changes import ParameterChange
 from vctune.design.verdict.rendered import rendered_in_words
 from vctune.design.verdict.repair import (
     OF_FIXED,
-    OF_FIXED_IN_USE,
     Progress,
     edits,
-    find_cures,
-    has_design_in_use,
     repairs_of_design,
-    undone,
     undone_together,
 )
 from vctune.document.gains_file import design_tables
-from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
+from vctune.document.reading import GainsFile, ProblemFile, gains_file, problem_file
 from vctune.document.schema.kinds import require_gains_of
 from vctune.document.text import toml
 from vctune.document.text.codes import Note
@@ -171,37 +166,13 @@ def _judged(
 def _repairs(
     file: ProblemFile, judgement: Judgement, changed: list[ParameterChange], progress: Progress
 ) -> tuple[list[Repair] | None, list[ParameterChange]]:
-    """Return the repairs of a refuted design, or the changes after which an idle design uses its loop."""
-    if judgement.status is not Status.VIOLATED and not judgement.idle:
+    """Return the repairs of a refuted design, and the edits that together undo it."""
+    if judgement.status is not Status.VIOLATED:
         return None, []
     stated = toml.parse(file.text, file.problem.name)
     pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
-    if judgement.idle:
-        return _cures(file, stated, pasted, changed, progress), []
     repairs = repairs_of_design(stated, judgement, changed, progress)
     with suppress(OutOfTimeError):
         if len(changed) > 1 and not taken_back(repairs, changed) and undone_together(pasted, changed, OF_FIXED):
             return repairs, changed
     return repairs, []
-
-
-def _cures(
-    file: ProblemFile,
-    stated: dict[str, Any],
-    pasted: dict[str, Any],
-    changed: list[ParameterChange],
-    progress: Progress,
-) -> list[Repair] | None:
-    """Return the changes after which an idle design uses its velocity loop."""
-    try:
-        if back := undone(pasted, changed, OF_FIXED_IN_USE):
-            return back
-        if has_design_in_use(file.problem):
-            return None
-    except OutOfTimeError:
-        return None
-    if not file.problem.bounds.fixed:
-        return find_cures(stated, file.problem, progress)
-    problem, _ = pose(pasted, file.problem.name)
-    assert problem is not None, "a valid problem with valid gains is one"
-    return find_cures(pasted, problem, progress)

@@ -119,13 +119,9 @@ class ParameterChange:
 def parameter_changes(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
     """Return the possible changes of a problem: of the device, of the constraints, and of the bounds or gains in the
     file."""
-    return [*_of_device(problem), *_of_operator(problem), *changes_of_demands(document, problem)]
-
-
-def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
-    """Return the possible changes of a problem, except those of its device and its hands."""
     band = _of_band(document, problem) if problem.passive else ()
-    return [*band, *_of_worlds(problem), *_of_demands(problem), *_of_gains(document, problem)]
+    of_demands = [*band, *_of_worlds(problem), *_of_demands(problem)]
+    return [*_of_device(problem), *_of_operator(problem), *of_demands, *_of_gains(document, problem)]
 
 
 def _of_device(problem: Problem) -> Iterator[ParameterChange]:

@@ -11,15 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from vctune.analysis.demands import sensitivity_maxima, transparency_error
+from vctune.analysis.demands import sensitivity_maxima
 from vctune.analysis.in_hands import least_ratios, ratio_in_some_hands
 from vctune.design.prepared import pose as pose_devices
 from vctune.design.result import Repair, Solved
-from vctune.design.verdict.judge import IDLE_TRACKING, Judgement, Status, judge, least_ratio
+from vctune.design.verdict.judge import Judgement, Status, judge, least_ratio
 from vctune.design.verdict.parameter_changes import (
     ParameterChange,
     change_of_gain,
-    changes_of_demands,
     parameter_changes,
 )
 from vctune.document.gains_file import design_numbers, design_tables
@@ -100,42 +99,20 @@ def _seems_solvable(problem: Problem) -> bool:
     return within_reach(problem) is not None
 
 
-def _seems_solvable_in_use(problem: Problem) -> bool:
-    from vctune.design.search.optimum import within_reach
-
-    design = within_reach(problem)
-    return design is not None and transparency_error(problem, *design).tracking <= IDLE_TRACKING
-
-
-def _in_use(judgement: Judgement | None) -> Judgement | None:
-    """Return a design if it uses its velocity loop; None for any other design and for None."""
-    return None if judgement is None or judgement.idle else judgement
-
-
-def _seems_in_use(problem: Problem) -> bool:
-    return transparency_error(problem, *problem.fixed_design).tracking <= IDLE_TRACKING and _seems_admissible(problem)
-
-
 OF_FIXED = RepairTest(_seems_admissible, _judged, MOST_JUDGED)
 # Tests for problems that fix every variable of the design, and for problems that leave one variable free
 OF_FREE = RepairTest(_seems_solvable, _solved, MOST_SOLVED)
-OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), MOST_JUDGED)
-# The same tests, with the additional condition that the design uses its velocity loop
-OF_FREE_IN_USE = RepairTest(_seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), MOST_SOLVED)
 
 
 def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
-    """Return the result of a problem with repairs if it has no design, or if its design is refuted or idle."""
+    """Return the result of a problem with repairs if it has no design, or if its design is refuted."""
     problem, judgement, began = file.problem, solved.judgement, perf_counter()
-    idle = judgement is not None and judgement.idle
-    if judgement is not None and solved.status is not Status.VIOLATED and not idle:
+    if judgement is not None and solved.status is not Status.VIOLATED:
         return solved
     if out_of_time():
         return replace(solved, cut=(*solved.cut, REPAIRS))
     document = toml.parse(file.text, problem.name)
-    if idle:
-        repairs = find_cures(document, problem, progress)
-    elif judgement is not None:
+    if judgement is not None:
         repairs = repairs_of_design(document, judgement, [], progress)
     else:
         repairs = find_repairs(document, parameter_changes(document, problem), OF_FREE, progress)
@@ -194,17 +171,6 @@ def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
     """Return a change of a value as a repair."""
     error = design.transparency.error
     return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
-
-
-def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
-    """Return the least changes of one constraint after which the best design uses its velocity loop."""
-    test = OF_FIXED_IN_USE if problem.bounds.fixed else OF_FREE_IN_USE
-    return find_repairs(document, changes_of_demands(document, problem), test, progress)
-
-
-def has_design_in_use(problem: Problem) -> bool:
-    """Return whether solving a problem finds a design that uses its velocity loop."""
-    return not problem.bounds.fixed and OF_FREE_IN_USE.verify(problem) is not None
 
 
 @np.errstate(all="ignore")

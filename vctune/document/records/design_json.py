@@ -139,12 +139,11 @@ class OptimalityRecord(Part):
 
 
 class UncertaintyRecord(Part):
-    """The design on all devices of the uncertainty box, and the error that a device without uncertainty would allow."""
+    """The design on all devices of the uncertainty box, and its worst error."""
 
     box: dict[str, Pair]
     unmodelled: list[list[float]] = Field(default_factory=list)
     objective: str
-    nominal_error: Annotated[Number, Shown("error if certain", "of the best design", optional=True)]
     robust_error: Number
     worst_error: Annotated[Number, Shown("worst error", "at {worst_device}")]
     worst_device: DeviceRecord

@@ -90,7 +90,6 @@ Code = Literal[
     "warn-name",
     "warn-residual",
     "warn-sample-time",
-    "warn-solve-instead",
     "warn-stiffness",
     "warn-yields",
     "wrong-type",
