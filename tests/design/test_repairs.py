@@ -459,4 +459,3 @@ def test_odd_bands_have_valid_levers(band):
                 parsed(changed(text, change.key, new, change.line(new)))
             except InputError as error:
                 raise AssertionError(f"{change.line(new)}: {error}") from None
-
