@@ -129,7 +129,7 @@ def test_near_a_witness_the_worst_of_all_delays_is_found():
     assert abs(device.delay - delays[best]) < 2 * (delays[1] - delays[0])
 
 
-def test_without_an_integrator_only_hands_that_all_have_no_stiffness_are_left_open():
+def test_without_an_integrator_a_free_position_is_no_instability():
     problem = parse_problem(
         HANDS + "[gains]\nvelocity = 100.0\nposition = 0.0\n[coupling]\ndamping = 100.0\nmass = 1.0\ndrag = 5.0\n",
         "x",
@@ -139,7 +139,7 @@ def test_without_an_integrator_only_hands_that_all_have_no_stiffness_are_left_op
     for low, high, verdict in (
         (0.0, hands.high.stiffness, Verdict.PROVED),
         (100.0, hands.high.stiffness, Verdict.PROVED),
-        (0.0, 0.0, Verdict.UNDECIDED),
+        (0.0, 0.0, Verdict.PROVED),
     ):
         some = Hands(replace(hands.low, stiffness=low), replace(hands.high, stiffness=high))
         found = solve(replace(problem, hands=some)).judgement.certificate.outcomes["hands"]
@@ -181,9 +181,21 @@ def test_what_cannot_be_met_is_refused(table, words):
         parse_problem(HANDS + table, "x", "x")
 
 
-def test_a_plain_number_is_the_least_of_a_range():
+def test_a_plain_number_is_that_number():
     problem = parse_problem(HANDS + "[operator]\ndamping = 40.0\nmass = 0.1\n", "x", "x")
-    assert astuple(problem.hands.low) == (0.1, 40.0, 0.0) and astuple(problem.hands.high) == (0.5, 40.0, 3000.0)
+    assert astuple(problem.hands.low) == (0.1, 40.0, 0.0) and astuple(problem.hands.high) == (0.1, 40.0, 3000.0)
     assert problem.device.operator is None
     passive = parse_problem(THREE + "[operator]\ndamping = 40.0\n", "x", "x")
     assert passive.device.operator.damping == 40.0
+
+
+@pytest.mark.parametrize("display", ["admittance", "impedance"])
+def test_a_released_handle_is_a_box_of_its_own(display):
+    """Nobody's hand is easier than every hand, and the pole at 1 of a free position is no instability."""
+    device = f'[device]\nmass = 0.1\ndamping = 1.0\nsample_time = 5e-4\ndisplay = "{display}"\n'
+    device += '[stability]\ncriterion = "hands"\n[coupling]\n' + ("drag = 0.5\n" if display == "admittance" else "")
+    nobody = "[operator]\nmass = 0\ndamping = 0\nstiffness = 0\n"
+    held, released = (solve(parse_problem(text, "x", "x")) for text in (device, device + nobody))
+    assert held.status is released.status is Status.CERTIFIED
+    assert released.judgement.error <= held.judgement.error * (1 + 1e-6)
+    assert released.judgement.certificate.demands.hands.high.stiffness < 1e-6

@@ -90,7 +90,9 @@ def test_what_has_no_default_is_asked_for():
     message = refused(stated(DEVICE, "", "rotary"))
     assert "mass = { min = 0, max = 0.5 r^2 }" in message and "stiffness = { min = 0, max = 3000 r^2 }" in message
     parse_problem(stated(DEVICE, HANDS, "rotary"), "device.toml", "device")
-    part = HANDS.replace("{ min = 0.0, max = 30.0 }", "2.0")
+    number = HANDS.replace("{ min = 0.0, max = 30.0 }", "2.0")
+    parse_problem(stated(DEVICE, number, "rotary"), "device.toml", "device")
+    part = number.replace("damping = 2.0\n", "")
     assert "damping = { min = 0, max = 30 r^2 }" in refused(stated(DEVICE, part, "rotary"))
     parse_problem(stated(DEVICE, '[stability]\ncriterion = "passive"\n', "rotary"), "device.toml", "device")
     display = stated('display = "impedance"\n' + DEVICE, "", "rotary")

@@ -391,19 +391,11 @@ def test_without_drag_some_hands_leave_nothing_to_prove():
     for kinder in ("min = 0.1, max = 30.0 }", "min = 0.0, max = 30.0 }\nstiffness = { min = 5.0, max = 10.0 }"):
         for text in (NO_DRAG, never):
             assert impossible(posed(text.replace("min = 0.0, max = 30.0 }", kinder))) is None
-    held = "min = 0.0, max = 30.0 }\nstiffness = { min = 0.0, max = 0.0 }"
-    some = never.replace("drag = 0.0", "drag = 1.0").replace("min = 0.0, max = 30.0 }", held)
-    assert "a pole at 1" in impossible(posed(some)).reason
-    paddle = (ROOT / "problems/paddle.toml").read_text().replace("max = 1000.0", "max = 0.0")
-    assert "a pole at 1" in impossible(posed(paddle)).reason
 
 
-def test_hands_without_stiffness_are_told_how_stiff_some_must_be(tmp_path):
+def test_in_hands_without_stiffness_a_free_position_is_no_instability(tmp_path):
     file = tmp_path / "limp.toml"
     file.write_text((ROOT / "problems/paddle.toml").read_text().replace("max = 1000.0", "max = 0.0"))
-    (repair,) = vctune.solve(file).repairs
-    assert repair.key == "operator.stiffness.max" and 0 < repair.new < 1000
-    file.write_text((ROOT / "problems/paddle.toml").read_text().replace("max = 1000.0", f"max = {repair.new!r}"))
     assert vctune.solve(file).status == "certified"
 
 

@@ -20,6 +20,8 @@ Criterion = Literal["passive", "hands", "both"]
 # Human hands on a linear device, from no hand to a firm grip (model/README.md, section 14)
 HUMAN_HANDS = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
 
+SOFT = 1e-12  # Stiffness, in m/T^2, of the springs in the place of none
+
 
 @dataclass(frozen=True, slots=True)
 class Range:
@@ -171,9 +173,15 @@ class Problem:
         """The box of hands in which the sampled loop must be stable; None if the claim for any passive hand suffices.
 
         That claim suffices with the criterion "passive". On an impedance display it includes these hands, so that it
-        suffices with the criterion "both" as well.
+        suffices with the criterion "both" as well. Nothing holds a handle in hands without stiffness: its pole at 1 is
+        the limit of soft springs, so that the box includes them.
         """
-        return None if self.stability.criterion == "passive" or self.any_hand else self.hands
+        if self.stability.criterion == "passive" or self.any_hand:
+            return None
+        if self.hands.high.stiffness > 0 or self.device.servo is not None:
+            return self.hands
+        soft = SOFT * float(self.device.mass / self.device.sample_time**2)
+        return replace(self.hands, high=replace(self.hands.high, stiffness=soft))
 
     @property
     def worlds_met(self) -> WorldsMet | None:

@@ -85,10 +85,10 @@ def _demands(problem: Problem) -> list[Line]:
 
 
 def _hands(problem: Problem) -> list[Line]:
-    lines, met, least, units = [], problem.hands_met, problem.device.operator, problem.units
-    if met is not None:
+    lines, least, units = [], problem.device.operator, problem.units
+    if problem.hands_met is not None:
         lines.append(Line("every hand", "", "", "of this box, at every frequency"))
-        for name, ends in met.ranges.items():
+        for name, ends in problem.hands.ranges.items():
             lines.append(Line(units.translated(name), *span(*ends, units.of(QUANTITIES[name]))))
     if problem.worlds is not None:
         lines.append(Line(f"with every environment of {problem.worlds.in_words(units)}", ""))

@@ -63,5 +63,5 @@ def _of_hands(problem: Problem) -> dict[str, Any]:
     """Return the record's fields on the constraint in hands; none if the problem has no such constraint."""
     if problem.hands_met is None:
         return {}
-    low, high = asdict(problem.hands_met.low), asdict(problem.hands_met.high)
+    low, high = asdict(problem.hands.low), asdict(problem.hands.high)
     return {"criterion": problem.stability.criterion, "hands": {name: [low[name], high[name]] for name in low}}

@@ -20,10 +20,10 @@ LEAST_POSITION = 5e-324  # The smallest positive double, for K_p
 def impossible(problem: Problem) -> Infeasibility | None:
     """Return the theorem that excludes every design of the problem, or None."""
     if problem.device.kind.inverse:
-        return _without_damping(problem) or _nothing_returns(problem)
+        return _without_damping(problem)
     found = _of_passive_hands(problem) if problem.passive else None
     if found is None and problem.hands_met is not None:
-        return _at_zero_in_hands(problem, problem.hands_met)
+        return _at_zero_in_hands(problem, problem.hands)
     return None if found is None else Infeasibility(*found, proved=True)
 
 
@@ -38,14 +38,6 @@ def _without_damping(problem: Problem) -> Infeasibility | None:
     return Infeasibility(cause, 'state the device\'s damping, or ask for stability.criterion = "hands"', proved=True)
 
 
-def _nothing_returns(problem: Problem) -> Infeasibility | None:
-    """Report an impedance display in hands without stiffness."""
-    if problem.hands_met is None or problem.hands_met.high.stiffness > 0:
-        return None
-    cause = f"{OPENINGS[False]}: in hands without stiffness nothing returns the handle: a pole at 1"
-    return Infeasibility(cause, "raise operator.stiffness.max", proved=False)
-
-
 def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
     found = _vanishing_response(problem) or _negative_resistance(problem)
     if found is None and problem.stability.band.min == 0:
@@ -58,9 +50,6 @@ def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
 def _at_zero_in_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     """Compare R with Re Z_c at omega = 0 in hands."""
     device, bounds, units = problem.device, problem.bounds, problem.units
-    if hands.high.stiffness == 0 == bounds.position.max and bounds.velocity.max > 0:
-        cause = f"{OPENINGS[False]}: with K_p = 0, in hands without stiffness, nothing returns the handle: a pole at 1"
-        return Infeasibility(cause, "allow some gains.position, or raise operator.stiffness.max", proved=False)
     if problem.worlds is not None:  # near omega = 0 an environment with a greatest mass needs no drag
         return None
     if bounds.drag.max > 0 or bounds.velocity.max == 0 or hands.low.damping > 0 or hands.low.stiffness > 0:

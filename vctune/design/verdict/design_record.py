@@ -293,8 +293,8 @@ def _display(problem: Problem) -> dict[str, Any]:
 
 def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
     """Return the record of the claim in a box of hands; empty if the problem does not make this claim."""
-    held, hands = judgement.in_hand, problem.hands_met
-    if held is None or hands is None:
+    held, hands = judgement.in_hand, problem.hands
+    if held is None or problem.hands_met is None:
         return {}
     outcomes = judgement.certificate.outcomes
     outcome = next(outcomes[claim] for claim in IN_HANDS if claim in outcomes)

@@ -162,9 +162,6 @@ def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
         if least < most:
             more = meaning if name == "damping" else "more stiffness in every hand"
             yield ParameterChange(("operator", name, "min"), more, least, most, min(scale, most), most)
-    if high.stiffness == 0:
-        natural = loop / device.loop_lag
-        yield ParameterChange(("operator", "stiffness", "max"), "stiffer hands", 0.0, 10 * natural, natural, 0.0)
     for name, lighter in (("mass", "lighter hands"), ("damping", "less damped hands"), ("stiffness", "softer hands")):
         least, most = getattr(low, name), getattr(high, name)
         if least < most:

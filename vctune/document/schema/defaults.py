@@ -133,8 +133,7 @@ def _hands(table: OperatorTable, units: UnitSystem) -> Hands:
     """Return the hands of a table."""
     ranges = {}
     for name, high in HUMAN_HANDS.high.numbers.items():
-        value, human_most = getattr(table, name), high if units == "linear" else 0.0
-        ranges[name] = Range(value, max(value, human_most)) if isinstance(value, float) else Range(value.min, value.max)
+        ranges[name] = _range(getattr(table, name), 0.0, high if units == "linear" else 0.0)
     ends = ({name: getattr(range_, end) for name, range_ in ranges.items()} for end in ("min", "max"))
     return Hands(*(Hand(**end_of_ranges) for end_of_ranges in ends))
 

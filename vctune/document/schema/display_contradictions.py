@@ -86,10 +86,9 @@ def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
     """Yield the fault of a box whose only hand has no impedance, on a servo without a spring of its own."""
-    numbers = (key.split(".") for key in HAND)
-    if all(number_at(raw, *path, "max") == 0 for path in numbers) and not number_at(
-        raw, "device", "servo", "stiffness"
-    ):
+    paths = [key.split(".") for key in HAND]
+    held = any(0.0 not in (number_at(raw, *path), number_at(raw, *path, "max")) for path in paths)
+    if not held and not number_at(raw, "device", "servo", "stiffness"):
         yield ("operator",), "no hand of it pushes, so that nothing is fed back; give one of its ranges a positive max"
 
 

@@ -51,18 +51,18 @@ Damping = Annotated[
 
 
 class OperatorTable(Table):
-    """The hands at the handle, mass s + damping + stiffness/s. { min, max } is a range; a number is its minimum.
+    """The hands at the handle, mass s + damping + stiffness/s. { min, max } is a range; a number is that number.
 
     The criterion "hands" covers every hand within these ranges. The criterion "passive" uses only the least mass and
     damping: they describe a load that is always at the handle, such as a tool. A rotary device has no defaults, because
     the rotary inertia, damping and stiffness of a hand depend on its distance from the axis.
     """
 
-    # a plain number is the least value of a range whose greatest value is that of a human hand (`defaults.resolve`);
-    # the default 0.0 of the mass therefore means { min = 0, max = 0.5 }, as its description says
-    mass: Variable = Field(0.0, description="Mass M of the hand, kg. Default { min = 0, max = 0.5 }.")
-    damping: Variable = Field(0.0, description="Damping B of the hand, N s/m. Default { min = 0, max = 30 }.")
-    stiffness: Variable = Field(0.0, description="Stiffness K of the hand, N/m. Default { min = 0, max = 3000 }.")
+    mass: Variable | None = Field(None, description="Mass M of the hand, kg. Default { min = 0, max = 0.5 }.")
+    damping: Variable | None = Field(None, description="Damping B of the hand, N s/m. Default { min = 0, max = 30 }.")
+    stiffness: Variable | None = Field(
+        None, description="Stiffness K of the hand, N/m. Default { min = 0, max = 3000 }."
+    )
 
 
 class WorldMassTable(Table):

@@ -42,7 +42,7 @@ def _hands(operator: Any, *, has_a_choice: bool) -> Iterator[Contradiction]:
     """Yield the fault of missing ranges of the hands. `has_a_choice` states whether the criterion may be "passive"."""
     if not isinstance(operator, dict):
         return
-    lacking = [key for key in HAND if not isinstance(operator.get(key.partition(".")[2]), dict)]
+    lacking = [key for key in HAND if key.partition(".")[2] not in operator]
     if not lacking:
         return
     of_a_grip = HUMAN_HANDS.high.by_key

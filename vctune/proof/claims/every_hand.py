@@ -114,12 +114,9 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
         return _moved_as_one(design, demands, demands.hands, box, parts)
     if box is not None and late_as_one(box):
         return _late_as_one(design, demands, box)
-    looped = design.device.kind.senses_force and design.device.kind.own_loop
-    if looped:
-        if not design.gains.closed:
-            return Outcome(Verdict.PROVED, 0)  # without gains nothing drives the device
-        if design.gains.position == 0 and demands.hands.high.stiffness == 0:
-            return Outcome(Verdict.UNDECIDED, 0)  # without any spring, nothing holds the position
+    kind = design.device.kind
+    if kind.senses_force and kind.own_loop and not design.gains.closed:
+        return Outcome(Verdict.PROVED, 0)  # without gains nothing drives the device
     stable = prove_stable_in_middle(design, demands)
     if stable.verdict is not Verdict.PROVED:
         return stable

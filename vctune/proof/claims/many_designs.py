@@ -109,10 +109,6 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     """Prove the constraint in every hand."""
     hands, proved = demands.hands, np.zeros(len(cells), bool)
     assert hands is not None
-    kind = demands.device.kind
-    looped = kind.senses_force and kind.own_loop
-    if looped and hands.high.stiffness == 0 and not cells.high[1].any():
-        return proved  # without any spring, nothing holds the position
     left = np.flatnonzero(turns_in_hand(demands, cells.centres()) == 0)
     if _have_the_same_gains(cells):
         proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
