@@ -175,11 +175,10 @@ def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
     changed(arm, **LIGHT)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.FAILED
-    hand = done.stdout.split("Hz in the hand of ")[-1].split("\n")[0].split(", ")
-    told = tuple(float(number.split()[0]) for number in hand)
+    told = re.search(r"in the hand of (\S+) kg, (\S+) N s/m, (\S+) N/m with its spring alone", done.stdout).groups()
     (arm / "late.toml").write_text(ARM + f"[device.force_sensor]\nbandwidth_hz = {corner_hz(0.9, T)}\n")
     problem, axis = read_problem(arm / "late.toml").problem, read_admittances(arm / "ros.yaml")[0].axes[0]
-    assert radius(problem, axis, 0.9, told) > 1
+    assert radius(problem, axis, 0.9, tuple(map(float, told))) > 1
 
 
 UNSPRUNG = {"stiffness": six(0.0)}

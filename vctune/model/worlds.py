@@ -37,8 +37,16 @@ class Worlds:
         """The same environments without walls."""
         return replace(self, walls=False, corner=None)
 
+    @property
+    def exact(self) -> bool:
+        """Whether all environments of the box have one mass and one stiffness."""
+        return bool(self.low.mass == self.high.mass and self.low.stiffness == self.high.stiffness)
+
     def in_words(self, units: Units) -> str:
-        """Return the box in words with units. The text omits limits that exclude nothing."""
+        """Return "every environment of ..." with units. The text omits limits that exclude nothing."""
+        if self.exact and self.high.mass == 0 == self.low.damping:
+            spring = f"its spring of {self.high.stiffness:g} {units.stiffness}" if self.high.stiffness else "nothing"
+            return f"{spring} behind it, or any damper"
         ranges = [
             _range(low, high, unit)
             for low, high, unit in (
@@ -48,7 +56,7 @@ class Worlds:
             )
         ]
         stated = ", ".join(each for each in ranges if each) or "any mass, damping and stiffness"
-        return f"{stated}, walls among them" if self.walls else stated
+        return f"every environment of {stated}{', walls among them' if self.walls else ''}"
 
     def in_units(self, impedance: float, time: float) -> Worlds:
         """Return the same environments in other units of impedance and time."""

@@ -91,7 +91,7 @@ def _hands(problem: Problem) -> list[Line]:
         for name, ends in problem.hands.ranges.items():
             lines.append(Line(units.translated(name), *span(*ends, units.of(QUANTITIES[name]))))
     if problem.worlds is not None:
-        lines.append(Line(f"with every environment of {problem.worlds.in_words(units)}", ""))
+        lines.append(Line(f"with {problem.worlds.in_words(units)}", ""))
     if problem.any_hand:
         lines.append(Line("any passive hand", "", "", "at every frequency"))
     if problem.passive:

@@ -13,10 +13,10 @@ import numpy as np
 from vctune.design.ros.admittance_design import problems_of_axes
 from vctune.design.ros.admittance_problem import (
     FILTER_AS_CORNER,
+    arm_tables,
     as_problem,
     corner_hz,
     coupling_of_admittance,
-    device_tables,
     document_of_both,
 )
 from vctune.design.ros.admittance_repair import remedy, repairs_of_axis
@@ -31,12 +31,7 @@ from vctune.document.text.codes import Code, Note
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
 from vctune.model.device import Device
-from vctune.model.experiment import Environment, Experiment, Operator, Sensors
-from vctune.model.gains import series_coupling
-from vctune.model.hands import Hand
 from vctune.model.numbers.units import UNITS, Units, UnitSystem
-from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode
-from vctune.simulation.scene import designed_scene
 
 SAME_RATE = 0.01  # Greatest relative difference between update_rate and 1/sample_time
 SLOW = 0.1  # Share of the Nyquist frequency below which vctune warns of a filter's corner frequency
@@ -153,7 +148,7 @@ def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
     if not problem.problem.device.kind.senses_force:
         message = '"impedance", and an admittance_controller makes an admittance display; name a problem of one'
         raise InputError.of(problem.source, "other-kind", message, key="device.display")
-    document = device_tables(problem.document)
+    document = arm_tables(problem.document)
     if not problem.problem.device.kind.own_loop:
         return document
     if not (bounds.velocity.fixed and bounds.position.fixed):
@@ -189,8 +184,6 @@ def _checked(
     traps = [note.line for note in (*given.notes, *_traps(axis, given.filter_coefficient, problem.problem.device))]
     finding = replace(finding, warnings=[*traps, *finding.warnings])
     parts, line, verdict = [check_message(judgement, None, [], [])], axis.line, VERDICTS[judgement.status]
-    if verdict is not CheckVerdict.PASSED and looped:
-        parts.append(_with_its_spring(file, axis, finding))
     if judgement.status is Status.VIOLATED and finding.repairs is not None:
         parts.append(remedy(finding.repairs, problem.source))
         line = next((given.lines[repair.key] for repair in finding.repairs if repair.key in given.lines), line)
@@ -236,26 +229,3 @@ def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
         said = f"filter_coefficient {coefficient:g} at {1 / T:g} Hz is a low-pass of {corner:.2g} Hz"
         found.append(Note("ros-slow-filter", said))
     return found
-
-
-def _with_its_spring(file: ProblemFile, axis: Admittance, finding: DesignFinding) -> str:
-    """Return a message that states whether the axis, with only its own stiffness, is unstable in a corner of the box of
-    hands."""
-    hands = file.problem.hands_met
-    assert hands is not None, "the criterion is that of hands"
-    held = finding.judgement.in_hand
-    tried = [*hands.corners, *([held.hand] if held is not None else [])]
-    hand, worst = max(((hand, _mode(file, axis, finding, hand)) for hand in tried), key=lambda pair: pair[1].radius)
-    units = file.problem.units
-    own = f"with its own stiffness of {axis.stiffness:g} {units.stiffness}"
-    if worst.radius < 1:
-        return f"{own} alone it does not grow in the corners of the box: another passive environment makes it"
-    return f"{own} it grows at {worst.hz:.4g} Hz in the hand of {hand.in_words(units)}"
-
-
-def _mode(file: ProblemFile, axis: Admittance, finding: DesignFinding, hand: Hand) -> Mode:
-    spring = Environment(0.0, 0.0, axis.stiffness, 0.0, False, "trapezoid")
-    operator = Operator("sine", 0.0, 0.01, 0.05, 1, mass=hand.mass, damping=hand.damping, stiffness=hand.stiffness)
-    experiment = Experiment(axis.axis, spring, operator, None, Sensors(0.0, 0.0, 0), None, None)
-    judged = finding.judgement
-    return fastest_mode(designed_scene(file.problem.device, judged.gains, series_coupling(judged.coupling), experiment))

@@ -13,10 +13,18 @@ OF_FILE = ("admittance", "ft_sensor")  # Names of the tables of a parameter file
 FILTER_OF_SAMPLES, FILTER_AS_CORNER = "force_sensor.filter_coefficient", "force_sensor.bandwidth_hz"
 
 
+NOTHING = {"mass": {"max": 0.0}, "stiffness": {"max": 0.0}}  # [environment] of an arm: nothing virtual behind it
+
+
 def device_tables(document: dict[str, Any]) -> dict[str, Any]:
     """Return the tables of a problem that describe its device and hands, with the criterion "hands"."""
     tables = {key: value for key, value in document.items() if key not in ("experiment", "coupling")}
     return {**tables, "stability": {**tables.get("stability", {}), "criterion": "hands"}}
+
+
+def arm_tables(document: dict[str, Any]) -> dict[str, Any]:
+    """Return `device_tables` of an arm, which has nothing behind its admittance unless the document states it."""
+    return {"environment": NOTHING, **device_tables(document)}
 
 
 def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admittance) -> dict[str, Any]:
@@ -42,6 +50,9 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
         device = _with_filter(device, FILTER_AS_CORNER, corner_hz(coefficient, T))
     numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
     tables = {key: table for key, table in document.items() if key not in OF_FILE}
+    if "servo" not in device and tables.get("environment") == NOTHING:  # the controller's spring is the environment
+        spring = {"min": axis.stiffness, "max": axis.stiffness}
+        tables["environment"] = {**NOTHING, "stiffness": spring}
     return {**tables, "device": device, "coupling": numbers}
 
 

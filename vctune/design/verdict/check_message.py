@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import pi
 
+from vctune.analysis.growth import growth_near
 from vctune.design.result import Repair
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.design.verdict.parameter_changes import ParameterChange
 from vctune.document.text import toml
 from vctune.model.numbers.keys import SYMBOLS
 from vctune.model.numbers.units import UNITS
+from vctune.proof.engine.interval import Verdict
 
 
 def check_message(
@@ -27,9 +29,28 @@ def check_message(
         if held is not None and held.ratio == judgement.min_ratio:
             worst += f" in the hand of {held.hand.in_words(UNITS[judgement.tightest.units])}"
             break
+    grows = [words] if (words := _growth(judgement)) else []
     remedies = [_whole(together)] if together else []
     remedies += [_remedy(repairs, changed)] if repairs is not None else []
-    return "; ".join([*judgement.open_claims, judgement.reserve_missed or worst, *remedies])
+    return "; ".join([*judgement.open_claims, judgement.reserve_missed or worst, *grows, *remedies])
+
+
+def _growth(judgement: Judgement) -> str:
+    """Return how a motion grows in the hand of a refuted claim with its least environment; "" if it does not."""
+    demands, outcome = judgement.certificate.demands, judgement.certificate.outcomes.get("worlds")
+    if outcome is None or outcome.verdict is not Verdict.REFUTED or outcome.hand is None or not outcome.witness:
+        return ""
+    assert demands.worlds is not None
+    law, device, worlds = (judgement.gains, judgement.coupling), outcome.device or judgement.device, demands.worlds
+    found = growth_near(device, *law, outcome.hand, worlds.low, outcome.witness)
+    if found is None:
+        return ""
+    units = UNITS[judgement.tightest.units]
+    behind = "with the least environment of the box"
+    if worlds.exact and worlds.high.mass == 0:
+        behind = "with its spring alone" if worlds.high.stiffness else "with nothing behind it"
+    hand = outcome.hand.in_words(units)
+    return f"in the hand of {hand} {behind} a motion grows by {found.rate:.4g}/s at {found.hz:.4g} Hz"
 
 
 def taken_back(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> list[Repair]:
@@ -53,7 +74,7 @@ def _proved(judgement: Judgement) -> str:
     where = [f"from {low:.6g} to {high:.6g} Hz"] if demands.passive else []
     where += ["in any passive hand up to Nyquist"] if demands.any_hand else []
     if demands.hands is not None:
-        worlds = f" with every environment of {demands.worlds.in_words(units)}" if demands.worlds else ""
+        worlds = f" with {demands.worlds.in_words(units)}" if demands.worlds else ""
         where += [f"in every hand of {demands.hands.in_words(units)}{worlds} up to Nyquist"]
     limits = [f"safety factor {demands.factor:g}"]
     limits += [f"|S| at most {demands.max_sensitivity:g}"] if judgement.kind.own_loop else []

@@ -22,6 +22,7 @@ from vctune.analysis.in_hands import (
     RatioInHand,
     least_ratios_in_any_hand,
     least_ratios_of_devices,
+    resistive_ratio_at,
 )
 from vctune.analysis.in_walls import corner_of
 from vctune.analysis.responses import Loop
@@ -309,6 +310,7 @@ def _estimated(
         if inside and inside[0].ratio < min_ratio:
             min_ratio, worst, tightest = inside[0].ratio, inside[0].omega, inside[0].device
     if of_hands := [(at.held, at.device) for at in in_hands if at.held is not None]:
+        of_hands += _refuted(posed, gains, coupling, certificate)
         held, device = min(of_hands, key=lambda pair: pair[0].ratio)
         if held.ratio < min_ratio:
             min_ratio, worst, tightest = held.ratio, held.omega, device
@@ -342,6 +344,20 @@ def _estimated(
         in_any_hand=in_any_hand,
         in_walls=in_walls,
     )
+
+
+def _refuted(
+    posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate
+) -> list[tuple[RatioInHand, Device]]:
+    """Return Re Z_c / R at the witness of a claim with environments, one of which resonates with the loop there."""
+    outcome, met = certificate.outcomes.get("worlds"), posed.demands.worlds_met
+    # elsewhere the margins of the reactance are as good, and continuous; with one environment they say nothing there
+    if outcome is None or met is None or not met.worlds.exact or outcome.verdict is not Verdict.REFUTED:
+        return []
+    device, hand, omega = outcome.device or posed.problem.device, outcome.hand, outcome.witness
+    if hand is None or not omega:
+        return []
+    return [(RatioInHand(resistive_ratio_at(device, gains, coupling, omega, hand, met), omega, hand), device)]
 
 
 def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float]:

@@ -172,7 +172,7 @@ def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
 def _of_worlds(problem: Problem) -> Iterator[ParameterChange]:
     """Yield changes that leave fewer environments: narrower ranges of mass and stiffness, or more damping."""
     worlds = problem.worlds
-    if worlds is None:
+    if worlds is None or worlds.exact:
         return
     low, high, loop = worlds.low, worlds.high, problem.device.mass / problem.device.loop_lag
     path: KeyPath = ("environment", "damping", "min")

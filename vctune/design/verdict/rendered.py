@@ -22,9 +22,9 @@ RESERVES = (5e-3, 0.03, 0.1)  # Distances from the limit in doubles at which a p
 
 
 def rendered_in_words(problem: Problem, judgement: Judgement) -> str:
-    """Return "proved are springs up to ... and tools from ..."; "" without a box of linear environments in hands."""
+    """Return "proved are springs up to ... and tools from ..."; "" without a box of linear environments."""
     worlds, units = problem.worlds, problem.units
-    if problem.hands_met is None or worlds is None or worlds.walls:
+    if problem.hands_met is None or worlds is None or worlds.walls or worlds.exact:
         return ""
     spring = tool = None
     try:

@@ -29,6 +29,7 @@ from vctune.model.numbers.keys import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.proof.claims.model_poles import prove_model_poles
 from vctune.proof.claims.sampled_poles import prove_sampled_poles
+from vctune.proof.engine.branching import boxes_at_most
 from vctune.proof.engine.interval import Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time
 
@@ -36,6 +37,7 @@ REPAIRS = "the repairs"  # Name of a stage that a time limit may cut short
 # Greatest numbers of changed problems that a search solves, or of changed designs that it judges. They bound its time
 # and, unlike a number of seconds, give the same answer on every machine
 MOST_SOLVED, MOST_JUDGED = 10, 24
+MOST_BOXES = 20_000  # Greatest number of boxes of each proof of a changed design
 # Share by which the screening requires a greater ratio than the limit, so that the proof of rounded gains succeeds
 SLACK = 1e-5
 
@@ -78,7 +80,8 @@ def _seems_admissible_on(problem: Problem, gains: Gains, coupling: AnyCoupling) 
 
 
 def _judged(problem: Problem) -> Judgement | None:
-    judgement = judge(problem, *problem.fixed_design)
+    with boxes_at_most(MOST_BOXES):
+        judgement = judge(problem, *problem.fixed_design)
     return judgement if judgement.status is Status.CERTIFIED else None
 
 

@@ -150,7 +150,7 @@ class HandsRecord(DisplayPart):
         ends = {name: [inf if end is None else end for end in pair] for name, pair in self.worlds.items()}
         low, high = (World(**{name: pair[k] for name, pair in ends.items()}) for k in (0, 1))
         box = Worlds(low, high, self.walls is not None)
-        return f"with every environment of {box.in_words(units)}"
+        return f"with {box.in_words(units)}"
 
     @property
     def within(self) -> Hands:

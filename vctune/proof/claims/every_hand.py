@@ -32,6 +32,7 @@ from vctune.proof.claims.array_claims import (
 )
 from vctune.proof.claims.delay_parts import DELAY_ROWS, Ends, Part, parts_of, row_of
 from vctune.proof.claims.in_hands.any_spring import left_by_any_spring
+from vctune.proof.claims.in_hands.crossing import refuted_by_one
 from vctune.proof.claims.in_hands.resonant_hands import AROUND, RATIO, Resonance, resonance
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
@@ -46,6 +47,7 @@ from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.claims.whole_samples import NEXT_TO
 from vctune.proof.claims.worlds.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.device_box import (
+    MOST_AT_ONCE,
     DeviceBox,
     felt_with_hand,
     in_both_delays,
@@ -110,6 +112,10 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     """Prove Re Z_c > factor R in every hand, or that the loop is stable in every hand with every environment of a
     box."""
     assert demands.hands is not None
+    at_once = box is not None and len(box.modelled.uncertain) <= MOST_AT_ONCE
+    refuted = refuted_by_one(design, demands, box.modelled.devices() if box and at_once else [design.device])
+    if refuted is not None:
+        return refuted
     if box is not None and (parts := moved_as_one(box)):
         return _moved_as_one(design, demands, demands.hands, box, parts)
     if box is not None and late_as_one(box):

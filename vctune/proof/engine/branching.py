@@ -3,7 +3,9 @@ uncertainty."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,6 +17,17 @@ from vctune.running import check_time, report_progress
 
 # Greatest ratio of the uncertainty from the rows that the prover must not halve to the uncertainty from the other rows
 BLUR = 2.0
+_MOST: ContextVar[float] = ContextVar("most boxes", default=np.inf)
+
+
+@contextmanager
+def boxes_at_most(number: int) -> Iterator[None]:
+    """Limit the boxes of each proof within the block: many proofs that may stay open, the same on every machine."""
+    token = _MOST.set(number)
+    try:
+        yield
+    finally:
+        _MOST.reset(token)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +73,7 @@ def prove(
     only_whole: bool = False,
 ) -> Proofs:
     """Test boxes and halve those that stay undecided, until each owner is proved or fails, or the effort ends."""
-    names, shape = boxes.names, (len(boxes.names), owners)
+    names, shape, most = boxes.names, (len(boxes.names), owners), min(max_boxes, _MOST.get())
     failing, open_ = np.full(shape, np.nan), np.full(shape, np.nan)
     count, total = np.zeros(owners, np.intp), np.zeros(owners)
     first = float(len(boxes))
@@ -74,7 +87,7 @@ def prove(
         if measure is not None and decided.proved.any():
             np.add.at(total, boxes.owner[decided.proved], measure(boxes.subset(decided.proved)))
         blurred = _blurred(decided, np.asarray(halved))
-        hopeful = np.isnan(failing[0]) & (count < max_boxes) & (again < max_halvings)
+        hopeful = np.isnan(failing[0]) & (count < most) & (again < max_halvings)
         left = ~decided.proved
         if at_ends:
             boxes = boxes.ends(decided.side)
