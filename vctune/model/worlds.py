@@ -45,8 +45,10 @@ class Worlds:
     def in_words(self, units: Units) -> str:
         """Return "every environment of ..." with units. The text omits limits that exclude nothing."""
         if self.exact and self.high.mass == 0 == self.low.damping:
-            spring = f"its spring of {self.high.stiffness:g} {units.stiffness}" if self.high.stiffness else "nothing"
-            return f"{spring} behind it, or any damper"
+            own = (
+                f"its spring of {self.high.stiffness:g} {units.stiffness} and" if self.high.stiffness else "nothing or"
+            )
+            return f"{own} any damper behind it"
         ranges = [
             _range(low, high, unit)
             for low, high, unit in (
