@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import resource
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,7 +36,7 @@ def repeated():
     return {
         "time_s": np.arange(wave.size) * T,
         "position_m": encoded(recorded["position"], 1e-8),
-        "force_N": recorded["motor"],
+        "command_N": recorded["motor"],
     }
 
 
@@ -61,61 +60,6 @@ def identified(columns, folder, text="", name="log"):
 
 def coded(said, code):
     return [line for line in said if line.endswith(f"[{code}]")]
-
-
-def test_a_force_that_jumps_at_each_sample_is_the_command(moved, tmp_path):
-    """As a continuous force its delay would be longer by half a sample."""
-    jumps = moved["command_N"] + np.random.default_rng(0).normal(size=6000)
-    recorded = driven(DEVICE, FRICTION, jumps)
-    columns = {
-        "time_s": moved["time_s"],
-        "position_m": encoded(recorded["position"], 1e-8),
-        "force_N": recorded["motor"],
-    }
-    found = identified(columns, tmp_path)
-    (said,) = coded(found.record.remarks, "remark-force-role")
-    assert "is taken for a held command" in said and "not separate" not in said and said.count("% of it is left") == 2
-    delay = found.found.bounded("delay")
-    assert delay.low <= DEVICE.delay <= delay.high < DEVICE.delay + 0.4 * T
-
-
-@pytest.mark.slow
-def test_a_force_that_is_held_is_the_command(held):
-    """As a continuous force it leaves twenty times as much."""
-    found = held
-    assert found.found.device.mass == pytest.approx(DEVICE.mass, rel=0.01)
-    delay = found.found.bounded("delay")
-    assert delay.low <= DEVICE.delay <= delay.high and delay.high - delay.low < 0.3 * T
-    (said,) = coded(found.record.remarks, "remark-force-role")
-    assert "is taken for a held command" in said and said.count("% of it is left") == 2
-    assert found.record.warnings == []
-
-
-@pytest.mark.slow
-def test_a_force_that_a_sensor_samples_is_measured(tmp_path):
-    """The force changes sixteen times as often as it is sampled: as good as a continuous one."""
-    fine = 16
-    wave = 3.0 * multisine(np.random.default_rng(4), LINES, 512 * fine, 8, T / fine)
-    recorded = driven(replace(DEVICE, sample_time=T / fine), FRICTION, wave)
-    columns = {
-        "time_s": np.arange(512 * 8) * T,
-        "position_m": encoded(recorded["position"][::fine], 1e-8),
-        "force_N": recorded["motor"][::fine],
-    }
-    found = identified(columns, tmp_path)
-    assert found.found.device.mass == pytest.approx(DEVICE.mass, rel=0.01)
-    (said,) = coded(found.record.remarks, "remark-force-role")
-    assert "is taken for a measured force" in said and "between command and force" in said
-    delay = found.found.bounded("delay")
-    assert delay.low <= DEVICE.delay + T / (2 * fine) <= delay.high
-
-
-def test_where_chi2_does_not_tell_a_command_from_a_force_the_delay_holds_both(moved, tmp_path):
-    columns = {header.replace("command", "force"): values for header, values in moved.items()}
-    found = identified(columns, tmp_path)
-    assert "does not separate" in coded(found.record.remarks, "remark-force-role")[0]
-    delay = found.found.bounded("delay")
-    assert delay.low < DEVICE.delay < DEVICE.delay + T / 2 < delay.high
 
 
 @pytest.mark.parametrize(
@@ -153,7 +97,7 @@ def test_much_that_is_left_is_a_warning_in_the_terminal_and_in_the_file(moved, t
 
 def test_a_copy_of_the_command_is_no_actuator(repeated, tmp_path):
     """Between two columns that are one there is no lag: none is in the file, where its bandwidth would be refused."""
-    found = identified(repeated | {"command_N": repeated["force_N"]}, tmp_path)
+    found = identified(repeated | {"force_N": repeated["command_N"]}, tmp_path)
     assert found.found.device.actuator is None
     assert coded(found.record.remarks, "remark-no-lag")
     assert found.file.problem.device.actuator is None

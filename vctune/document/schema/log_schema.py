@@ -83,8 +83,8 @@ class ColumnsTable(Table):
     command: Column | None = Field(None, description="Commanded force, held until the next sample.")
     force: Column | None = Field(
         None,
-        description="Measured force of the motor: current times its constant. If the log has no command, vctune "
-        "tries this column as a measured and as a commanded force, and takes the better fit.",
+        description="Measured force of the motor: current times its constant. It does not replace the command, which "
+        "tells the delay.",
     )
     hand: Column | None = Field(None, description="Sensed force of the hand on the handle.")
     handle: Column | None = Field(None, description="Position of the handle behind a spring, if the log contains it.")

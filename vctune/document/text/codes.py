@@ -52,7 +52,6 @@ Code = Literal[
     "remark-actuator-lag",
     "remark-assumed-sensor",
     "remark-assumed-velocity",
-    "remark-force-role",
     "remark-handle-damping",
     "remark-highest-line",
     "remark-jitter",

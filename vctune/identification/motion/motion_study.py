@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import sqrt
+from math import pi, sqrt
 
 import numpy as np
 
@@ -27,6 +27,8 @@ MAX_RESIDUAL_SHARE = 0.6
 SUSPICIOUS_SHARE = 0.05
 # Difference between the directions, in standard deviations, above which each direction gets its own parameters
 SIGNIFICANT = 2.0
+LAGS = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)  # Lags that are tried in the place of a part of a delay, as shares of it
+SHORT = 0.2  # Shortest delay of which a part may be a lag that matters, in sample times
 FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}  # Range of masses of a haptic device, kg, or kg m2 if it is rotary
 
@@ -44,7 +46,7 @@ class MotionStudy:
     speed: float  # root mean square speed, m/s
     position_noise: float  # standard deviation of a position sample, m
     chi2: float  # power of the residual divided by the power that the encoder's noise causes in the residual
-    sharp_chi2: tuple[float, float]
+    later: float = 0.0  # how much longer than the fitted one the delay may be if a part of it is a lag, s
 
     def encoder_noise(self, hertz: Floats, sample_time: float) -> Floats:
         """Return the root mean square of the encoder's noise in the force, for each bin of a spectrum, N."""
@@ -59,7 +61,9 @@ class MotionStudy:
         found += self._dampings(text)
         for name, key in (("delay", "delay"), ("sensor_delay", f"{SENSOR}.delay")):
             if name in fit.names:
-                found.append(Estimate(key, fit.value(name), fit.sigma(name), text, self._excess(name)))
+                below, above = self._excess(name)
+                excess = (below, max(above, self.later)) if name == "delay" else (below, above)
+                found.append(Estimate(key, fit.value(name), fit.sigma(name), text, excess))
         return found
 
     def _excess(self, name: str) -> tuple[float, float]:
@@ -96,6 +100,8 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     """Study a recording."""
     signals = signals_of(recording, sample_time, actuator)
     delays = known_delays(log_map)
+    if not signals.is_command:  # the stated delay ends at the measured force or before it
+        delays.pop("delay", None)
     usable = cutoffs(signals)
     if not usable:
         message = "the encoder's noise hides the acceleration at every cut-off; move faster, or use a finer encoder"
@@ -117,8 +123,34 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         speed=float(np.sqrt(np.mean(signals.velocity**2))),
         position_noise=signals.noise,
         chi2=_chi2(signals, fits[best]),
-        sharp_chi2=(_chi2(signals, fits[max(fits)]), 2 * max(fits) * sample_time * fits[max(fits)].samples[0]),
+        later=_later(recording, sample_time, fits, best, delays) if signals.is_command and actuator is None else 0.0,
     )
+
+
+def _later(
+    recording: Recording, T: float, fits: Mapping[float, MotionFit], best: float, delays: Mapping[str, float]
+) -> float:
+    """Return how much longer than the fitted delay the sum of a delay and an actuator's lag may be, s.
+
+    A lag delays fast motions less than slow ones, so that a fitted delay alone is too short. At the finest cut-off,
+    where a lag shows most, and at the one of the estimate, the lag that explains the force best is found on a grid.
+    """
+    if "delay" not in fits[best].names:
+        return 0.0
+    found, fitted = 0.0, fits[best].value("delay")
+    for cutoff in {best, max(fits)}:
+        alone = fits[cutoff].value("delay")
+        if alone < SHORT * T:
+            continue
+        tried = [(fits[cutoff].residual, alone)]
+        for share in LAGS:
+            lagging = signals_of(recording, T, Actuator(1 / (2 * pi * share * alone)))
+            fit = motion_fit(lagging, cutoff, DIRECTIONAL, delays)[0]
+            tried.append((fit.residual, fit.value("delay") + share * alone))
+        least = min(range(len(tried)), key=lambda k: tried[k][0])
+        if least > 0:  # one step further, for what lies between the steps
+            found = max(found, tried[min(least + 1, len(tried) - 1)][1] - fitted)
+    return found
 
 
 def _chi2(signals: Signals, fit: MotionFit) -> float:
@@ -130,7 +162,7 @@ def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, del
     """Refuse a log if no mass and friction explain its force, or if only an impossible mass explains it."""
     mass, residual_share = fit.value("mass"), fit.residual / fit.force
     headers = {role: channel.header for role, channel in recording.channels.items()}
-    pushed = headers.get("force", headers.get("command", headers.get("hand", "")))
+    pushed = headers.get("command", headers.get("force", headers.get("hand", "")))
     faults, units = [], recording.units
     mass_text = f"the {units.mass_name} comes out as {mass:.3g} {units.mass}"
     swapped_share = _residual_if_swapped(signals, delays) if residual_share > SUSPICIOUS_SHARE else None

@@ -108,9 +108,10 @@ def acceleration_noise(signals: Signals, cutoff_hz: float) -> float:
 
 def signals_of(recording: Recording, sample_time: float, actuator: Actuator | None) -> Signals:
     """Return the columns of a recording that the regression needs."""
-    force, held = recording.values("force"), False
+    # from the command, the delay includes everything up to the motion; a measured force may come much later
+    force, held = recording.values("command"), True
     if force is None:
-        force, held = recording.values("command"), True
+        force, held = recording.values("force"), False
     if force is not None and np.ptp(force) == 0:
         force = None
     position = recording.channels["position"]
