@@ -129,8 +129,8 @@ def test_peers_get_the_problem_with_its_derivatives(wheel):
 
 def test_missing_peers_are_an_input_error(monkeypatch):
     monkeypatch.setattr(peers, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"needs SciPy, .*pip install scipy"):
-        peers.need("scipy")
+    with pytest.raises(InputError, match=r"needs mpmath, .*pip install mpmath"):
+        peers.need("mpmath")
 
 
 # Rows

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from dataclasses import replace
 from math import log, pi, sqrt
 from types import SimpleNamespace
@@ -394,12 +393,6 @@ def test_the_device_must_have_a_loop_and_one_filter(arm):
     assert "leave one of them out" in vctune("check", "own.toml", "ros.yaml", cwd=arm).stderr
     refused = vctune("check", "arm.toml", "own.toml", "ros.yaml", cwd=arm)
     assert refused.returncode == ExitCode.BAD_INPUT and "for the axis x; give one of them the name" in refused.stderr
-
-
-def test_without_pyyaml_it_says_what_to_install(arm, monkeypatch):
-    monkeypatch.setitem(sys.modules, "yaml", None)
-    refused = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    assert refused.returncode == ExitCode.BAD_INPUT and "pip install pyyaml" in refused.stderr
 
 
 @pytest.mark.slow

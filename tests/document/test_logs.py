@@ -193,11 +193,6 @@ def test_bad_input_is_code_2_and_leaves_nothing(log, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_without_scipy_it_says_how_to_install_it(log, tmp_path, monkeypatch):
-    monkeypatch.setattr("vctune.api.identifying.find_spec", lambda name: None)
-    assert "pip install scipy" in refused(written(tmp_path, log))
-
-
 def test_a_workbook_is_named(tmp_path):
     path = tmp_path / "log.xlsx"
     with zipfile.ZipFile(path, "w") as packed:

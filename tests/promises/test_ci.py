@@ -85,7 +85,7 @@ def test_the_action_checks(repository):
     action = yaml.safe_load((ROOT / folder / "action.yml").read_text())
     assert set(used["with"]) <= set(action["inputs"])
     *_, installing, checking = action["runs"]["steps"]
-    assert (ROOT / folder / re.search(r"ACTION_PATH/([./]+)\[", installing["run"])[1] / "pyproject.toml").exists()
+    assert (ROOT / folder / re.search(r"ACTION_PATH/([./]+)", installing["run"])[1] / "pyproject.toml").exists()
     assert checking["env"] == {"FILES": "${{ inputs.files }}", "OPTIONS": "${{ inputs.options }}"}
     env = {name.upper(): value for name, value in used["with"].items()}
     env["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"

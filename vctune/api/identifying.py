@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -78,7 +77,6 @@ def identify(
         raise InputError.of("logs", "bad-option", "there is none; name at least one CSV file")
     known = read_log_map(None if config is None else Path(config), servo=servo)
     recordings = [read_log(path, known) for path in paths]
-    require_scipy()
     from vctune.identification.identification_record import identification_record
     from vctune.identification.identify import identify as run
 
@@ -126,12 +124,6 @@ def write_identification(identified: Identification, folder: str | Path, *, repo
         files |= identification_files(identified.found, identified.record, folder)
     write_together(files, [path for path in report_paths(folder, IDENTIFICATION_FIGURES) if path not in files])
     return folder / DEVICE_FILE
-
-
-def require_scipy() -> None:
-    """Check that SciPy is installed."""
-    if find_spec("scipy") is None:
-        raise InputError.of("vctune identify", "missing-package", "needs SciPy: pip install scipy")
 
 
 def _versions() -> dict[str, str | None]:

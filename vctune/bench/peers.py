@@ -10,13 +10,11 @@ import numpy as np
 from vctune.bench.dense import DenseProblem, Stopped
 from vctune.document.text.errors import InputError
 
-PACKAGES = {"scipy": "SciPy", "mpmath": "mpmath"}  # Names of the packages in messages
-
 
 def need(package: str) -> None:
     """Check that a package of the extra `bench` is installed."""
     if find_spec(package) is None:
-        lacking = f"needs {PACKAGES[package]}, which it compares with: pip install {package}"
+        lacking = f"needs {package}, which it compares with: pip install {package}"
         raise InputError.of("vctune bench", "missing-package", lacking)
 
 

@@ -111,7 +111,6 @@ PEERS = [
 
 def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     """Run every solver on the reference problems."""
-    peers.need("scipy")
     rows: list[Row] = []
     for name, problem in reference_problems(1 if quick else None).items():
         rows += _problem_rows(name, problem, tick)

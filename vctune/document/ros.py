@@ -98,10 +98,8 @@ def is_admittance(path: Path) -> bool:
 def read_admittances(path: Path) -> list[AdmittanceFile]:
     """Read the parameters of each admittance_controller of a file."""
     source = str(path)
-    try:
-        import yaml
-    except ImportError:
-        raise InputError.of(source, "missing-package", "reading YAML needs PyYAML: pip install pyyaml") from None
+    import yaml
+
     text = toml.read_text(path)
     try:
         root = yaml.compose(text, yaml.SafeLoader)

@@ -15,7 +15,7 @@ from vctune.document.schema.device_contradictions import MAX_DELAY_SAMPLES
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError
 from vctune.identification.box import Bounded, box
-from vctune.identification.checks import check
+from vctune.identification.checks import check, on_even_rows
 from vctune.identification.known import (
     SENSOR,
     check_known,
@@ -54,6 +54,9 @@ def _check_delay(delay: Bounded, recording: Recording, T: float) -> None:
     remedy = f"the columns were not sampled together; shift the {name}'s column, or log both in the same interrupt"
     if delay.key in ("delay", "servo.delay") and latest + widest < -0.5 * T:
         message = f"the position is {-latest:.3g} s ahead of the {name}: {remedy}"
+    elif delay.high > MAX_DELAY_SAMPLES * T > latest:
+        limits = f"{max(delay.low, 0):.3g} to {delay.high:.3g} s"
+        message = f"{delay.key} is not determined: {limits}; move faster, or record longer"
     elif delay.high > MAX_DELAY_SAMPLES * T:
         message = (
             f"{delay.key} is up to {delay.high:.3g} s, {delay.high / T:.3g} sample times, and at most "
@@ -105,6 +108,8 @@ class Identified:
 
 def identify(recordings: Sequence[Recording], log_map: LogMap, name: str, progress: Progress) -> Identified:
     """Identify a device."""
+    if not log_map.servo:
+        recordings = [on_even_rows(recording) for recording in recordings]
     times = [check(recording, log_map.document.sample_time, servo=log_map.servo) for recording in recordings]
     T = times[0]
     _same_sample_time(recordings, times)

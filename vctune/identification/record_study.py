@@ -15,7 +15,7 @@ from vctune.identification.box import Estimate
 from vctune.identification.checks import remarks
 from vctune.identification.known import known_actuator
 from vctune.identification.motion.drive_fit import fit_drive
-from vctune.identification.motion.motion_study import MotionStudy, motion_study
+from vctune.identification.motion.motion_study import MotionStudy, motion_study, refuse_spring
 from vctune.identification.response.periodic_study import PeriodicStudy, periodic_estimates
 from vctune.identification.response.response import response
 from vctune.identification.response.response_fit import fit_response
@@ -95,6 +95,7 @@ def record_study(recording: Recording, T: float, log_map: LogMap) -> RecordStudy
 def _studied(recording: Recording, T: float, log_map: LogMap) -> RecordStudy:
     """Return the study of a periodic excitation, or of any motion if the recording has no usable periodic response."""
     notes, actuator = tuple(remarks(recording)), known_actuator(log_map)
+    refuse_spring(recording, T, actuator, log_map)
     measured = None if "hand" in recording.channels else response(recording, T)
     fitted = None if measured is None else fit_response(measured, actuator)
     if measured is None or fitted is None:

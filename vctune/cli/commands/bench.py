@@ -21,8 +21,8 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 def bench() -> None:
     """Measure vctune against other solvers and on extreme devices.
 
-    The command writes the results to OUT/ as a CSV file, a picture and a page. The other solvers need SciPy and mpmath:
-    pip install scipy mpmath.
+    The command writes the results to OUT/ as a CSV file, a picture and a page. `bench stress` needs mpmath: pip
+    install mpmath.
     """
 
 

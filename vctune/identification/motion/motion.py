@@ -204,5 +204,6 @@ def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every:
         "coulomb_forwards": lambda: behind("ahead"),
         "coulomb_backwards": lambda: -behind("back"),
         "offset": lambda: behind("always"),
+        "stiffness": lambda: filtered(signals.spectra["position"], lambda w: smooth(w, cutoff_hz), every),
     }
     return (regressor_of[name]() for name in names)

@@ -27,6 +27,9 @@ MAX_RESIDUAL_SHARE = 0.6
 SUSPICIOUS_SHARE = 0.05
 # Difference between the directions, in standard deviations, above which each direction gets its own parameters
 SIGNIFICANT = 2.0
+# A spring is there if it is this many deviations from 0, and leaves less than this share of the residual and makes up
+# this share of the force, or moves the mass by this share
+SPRUNG, EXPLAINED, FELT, MOVED = 4.0, 0.75, 0.01, 0.02
 LAGS = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)  # Lags that are tried in the place of a part of a delay, as shares of it
 SHORT = 0.2  # Shortest delay of which a part may be a lag that matters, in sample times
 FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
@@ -125,6 +128,29 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         chi2=_chi2(signals, fits[best]),
         later=_later(recording, sample_time, fits, best, delays) if signals.is_command and actuator is None else 0.0,
     )
+
+
+def refuse_spring(recording: Recording, sample_time: float, actuator: Actuator | None, log_map: LogMap) -> None:
+    """Refuse a log in which something besides the motor and the hand pulls with the position: no device has that."""
+    signals = signals_of(recording, sample_time, actuator)
+    delays = known_delays(log_map) if signals.is_command else {}
+    fits = {cutoff: motion_fit(signals, cutoff, DIRECTIONAL, delays)[0] for cutoff in cutoffs(signals)}
+    if not fits:
+        return
+    best = min(fits.values(), key=lambda fit: fit.sigma("mass"))
+    sprung = motion_fit(signals, best.cutoff_hz, (*DIRECTIONAL, "stiffness"), delays)[0]
+    stiffness, moved = sprung.value("stiffness"), abs(sprung.value("mass") / best.value("mass") - 1)
+    if abs(stiffness) < SPRUNG * sprung.sigma("stiffness"):
+        return
+    share = abs(stiffness) * float(np.std(signals.position)) / best.force
+    if moved < MOVED and (sprung.residual > EXPLAINED * best.residual or share < FELT):
+        return
+    header, units = recording.channels["position"].header, recording.units
+    message = (
+        f"the {units.force_name} follows the position by about {stiffness:.2g} {units.stiffness}: gravity, a return "
+        "spring or a cable pulls, which no device here has; record where it is balanced, or without it"
+    )
+    raise InputError.of(recording.source, "log-unexplained", message, key=header)
 
 
 def _later(
