@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import vctune
+from limits import LIMITS, limit
 from vctune.model.gains import SpringDamper
 
 HERE = Path(__file__).parent
@@ -57,6 +58,8 @@ def near(path: Path, found: dict[str, Any]) -> dict[str, str]:
     problem, coupling_of = vctune.read_problem(path).problem, KINDS["stiffness" in found["coupling"]]
     gains, coupling = vctune.Gains(*found["gains"]), coupling_of(**found["coupling"])
     verdicts = {}
+    if found["status"] == "certified":
+        verdicts["its error"] = f"{vctune.judge(problem, gains, coupling).error:.6g}"
     for part, factors in SCALES.items():
         for factor in factors if part == "coupling" or gains.velocity > 0 else ():
             law, rendered = gains, coupling
@@ -67,6 +70,30 @@ def near(path: Path, found: dict[str, Any]) -> dict[str, str]:
                 rendered = replace(coupling, **scaled)
             verdicts[f"{part} x {factor:g}"] = vctune.judge(problem, law, rendered).status.value
     return verdicts
+
+
+def bad_files() -> dict[str, list[list[Any]]]:
+    """Return the code, the key and the line of each mistake in the invalid problems of tests/bad."""
+    found = {}
+    for path in sorted((ROOT / "tests/bad").glob("*.toml")):
+        try:
+            vctune.read_problem(path)
+            found[path.name] = []
+        except vctune.InputError as error:
+            found[path.name] = [[each.code, each.key, each.line] for each in error.mistakes]
+    return found
+
+
+def bound() -> list[float]:
+    """Return the error of the best design of the friction wheel and its proved bound."""
+    found = vctune.bound(ROOT / "problems/friction-wheel.toml", gap=0.02).optimality
+    return [found.bound, found.gap]
+
+
+def swept() -> list[list[Any]]:
+    """Return the status and the error of the friction wheel over its damping."""
+    rows = vctune.sweep(ROOT / "problems/friction-wheel.toml", {"device.damping": [0.5, 2.0, 8.0]}).table.rows()
+    return [[row["status"], row["error"]] for row in rows]
 
 
 def region() -> dict[str, float]:
@@ -87,7 +114,10 @@ def simulation() -> dict[str, Any]:
 
 def answers() -> dict[str, Any]:
     """Return every answer, by the name of its problem."""
-    found: dict[str, Any] = {"region": region(), "simulation": simulation()}
+    found: dict[str, Any] = {
+        "region": region(), "simulation": simulation(), "bad files": bad_files(), "bound": bound(), "sweep": swept(),
+        "limits": {name: limit(name) for name in LIMITS},
+    }  # fmt: skip
     for path in DESIGNS:
         found[name_of(path)] = answer(path)
         print(name_of(path), found[name_of(path)]["status"], file=sys.stderr)  # noqa: T201

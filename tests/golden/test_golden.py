@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 
 import pytest
-from answers import DESIGNS, FILE, answer, name_of, near, region, simulation
+from answers import DESIGNS, FILE, answer, bad_files, bound, name_of, near, region, simulation, swept
 from conftest import mostly_slow
+from limits import BESIDE, LIMITS, passes
 
 FAST = DESIGNS[::8]
 """Problems whose answers are asked for each time."""
@@ -38,6 +39,28 @@ def test_recorded_gains_and_gains_near_them_are_judged_as_they_were(path):
     then = GOLDEN[name_of(path)]
     now = near(path, then)
     assert {place: verdict for place, verdict in now.items() if not agree(then["near"][place], verdict)} == {}
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_the_limit_of_a_number_is_where_it_was(name):
+    """To .2 % on either side, with the other numbers of the design fixed."""
+    greater, at = LIMITS[name].greater, GOLDEN["limits"][name]
+    assert passes(name, at * (1 + BESIDE if greater else 1 - BESIDE))
+    assert not passes(name, at * (1 - BESIDE if greater else 1 + BESIDE))
+
+
+def test_a_mistake_has_its_code_its_key_and_its_line():
+    assert bad_files() == GOLDEN["bad files"]
+
+
+def test_a_bound_is_as_tight_as_it_was():
+    (lower, gap), now = GOLDEN["bound"], bound()
+    assert now[0] >= lower * (1 - WORSE) and now[1] <= max(gap, 0.02)
+
+
+def test_the_rows_of_a_sweep_are_as_good_as_they_were():
+    for (status, error), (now, found) in zip(GOLDEN["sweep"], swept(), strict=True):
+        assert (now, found) == (status, pytest.approx(error, rel=1e-5))
 
 
 def test_a_region_is_as_large_as_it_was():

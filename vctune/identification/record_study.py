@@ -23,6 +23,8 @@ from vctune.identification.servo.servo_study import ServoStudy, servo_notes, ser
 
 POOR = 0.05  # Relative residual of the force or of the response above which the study warns
 
+UNEXPLAINED = 0.25  # Share of a periodic response above which the log is refused
+
 
 @dataclass(frozen=True, slots=True)
 class RecordStudy:
@@ -116,6 +118,9 @@ def _with_warning(study: RecordStudy) -> RecordStudy:
         if study.servo is not None
         else "response"
     )
+    if study.periodic is not None and unexplained > UNEXPLAINED:
+        message = f"{unexplained:.0%} of the response is that of no device: record longer, or with more force or lines"
+        raise InputError.of(study.recording.source, "log-unexplained", message)
     text = (
         f"{study.recording.name}: the device in the file leaves {unexplained:.1%} of the {quantity} unexplained: no "
         "design for it is better than that; see the report for when and at which frequencies"

@@ -137,7 +137,9 @@ def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
     lines = measured.position
     inertia = 1 / np.abs(lines.omega**2 * lines.ratio)
     low_lines = max(3, inertia.size // 10)
-    common = {"damping": 0.0, "coulomb": 0.0, "delay": 0.0, "lag": measured.sample_time, "handle_damping": 0.0}
+    phase = np.unwrap(np.angle(-lines.ratio))
+    late = max(0.0, -float(phase @ lines.omega / (lines.omega @ lines.omega)) - measured.sample_time / 2)
+    common = {"damping": 0.0, "coulomb": 0.0, "delay": late, "lag": measured.sample_time, "handle_damping": 0.0}
     if candidate.masses == 1:
         return [common | {"mass": float(np.median(inertia))}]
     total_mass = float(np.median(inertia[:low_lines]))
