@@ -12,8 +12,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import vctune
 from limits import LIMITS, limit
+
+import vctune
 from vctune.model.gains import SpringDamper
 
 HERE = Path(__file__).parent

@@ -72,6 +72,35 @@ FAULTS = {
         "return Hand(*(number.ravel()[:1] for number in each))"),
     "an unstable loop is taken for a stable one": (
         "proof/claims/sampled_poles.py", "Verdict.REFUTED", "Verdict.PROVED"),
+    "a number of [operator] is the least of a range": (
+        "document/schema/defaults.py", "    if isinstance(value, float):\n        return Range(value, value)",
+        "    if isinstance(value, float):\n        return Range(value, max(value, high))"),
+    "the environments' stiffest spring is not seen": (
+        "model/sampled/worlds/loop_in_worlds.py", "factor * (soft * size)", "0 * (soft * size)"),
+    "the environments' lightest mass is the heaviest": (
+        "model/sampled/worlds/loop_in_worlds.py", "light, soft = low.mass * inertia",
+        "light, soft = high.mass * inertia"),
+    "an actuator does not lag": (
+        "model/loop/drive.py", "actuator.bandwidth_hz * device.sample_time", "1e3 * actuator.bandwidth_hz"),
+    "the limit of |S| is twice as high": (
+        "model/problem.py", "max_sensitivity=stability.max_sensitivity,",
+        "max_sensitivity=2 * stability.max_sensitivity,"),
+    "the disc of devices is half as wide": (
+        "proof/claims/margins_of_claims.py", "- radius * radius * loop.abs2()",
+        "- 0.25 * radius * radius * loop.abs2()"),
+    "a refuted check exits with 0": (
+        "exit_codes.py", "FAILED = 1", "FAILED = 0"),
+    "a torn row of a sweep stays": ("study/rows.py", "    os.ftruncate(handle, end)\n", ""),
+    "the exported velocity gain is rounded": (
+        "firmware/c_text.py", 'repr(number) if precision == "double"', '"%.6g" % number if precision == "double"'),
+    "a repair that was not proved is listed": (
+        "design/verdict/repair.py", "judgement is not None and judgement.status is Status.CERTIFIED",
+        "judgement is not None"),
+    "the delay of a log is that of its force": (
+        "identification/motion/signals.py", 'force, held = recording.values("command"), True',
+        'force, held = recording.values("force"), False'),
+    "a mistake is told a line late": (
+        "document/text/toml.py", "        return without + 1\n", "        return without + 2\n"),
     "every problem without a design is proved infeasible": (
         "design/verdict/infeasible.py", "proved=False", "proved=True"),
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Fixed designs next to their limit: for each kind of claim a problem with one number open, and on which side it passes.
+"""Fixed designs next to their limit: for each kind of claim a problem with one number open.
 
 The limit is found by bisection over verdicts. The next version must pass and fail on the same sides of it.
 """
