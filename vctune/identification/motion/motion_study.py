@@ -30,6 +30,7 @@ SIGNIFICANT = 2.0
 # A spring is there if it is this many deviations from 0, and leaves less than this share of the residual and makes up
 # this share of the force, or moves the mass by this share
 SPRUNG, EXPLAINED, FELT, MOVED = 4.0, 0.75, 0.01, 0.02
+DRIVEN = 0.1  # Share of the force that a damping below 0 must make up for a log to be refused
 LAGS = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)  # Lags that are tried in the place of a part of a delay, as shares of it
 SHORT = 0.2  # Shortest delay of which a part may be a lag that matters, in sample times
 FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
@@ -199,7 +200,8 @@ def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, del
         position = f"{units.mass_name} and friction of {headers['position']}"
         message = f"{residual_share:.0%} of {pushed} is explained by no {position}{hint}"
         faults.append(Mistake("log-unexplained", pushed, message))
-    elif mass <= 0:
+    elif mass <= 0 or (not delays and _driven_by_damping(signals, fit)):
+        mass_text = mass_text if mass <= 0 else f"the damping comes out as {_dampings(fit)[0]:.3g} {units.damping}"
         message = f"{mass_text}: {pushed} pushes against the motion; turn one sign by scale = -1"
         faults.append(Mistake("log-unexplained", pushed, message))
     elif not MASSES[recording.rotary][0] <= mass <= MASSES[recording.rotary][1]:
@@ -210,6 +212,18 @@ def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, del
         faults.append(Mistake("log-unexplained", pushed, message))
     if faults:
         raise InputError(recording.source, faults)
+
+
+def _dampings(fit: MotionFit) -> tuple[float, float]:
+    """Return the greater of the two ways' dampings and its standard deviation."""
+    ways = ("damping_forwards", "damping_backwards")
+    return max((fit.value(way), fit.sigma(way)) for way in ways)
+
+
+def _driven_by_damping(signals: Signals, fit: MotionFit) -> bool:
+    """Return whether the damping is below 0 both ways, for certain and with a good part of the force."""
+    damping, sigma = _dampings(fit)
+    return damping < -SPRUNG * sigma and -damping * float(np.std(signals.velocity)) > DRIVEN * fit.force
 
 
 def _residual_if_swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:

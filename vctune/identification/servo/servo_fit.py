@@ -327,6 +327,8 @@ def _best_latency(task: _Task, at: Floats, logarithm: float) -> Floats:
     at = np.array([at[0], min(max(logarithm, low), high)])
     for _ in range(6):
         slope = task.slopes(at, (0,))[:, 0]
+        if not slope.any():  # the command does not act within the log
+            break
         change = float(slope @ task.white(at)) / float(slope @ slope)
         at = at - np.array([change, 0.0])
         if abs(change) < 1e-4:
