@@ -37,8 +37,7 @@ FAULTS = {
     "the firmware's low-pass is twice as fast": (
         "model/loop/filters.py", "x = 2 * ops.pi * filter_hz", "x = 4 * ops.pi * filter_hz"),
     "an interpolated command is a held one": (
-        "model/loop/filters.py", "return FilterResponse(cos * cos, half",
-        "return FilterResponse(cos * 0 + 1, 0 * half"),
+        "model/sampled/servo_plant.py", 'interpolated = servo.command == "position"', "interpolated = False"),
     "undecided is read as proved": (
         "proof/engine/interval.py", "(Verdict.REFUTED, Verdict.UNDECIDED, Verdict.PROVED)",
         "(Verdict.REFUTED, Verdict.PROVED, Verdict.UNDECIDED)"),

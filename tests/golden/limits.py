@@ -82,6 +82,16 @@ LIMITS = {
     ),
     "an arm of its own commands": _servo(', command = "position"'),
     "an arm with a disc": _servo(rest="[uncertainty]\nunmodelled = [[0.5, 0.02], [10.0, 0.2]]\n"),
+    "an arm next to a whole sample of delay": Limit(
+        "[device]\nsample_time = 2e-3\nservo = { delay = 3.92e-3, bandwidth_hz = 60.0, order = 1 }\n"
+        "[operator]\nmass = { min = 0.0, max = 2.0 }\nstiffness = { min = 0.0, max = 1000.0 }\n"
+        + ARM.replace("{factor}", "1.0")
+    ),
+    "an arm in one late contact": Limit(
+        "[device]\nsample_time = 2e-3\nservo = { delay = 0.012, bandwidth_hz = 25.0, order = 2 }\n"
+        "[operator]\nmass = { min = 1.0, max = 6.0 }\ndamping = 0.0\nstiffness = 20.0\n"
+        + ARM.replace("{factor}", "1.0")
+    ),
     "an arm of uncertain delay": _servo(rest='[uncertainty]\n"servo.delay" = 0.1\n'),
     "any hand on an impedance display": Limit(
         DESKTOP + "[coupling]\ndamping = 0.1\nstiffness = {x!r}\n[stability]\nsafety_factor = 1.0\n", greater=False
