@@ -7,10 +7,14 @@ import json
 import pytest
 from answers import DESIGNS, FILE, answer, bad_files, bound, name_of, near, region, simulation, swept
 from conftest import mostly_slow
-from limits import BESIDE, LIMITS, passes
+from limits import BESIDE, HANDS, LIMITS, WHEEL, passes
+
+import vctune
+from vctune.document.reading import parse_problem
 
 FAST = DESIGNS[::8]
 """Problems whose answers are asked for each time."""
+OPEN = WHEEL + "[gains]\nvelocity = 60.0\nposition = 0.0\n[coupling]\ndamping = 40.0\nmass = 0.3\ndrag = 0.0\n" + HANDS
 GOLDEN = json.loads(FILE.read_text())
 WORSE = 1e-4
 """Relative increase of an error, or of an undecided area, above which an answer is worse; better ones are welcome."""
@@ -47,6 +51,16 @@ def test_the_limit_of_a_number_is_where_it_was(name):
     greater, at = LIMITS[name].greater, GOLDEN["limits"][name]
     assert passes(name, at * (1 + BESIDE if greater else 1 - BESIDE))
     assert not passes(name, at * (1 - BESIDE if greater else 1 + BESIDE))
+
+
+@pytest.mark.slow
+def test_what_is_left_open_is_not_called_proved():
+    """Without K_p and drag the margin vanishes at 0 Hz in a hand of nothing; all other claims are proved."""
+    problem = parse_problem(OPEN, "open", "open")
+    judgement = vctune.judge(problem, *problem.fixed_design)
+    assert judgement.status.value == "undecided"
+    verdicts = [outcome.verdict.value for outcome in judgement.certificate.outcomes.values()]
+    assert sorted(verdicts) == ["proved", "proved", "undecided"]
 
 
 def test_a_mistake_has_its_code_its_key_and_its_line():
