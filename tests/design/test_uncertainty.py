@@ -8,6 +8,7 @@ import sys
 from dataclasses import astuple, replace
 from fractions import Fraction
 from functools import cache
+from itertools import product
 from math import inf
 
 import mpmath as mp
@@ -444,3 +445,24 @@ def test_random_boxes_hold_no_device_that_fails(seed, capsys):
             assert meet_demands(alone, design[:, None]).all(), text
     with capsys.disabled():
         sys.stdout.write(f"\n{met}\n")
+
+
+def test_the_peak_of_many_uncertain_numbers_is_that_of_the_loudest_vertex():
+    """All 32 devices at the vertices of five numbers, of which the search tries ten."""
+    text = (
+        "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\ndelay = 3e-4\n"
+        "[device.actuator]\nbandwidth_hz = 300.0\n[device.force_sensor]\nbandwidth_hz = 400.0\n[uncertainty]\nmass = 0.2\ndamping = 0.5\ndelay = 0.3\n"
+        '"actuator.bandwidth_hz" = 0.3\n"force_sensor.bandwidth_hz" = 0.2\n[gains]\nvelocity = 90.0\nposition = 1e3\n'
+        '[coupling]\ndamping = 40.0\nmass = 0.5\ndrag = 20.0\n[stability]\ncriterion = "passive"\nband_hz = [1, 60]\n'
+    )
+    problem = parse_problem(text, "x", "x")
+    shares = dict(problem.uncertainty.half_widths)
+    certain = replace(problem, uncertainty=None)
+
+    def peak(signs):
+        factors = {key: 1 + sign * share for sign, (key, share) in zip(signs, shares.items(), strict=True)}
+        device = problem.device.with_numbers({key: problem.device.number(key) * f for key, f in factors.items()})
+        return judge(replace(certain, device=device), *problem.fixed_design).peak_sensitivity
+
+    peaks = [peak(signs) for signs in product((-1, 1), repeat=len(shares))]
+    assert judge(problem, *problem.fixed_design).peak_sensitivity == pytest.approx(max(peaks), rel=1e-6)

@@ -27,7 +27,7 @@ from vctune.analysis.in_hands import (
 from vctune.analysis.in_walls import corner_of
 from vctune.analysis.responses import Loop
 from vctune.design.prepared import Posed, pose, with_acting_terms, with_corner
-from vctune.design.search.worst import worst_inside
+from vctune.design.search.worst import loudest, worst_inside
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
@@ -324,7 +324,10 @@ def _estimated(
         in_walls, device = min(of_walls, key=lambda pair: pair[0].ratio)
         if in_walls.ratio < min_ratio:
             min_ratio, worst, tightest = in_walls.ratio, in_walls.omega, device
-    sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
+    peaks = ((case, sensitivity_maxima(case, gains)) for case in cases)
+    loud, sensitivity = min(peaks, key=lambda pair: float(pair[1].value[0]))
+    if (louder := loudest(posed, gains, loud, sensitivity)) is not None:  # of many numbers not every vertex is a case
+        sensitivity = louder[1]
     transparency, differing = transparency_error(posed.problem, gains, coupling), with_acting_terms(posed)
     error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
     return Judgement(
