@@ -451,7 +451,8 @@ def test_the_peak_of_many_uncertain_numbers_is_that_of_the_loudest_vertex():
     """All 32 devices at the vertices of five numbers, of which the search tries ten."""
     text = (
         "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\ndelay = 3e-4\n"
-        "[device.actuator]\nbandwidth_hz = 300.0\n[device.force_sensor]\nbandwidth_hz = 400.0\n[uncertainty]\nmass = 0.2\ndamping = 0.5\ndelay = 0.3\n"
+        "[device.actuator]\nbandwidth_hz = 300.0\n[device.force_sensor]\nbandwidth_hz = 400.0\n"
+        "[uncertainty]\nmass = 0.2\ndamping = 0.5\ndelay = 0.3\n"
         '"actuator.bandwidth_hz" = 0.3\n"force_sensor.bandwidth_hz" = 0.2\n[gains]\nvelocity = 90.0\nposition = 1e3\n'
         '[coupling]\ndamping = 40.0\nmass = 0.5\ndrag = 20.0\n[stability]\ncriterion = "passive"\nband_hz = [1, 60]\n'
     )
