@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 from math import pi
 
 from vctune.analysis.growth import growth_near
@@ -12,7 +14,12 @@ from vctune.design.verdict.parameter_changes import ParameterChange
 from vctune.document.text import toml
 from vctune.model.numbers.keys import SYMBOLS
 from vctune.model.numbers.units import UNITS
+from vctune.proof.certificate import certify
+from vctune.proof.engine.branching import boxes_at_most
 from vctune.proof.engine.interval import Verdict
+from vctune.running import OutOfTimeError
+
+MOST_BOXES = 20_000  # Greatest number of boxes of the proof that a design misses only the safety factor
 
 
 def check_message(
@@ -29,10 +36,28 @@ def check_message(
         if held is not None and held.ratio == judgement.min_ratio:
             worst += f" in the hand of {held.hand.in_words(UNITS[judgement.tightest.units])}"
             break
-    grows = [words] if (words := _growth(judgement)) else []
     remedies = [_whole(together)] if together else []
     remedies += [_remedy(repairs, changed)] if repairs is not None else []
+    if _misses_only_the_factor(judgement):
+        missed = f"stable, but misses the safety factor {judgement.certificate.demands.factor:g}: {worst}"
+        return "; ".join([missed, *remedies])
+    grows = [words] if (words := _growth(judgement)) else []
     return "; ".join([*judgement.open_claims, judgement.reserve_missed or worst, *grows, *remedies])
+
+
+def _misses_only_the_factor(judgement: Judgement) -> bool:
+    """Return whether a refuted design is proved without a safety factor, where only hands or environments ask for it.
+
+    `Judgement.reserve_missed` says so of Llewellyn's conditions.
+    """
+    certificate = judgement.certificate
+    failing = {claim for claim, outcome in certificate.outcomes.items() if outcome.verdict is not Verdict.PROVED}
+    if certificate.demands.factor <= 1 or not failing or not failing <= {"hands", "worlds", "any_hand"}:
+        return False
+    with boxes_at_most(MOST_BOXES), suppress(OutOfTimeError):
+        demands = replace(certificate.demands, factor=1.0)
+        return certify(certificate.design, demands, certificate.box).verdict is Verdict.PROVED
+    return False
 
 
 def _growth(judgement: Judgement) -> str:
