@@ -97,10 +97,10 @@ def record_study(recording: Recording, T: float, log_map: LogMap) -> RecordStudy
 def _studied(recording: Recording, T: float, log_map: LogMap) -> RecordStudy:
     """Return the study of a periodic excitation, or of any motion if the recording has no usable periodic response."""
     notes, actuator = tuple(remarks(recording)), known_actuator(log_map)
-    refuse_spring(recording, T, actuator, log_map)
     measured = None if "hand" in recording.channels else response(recording, T)
     fitted = None if measured is None else fit_response(measured, actuator)
     if measured is None or fitted is None:
+        refuse_spring(recording, T, actuator, log_map)
         return RecordStudy(recording, T, motion_study(recording, T, actuator, log_map), None, notes)
     drive = None if measured.drive is None else fit_drive(measured.drive, T)
     return RecordStudy(recording, T, None, PeriodicStudy(measured, *fitted, drive), notes)
