@@ -23,8 +23,12 @@ def device_tables(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def arm_tables(document: dict[str, Any]) -> dict[str, Any]:
-    """Return `device_tables` of an arm, which has nothing behind its admittance unless the document states it."""
-    return {"environment": NOTHING, **device_tables(document)}
+    """Return `device_tables` of an arm, which has nothing behind its admittance unless the document states it.
+
+    With unmodelled dynamics every passive environment is behind it: a box of environments is not proved with them.
+    """
+    own = device_tables(document)
+    return own if "unmodelled" in own.get("uncertainty", {}) else {"environment": NOTHING, **own}
 
 
 def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admittance) -> dict[str, Any]:
