@@ -24,7 +24,7 @@ from vctune.proof.engine.interval import Outcome, Verdict
 
 SHARES = (0.0, 0.5, 1.0)  # hands that are tried, as shares of each range of the box
 ANGLES = np.geomspace(1e-5, pi, 800)  # rad
-NARROW, HALVINGS = 1e-4, 10  # relative width of a crossing; halvings of it in which the resistance is seen negative
+NARROW, HALVINGS = 1e-10, 10  # relative width of a crossing; halvings of it in which the resistance is seen negative
 
 
 @np.errstate(all="ignore")
@@ -86,7 +86,9 @@ def _crossing(design: Design, demands: Demands, hand: Hand, low: float, high: fl
         return None
     while high - low > NARROW * high:
         middle = 0.5 * (low + high)
-        if is_above(middle) if rising else is_below(middle):
+        if is_above(middle) and is_below(middle):  # an environment within the box
+            low = high = middle
+        elif is_above(middle) if rising else is_below(middle):
             low = middle
         elif is_below(middle) if rising else is_above(middle):
             high = middle
