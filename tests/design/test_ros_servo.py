@@ -138,7 +138,7 @@ def stiffest_contact(arm, rule):
     return low
 
 
-@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 60))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 60))])
 def test_an_arm_with_nothing_behind_passes_up_to_its_contact(tmp_path, unrepaired, seed):
     """At .97 and 1.03 of the stiffness at which the stepped loop leaves the circle, with the safety factor 1."""
     rng = np.random.default_rng(seed)

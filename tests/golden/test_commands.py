@@ -51,7 +51,7 @@ def test_a_sweep_continues_where_it_ended(tmp_path):
 
 
 @pytest.mark.skipif(not all(map(shutil.which, ("gcc", "make"))), reason="without a compiler")
-@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.slow)])
 def test_the_firmware_replays_to_the_last_bit(tmp_path, precision):
     found = run(
         "export", PROBLEMS / "friction-wheel.toml", GAINS / "friction-wheel.toml", "--precision", precision,
@@ -63,6 +63,7 @@ def test_the_firmware_replays_to_the_last_bit(tmp_path, precision):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_every_repair_passes():
     """Each one alone, written into the problem that it repairs."""
     path = PROBLEMS / "infeasible.toml"

@@ -12,7 +12,7 @@ from limits import BESIDE, HANDS, LIMITS, WHEEL, passes
 import vctune
 from vctune.document.reading import parse_problem
 
-FAST = DESIGNS[::8]
+FAST = DESIGNS[::16]
 """Problems whose answers are asked for each time."""
 OPEN = WHEEL + "[gains]\nvelocity = 60.0\nposition = 0.0\n[coupling]\ndamping = 40.0\nmass = 0.3\ndrag = 0.0\n" + HANDS
 GOLDEN = json.loads(FILE.read_text())
@@ -45,7 +45,7 @@ def test_recorded_gains_and_gains_near_them_are_judged_as_they_were(path):
     assert {place: verdict for place, verdict in now.items() if not agree(then["near"][place], verdict)} == {}
 
 
-@pytest.mark.parametrize("name", LIMITS)
+@pytest.mark.parametrize("name", mostly_slow(LIMITS, list(LIMITS)[::3]))
 def test_the_limit_of_a_number_is_where_it_was(name):
     """To .2 % on either side, with the other numbers of the design fixed."""
     greater, at = LIMITS[name].greater, GOLDEN["limits"][name]
