@@ -51,7 +51,7 @@ def test_a_number_on_a_bound_is_warned_of_until_the_bound_is_wider_or_no_range(t
     assert warned((DEVICE + BOUNDED).replace(*remedy), tmp_path) == set()
 
 
-def test_gains_that_are_idle_without_need_are_cured_by_solving(tmp_path):
+def test_gains_that_are_idle_without_need_are_not_so_once_solved(tmp_path):
     weak = "[gains]\nvelocity = 0.5\nposition = 0.0\n[coupling]\ndamping = 100.0\nmass = 1.0\n"
     (tmp_path / "weak.toml").write_text(weak)
     assert "warn-idle" not in warned(DEVICE + PASSIVE, tmp_path)

@@ -120,9 +120,9 @@ class Hands:
 
     def in_words(self, units: Units) -> str:
         """Return the box in words with units. The text omits numbers that are 0 in all hands of the box."""
-        if self.low == self.high:
+        known = [(name, *ends) for name, ends in self.ranges.items() if ends[1] > NEGLIGIBLE]
+        if not known or self.low == self.high:
             return self.low.in_words(units)
-        known = ((name, *ends) for name, ends in self.ranges.items() if ends[1] > 0)
         return ", ".join(f"{low:g} to {high:g} {units.of(QUANTITIES[name])}" for name, low, high in known)
 
     @property

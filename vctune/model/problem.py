@@ -9,7 +9,7 @@ from typing import Literal
 from vctune.model.device import Device
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import NEGLIGIBLE, Hand, Hands
 from vctune.model.numbers.units import UNITS, Units, hertz
 from vctune.model.transparency import Terms
 from vctune.model.worlds import Worlds, WorldsMet
@@ -19,8 +19,6 @@ Norm = Literal["rms", "peak"]
 Criterion = Literal["passive", "hands", "both"]
 # Human hands on a linear device, from no hand to a firm grip (model/README.md, section 14)
 HUMAN_HANDS = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
-
-SOFT = 1e-12  # Stiffness, in m/T^2, of the springs in the place of none
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,8 +178,7 @@ class Problem:
             return None
         if self.hands.high.stiffness > 0 or self.device.servo is not None:
             return self.hands
-        soft = SOFT * float(self.device.mass / self.device.sample_time**2)
-        return replace(self.hands, high=replace(self.hands.high, stiffness=soft))
+        return replace(self.hands, high=replace(self.hands.high, stiffness=NEGLIGIBLE))
 
     @property
     def worlds_met(self) -> WorldsMet | None:
