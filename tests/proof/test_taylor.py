@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import operator
-from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -11,19 +10,11 @@ import scipy.optimize
 from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import mp, mpf
-from random_hands import in_hands
 
-from vctune.model.hands import HAND
-from vctune.model.numbers.keys import KEYS
-from vctune.model.problem import Demands
-from vctune.model.sampled.plant_in_hand import delays_of
-from vctune.proof.claims.array_claims import hands_margins
-from vctune.proof.enclosures.array_intervals import Enclosure, between, decimal
+from vctune.proof.enclosures.array_intervals import Enclosure
 from vctune.proof.enclosures.box_minimum import least_over_boxes
 from vctune.proof.enclosures.taylor import Taylor, variables
 from vctune.proof.enclosures.taylor_functions import TAYLOR
-from vctune.proof.engine.box_tests import alone
-from vctune.proof.engine.boxes import Boxes
 
 ROWS = 3
 middles = st.tuples(*[st.floats(-3, 3, allow_subnormal=False)] * ROWS)
@@ -166,36 +157,3 @@ def test_a_valley_across_the_rows_costs_nothing():
 def test_nothing_is_known_where_a_number_is_not_finite():
     x, _, _ = rows_of((0.1, 0.0, 0.0), (0.2, 0.0, 0.0))
     assert least_over_boxes(1 / x + 1e9).bound[0] == -np.inf
-
-
-@pytest.mark.parametrize("number", range(4))
-def test_the_margin_in_a_hand_is_held(number):
-    """At random places of random boxes, against enclosures there; devices with and without all parts."""
-    rng = np.random.default_rng((77, number))
-    case = in_hands(np.random.default_rng((51, number)), inside=False)
-    design, low, high = case.design, np.array(astuple(case.hands.low)), np.array(astuple(case.hands.high))
-    demands = Demands(design.device, (1.0, 10.0), 1.05, 100.0, passive=False, hands=case.hands)
-    delays = delays_of(design.device)
-    over, there = (alone(hands_margins(demands, (), delays, *ops)) for ops in ((TAYLOR,), ()))
-    fixed = dict(zip(KEYS, map(decimal, (*astuple(design.gains), *astuple(design.coupling))), strict=True))
-    n = 40
-    ends = rng.uniform(size=(2, 4, n)) * 10 ** rng.uniform(-3, 0, (4, n)) + rng.uniform(0, 0.2, (4, n))
-    scale = np.array([[np.pi], *(high - low)[:, None]])
-    edges = np.clip(ends, 0, 1) * scale + np.array([[0.0], *low[:, None]])
-    boxes = Boxes(("frequency", *HAND), edges.min(axis=0), edges.max(axis=0), np.zeros(n, int), np.zeros(n, int))
-    rows = variables(boxes.rows(), [True] * 4)
-    form = over(rows[0], boxes.named(rows, fixed))
-    at = rng.uniform(-1, 1, (4, n))
-    point = between(boxes.low, boxes.high).mid + at * between(boxes.low, boxes.high).rad
-    places_ = [Enclosure(row, 1e-14 * np.abs(row)) for row in np.clip(point, boxes.low, boxes.high)]
-    exact = there(places_[0], boxes.named(places_, fixed))
-    i, j = np.triu_indices(4)
-    value = (
-        form.coefficients[0]
-        + (form.coefficients[1:5] * at).sum(axis=0)
-        + (form.coefficients[5:] * at[i] * at[j]).sum(axis=0)
-    )
-    known = np.isfinite(form.radii).all(axis=0)
-    assert known.mean() > 0.5
-    radius = form.radii.sum(axis=0) + exact.rad + 1e-12 * np.abs(value)
-    assert np.all(np.abs(exact.mid - value)[known] <= radius[known])

@@ -9,6 +9,7 @@ from math import pi
 
 import numpy as np
 from flint import arb
+from numpy.typing import NDArray
 
 from vctune.model.device import Device
 from vctune.model.hand_arrays import stacked
@@ -20,14 +21,15 @@ from vctune.model.sampled.worlds.loop_in_worlds import Disjuncts, sum_of
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.margins_of_claims import Design, margins_in_worlds
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
+from vctune.proof.enclosures.array_intervals import Floats
 from vctune.proof.engine.interval import Outcome, Verdict
 
-SHARES = (0.0, 0.5, 1.0)  # hands that are tried, as shares of each range of the box
+ZOOMS = 14  # rounds of hands that are tried, each around the worst of the last and half as far apart
+COARSE, BESIDE = 4, np.linspace(0.97, 1.03, 200)  # rounds over all angles; then those beside the last crossing
 ANGLES = np.geomspace(1e-5, pi, 800)  # rad
 NARROW, HALVINGS = 1e-10, 10  # relative width of a crossing; halvings of it in which the resistance is seen negative
 
 
-@np.errstate(all="ignore")
 def refuted_by_one(design: Design, demands: Demands, devices: Sequence[Device]) -> Outcome | None:
     """Return the refutation by a hand in which a motion with some environment of the box neither grows nor decays.
 
@@ -36,27 +38,45 @@ def refuted_by_one(design: Design, demands: Demands, devices: Sequence[Device]) 
     """
     if demands.worlds is None or demands.hands is None or demands.worlds.corner is not None:
         return None
-    hands = _tried(demands.hands)
     for device in devices:
-        there = Design(device, design.gains, design.coupling)
-        plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
-        found = margins_in_worlds(plant, there, ANGLES, WorldsMet(demands.worlds, 1.0), FLOATS)
-        resistive, above, below = (np.broadcast_to(each, (len(hands), ANGLES.size)) for each in _margins(found))
-        first = (above[:, :-1] < 0) & (below[:, 1:] < 0) | (below[:, :-1] < 0) & (above[:, 1:] < 0)
-        most = np.where(first, np.maximum(resistive[:, :-1], resistive[:, 1:]), 0.0)
-        for place in np.argsort(most.min(axis=1))[:2]:
-            k = int(np.argmin(most[place]))
-            if most[place, k] < 0 and (theta := _crossing(there, demands, hands[place], *ANGLES[k : k + 2])):
-                T = device.sample_time
-                return Outcome(Verdict.REFUTED, 0, theta / T, device if len(devices) > 1 else None, hands[place])
+        there, width, angles = Design(device, design.gains, design.coupling), 0.5, ANGLES
+        hands = _around(demands.hands, demands.hands.middle, width)
+        for zoom in range(ZOOMS if demands.worlds.exact else 1):
+            lost, places = _lost(there, demands, hands, angles)
+            for n in np.argsort(lost)[:2]:
+                k = places[n]
+                if lost[n] < 0 and (theta := _crossing(there, demands, hands[n], *angles[k : k + 2])):
+                    T = device.sample_time
+                    return Outcome(Verdict.REFUTED, 0, float(theta) / T, device if len(devices) > 1 else None, hands[n])
+            least, width = int(np.argmin(lost)), width / 2
+            hands = _around(demands.hands, hands[least], width)
+            if zoom >= COARSE:
+                angles = np.minimum(angles[places[least]] * BESIDE, pi)
     return None
 
 
-def _tried(hands: Hands) -> list[Hand]:
-    """Return hands at the vertices and between them, without duplicates."""
-    ends = hands.ranges.values()
-    rows = ([float(low + share * (high - low)) for share in SHARES] for low, high in ends)
-    return [Hand(*numbers) for numbers in product(*(sorted(set(row)) for row in rows))]
+@np.errstate(all="ignore")
+def _lost(design: Design, demands: Demands, hands: list[Hand], angles: Floats) -> tuple[Floats, NDArray[np.intp]]:
+    """Return the resistance where the reactance of each loop first is an environment's and least, in double precision,
+    and the number of the angle before it."""
+    assert demands.worlds is not None
+    plant = plant_in_hand(design.device, stacked(hands, (-1, 1)), delays_of(design.device), FLOATS)
+    found = margins_in_worlds(plant, design, angles, WorldsMet(demands.worlds, 1.0), FLOATS)
+    resistive, above, below = (np.broadcast_to(each, (len(hands), angles.size)) for each in _margins(found))
+    crossed = (above[:, :-1] < 0) & (below[:, 1:] < 0) | (below[:, :-1] < 0) & (above[:, 1:] < 0)
+    share = np.clip(above[:, :-1] / (above[:, :-1] - above[:, 1:]), 0.0, 1.0)
+    there = np.where(crossed, resistive[:, :-1] + share * (resistive[:, 1:] - resistive[:, :-1]), np.inf)
+    places = there.argmin(axis=1)
+    return there[np.arange(len(hands)), places], places
+
+
+def _around(hands: Hands, middle: Hand, width: float) -> list[Hand]:
+    """Return the hands of a box up to so many of its widths beside one, without duplicates."""
+    rows = []
+    for key, (low, high) in hands.ranges.items():
+        steps = (getattr(middle, key) + sign * width * (high - low) for sign in (-1, 0, 1))
+        rows.append(sorted({float(min(max(step, low), high)) for step in steps}))
+    return [Hand(*numbers) for numbers in product(*rows)]
 
 
 def _margins(found: Disjuncts) -> tuple[Number, Number, Number]:

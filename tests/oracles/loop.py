@@ -1,0 +1,372 @@
+"""One sample of a whole loop, exact between samples: device with its parts, firmware, hand, coupling and environment.
+
+It reads the same tables as a problem file and imports nothing of vctune. Every number of a loop comes from
+one function, `step`: its matrix says what grows, its port what coupling and environment see of device and hand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from arithmetic import DOUBLES, Arithmetic
+
+Triple = tuple[float, float, float]
+NOTHING: Triple = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A device's table, its gains (K_v, K_p), and mass, damping and stiffness of a hand and of an environment.
+
+    The coupling is (b_c, m_c, b_0), of an impedance display (b_c, k_c). Without a coupling nothing is behind the port.
+    """
+
+    device: Mapping[str, Any]
+    gains: tuple[float, float] = (0.0, 0.0)
+    coupling: tuple[float, ...] = (0.0, 1.0, 0.0)
+    hand: Triple = NOTHING
+    world: Triple = NOTHING
+    num: Arithmetic = field(default=DOUBLES)
+
+    @property
+    def kind(self) -> str:
+        """What the device is: "servo", "impedance" or "admittance"."""
+        return "servo" if "servo" in self.device else self.device.get("display", "admittance")
+
+    def number(self, table: str, key: str, default: float = 0.0) -> Any:
+        """Return a number of one of the device's tables."""
+        return self.num.number(self.device.get(table, {}).get(key, default))
+
+    @cached_property
+    def T(self) -> Any:
+        """Sample time, s."""
+        return self.num.number(self.device["sample_time"])
+
+    def parts(self, delay: float) -> tuple[int, Any]:
+        """Return the whole samples of a delay, and the rest in seconds, as decimals."""
+        T = Fraction(repr(float(self.device["sample_time"])))
+        whole, rest = divmod(Fraction(repr(float(delay))), T)
+        return int(whole), self.num.number(rest)
+
+    @cached_property
+    def late(self) -> tuple[int, Any]:
+        """Whole samples and the rest by which the command acts late."""
+        return self.parts(self.device.get("servo", self.device).get("delay", 0.0))
+
+    @cached_property
+    def sensed(self) -> tuple[int, Any]:
+        """Whole samples and the rest by which the force is read late."""
+        return self.parts(self.device.get("force_sensor", {}).get("delay", 0.0))
+
+    @cached_property
+    def plant(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
+        """A and B of x' = A x + B u, and C and D of the sensed force; x is the motor's position, its velocity, ..."""
+        return _plant(self)
+
+    @cached_property
+    def spans(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Each e^{A t} with what a held command leaves: up to the newer command, from there on, and to the reading."""
+        _, rest = self.late
+        _, ago = self.sensed
+        on = self.T - ago  # where within the sample the force is read that arrives at its end
+        first = min(on, rest)
+        return {
+            "old": _over(self, rest),
+            "new": _over(self, self.T - rest),
+            "read_old": _over(self, first),
+            "read_new": _over(self, on - first),
+        }
+
+
+def _plant(loop: Loop) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
+    num, device = loop.num, loop.device
+    M, B, K = (num.number(x) for x in loop.hand)
+    lag = "servo" if loop.kind == "servo" else "actuator"
+    pushers, sensors = _order(loop, lag), _order(loop, "force_sensor") if loop.kind != "impedance" else 0
+    body = 1 if loop.kind == "servo" else 4 if "structure" in device else 2
+    size = body + pushers + sensors
+    row = list(num.eye(size + 1))
+    command, acting, reading = row[-1], row[body : body + pushers], row[body + pushers : size]
+    push = acting[0] if acting else command
+    if loop.kind == "servo":  # the velocity follows, whatever the hand does
+        rates = [push, *_filtered(loop, lag, command, acting)]
+        v, x = push, row[0]
+        acceleration = rates[1] if acting else None
+        assert acceleration is not None, "a servo has a bandwidth"
+        force = -(M * acceleration + B * v + K * x)
+    elif body == 2:
+        m, b = num.number(device["mass"]), num.number(device["damping"])
+        acceleration = (push - (b + B) * row[1] - K * row[0]) / (m + M)
+        rates = [row[1], acceleration, *_filtered(loop, lag, command, acting)]
+        force = -(M * acceleration + B * row[1] + K * row[0])
+    else:  # motor x, v; stretch of the spring; handle's velocity and position: position is x + stretch
+        m, b = num.number(device["mass"]), num.number(device["damping"])
+        m_2 = loop.number("structure", "handle_mass")
+        m_1, mu = m - m_2, (m - m_2) * m_2 / m
+        w = 2 * num.pi * loop.number("structure", "frequency_hz")
+        k, c = mu * w**2, 2 * loop.number("structure", "damping_ratio") * mu * w
+        x, v, stretch, v_2 = row[:4]
+        spring = k * stretch + c * (v_2 - v)  # pulls the motor towards the handle
+        acceleration = -(spring + B * v_2 + K * (x + stretch)) / (m_2 + M)
+        rates = [v, (push + spring - b * v) / m_1, v_2 - v, acceleration, *_filtered(loop, lag, command, acting)]
+        force = -(M * acceleration + B * v_2 + K * (x + stretch))
+    if reading:
+        rates += _filtered(loop, "force_sensor", force, reading)
+        force = reading[0]
+    A = num.array([list(rate) for rate in rates])
+    return A[:, :size], A[:, size], force[:size], force[size]
+
+
+def _order(loop: Loop, part: str) -> int:
+    table = loop.device.get(part, {})
+    return int(table.get("order", 1)) if "bandwidth_hz" in table else 0
+
+
+def _filtered(loop: Loop, part: str, source: np.ndarray, states: list[np.ndarray]) -> list[np.ndarray]:
+    """Return the rates of a low-pass: y' = w (x - y), or y'' = w^2 (x - y) - sqrt(2) w y'."""
+    if not states:
+        return []
+    num = loop.num
+    w = 2 * num.pi * loop.number(part, "bandwidth_hz")
+    if len(states) == 1:
+        return [w * (source - states[0])]
+    return [states[1], w**2 * (source - states[0]) - num.sqrt(num.number(2)) * w * states[1]]
+
+
+def _over(loop: Loop, time: Any) -> tuple[np.ndarray, np.ndarray]:
+    A, B, _, _ = loop.plant
+    n = len(B)
+    joined = loop.num.eye(n + 1) * 0
+    joined[:n, :n], joined[:n, n] = A * time, B * time
+    found = loop.num.expm(joined)
+    return found[:n, :n], found[:n, n]
+
+
+class Memory:
+    """Named places in what the loop remembers from one sample to the next."""
+
+    def __init__(self, loop: Loop) -> None:
+        filters = int(loop.device.get("velocity", {}).get("filter_order", 1))
+        sizes = {
+            "body": len(loop.plant[1]),
+            "commands": loop.late[0] + 1,  # u[k - N - 1] ... u[k - 1]
+            "readings": loop.sensed[0] + 1,  # of the force; the first is this sample's
+            "before": 1,  # the position of a sample ago
+            "smoothed": filters,  # of the velocity
+            "rendered": filters,  # of the coupling's velocity, on an impedance display
+            "firmware": 1,  # the filtered force
+            "spring": 1,  # of the coupling, on an impedance display
+            "x_e": 1,
+            "p_c": 1,  # of the coupling's mass
+            "p_e": 1,  # of the environment's
+            "v_e": 1,
+        }
+        self.at, self.size = dict[str, slice](), 0
+        for name, size in sizes.items():
+            self.at[name] = slice(self.size, self.size + size)
+            self.size += size
+
+
+def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> tuple[np.ndarray, Any]:  # noqa: PLR0915
+    """Return the memory one sample later, and what leaves the port; a memory's columns are as many loops at once.
+
+    Parameters
+    ----------
+    given : what enters the port in place of coupling and environment: v_e, or on an impedance display f_c
+    extra : a force on the environment's velocity beside those of its table
+
+    Returns
+    -------
+    memory, out : with `given` the sensed force, or on an impedance display y; without it v_e
+    """
+    num, T, at = loop.num, loop.T, Memory(loop).at
+    get = {name: memory[place] for name, place in at.items()}
+    new = {name: 0 * value for name, value in get.items()}
+    K_v, K_p = (num.number(x) for x in loop.gains)
+    m, d, k = (num.number(x) for x in loop.world)
+    body, x = get["body"], get["body"][0]
+    velocity = loop.device.get("velocity", {})
+    y = (x - get["before"][0]) / T
+    estimated = y if loop.kind == "impedance" or velocity.get("from") == "difference" else body[1 % len(body)]
+    new["smoothed"] = _smoothed(loop, get["smoothed"], estimated)
+    hard = 2 / T * m
+    if loop.kind == "impedance":
+        if given is not None:
+            f_c, out = given, y
+        else:  # f_c = at rest + slope (y - v_e), which the environment bears: f_c = Z_e v_e
+            b_c, k_c = (num.number(x) for x in loop.coupling)
+            rest, slope = _answer(loop, get["rendered"], b_c)
+            rest, slope = rest + get["spring"][0], slope + k_c * T
+            own = hard + d + k * T / 2
+            v_e = (rest + slope * y - (k * get["x_e"][0] - hard * get["p_e"][0]) + extra) / (slope + own)
+            f_c, out = rest + slope * (y - v_e), v_e
+            new["rendered"] = _smoothed(loop, get["rendered"], y - v_e)
+            new["spring"] = get["spring"] + k_c * T * (y - v_e)
+        command = -(f_c + K_v * new["smoothed"][-1])
+    else:
+        a = loop.number("force_sensor", "filter_coefficient", 1.0)
+        force = (1 - a) * get["firmware"][0] + a * get["readings"][0]
+        new["firmware"] = num.array([force])
+        if given is not None:
+            v_e, out = given, force
+        else:
+            b_c, m_c, b_0 = loop.coupling
+            rigid = math.isinf(b_c)
+            h_c = 2 / T * num.number(m_c)
+            soft = h_c if rigid else num.number(b_c) * h_c / (num.number(b_c) + h_c)
+            own = num.number(b_0) + soft + hard + d + k * T / 2
+            pushed = force + soft * get["p_c"][0] + hard * get["p_e"][0] - k * get["x_e"][0] + extra
+            v_e = out = pushed / own
+            new["p_c"] = num.array(
+                [2 * v_e - get["p_c"][0] if rigid else get["p_c"][0] + 2 * soft / h_c * (v_e - get["p_c"][0])]
+            )
+        if loop.kind == "servo":
+            command = (v_e + get["v_e"][0]) / 2 if loop.device["servo"].get("command") == "position" else v_e
+        else:
+            command = K_v * (v_e - new["smoothed"][-1]) + K_p * (get["x_e"][0] + T / 2 * v_e - x)
+        new["v_e"] = num.array([v_e])
+    if loop.kind == "impedance" and given is not None:
+        v_e = 0
+    new["x_e"] = get["x_e"] + T * v_e
+    new["p_e"] = num.array([2 * v_e - get["p_e"][0] if m else 0 * x])
+    queue = [*get["commands"], command]
+    moved = _through(body, loop.spans["old"], queue[0])
+    new["body"] = _through(moved, loop.spans["new"], queue[1])
+    C, D = loop.plant[2:]
+    late = _through(body, loop.spans["read_old"], queue[0])
+    _, rest = loop.late
+    _, ago = loop.sensed
+    acting = queue[0]
+    if loop.T - ago > rest:  # the newer command acts already where the force is read
+        late, acting = _through(late, loop.spans["read_new"], queue[1]), queue[1]
+    new["readings"] = num.array([*get["readings"][1:], C @ late + D * acting])
+    new["commands"] = num.array(queue[1:])
+    new["before"] = num.array([x])
+    found = np.empty_like(memory)
+    for name, place in at.items():
+        found[place] = new[name]
+    return found, out
+
+
+def _through(body: np.ndarray, span: tuple[np.ndarray, np.ndarray], command: Any) -> np.ndarray:
+    return span[0] @ body + np.multiply.outer(span[1], command)
+
+
+def _share(loop: Loop) -> Any:
+    """Return a of the firmware's one-pole y += a (x - y), 1 without a filter."""
+    hertz = loop.device.get("velocity", {}).get("filter_hz")
+    return loop.num.number(1) if hertz is None else 1 - loop.num.exp(-2 * loop.num.pi * loop.num.number(hertz) * loop.T)
+
+
+def _smoothed(loop: Loop, states: np.ndarray, value: Any) -> np.ndarray:
+    a, found = _share(loop), []
+    for state in states:
+        value = state + a * (value - state)
+        found.append(value)
+    return loop.num.array(found)
+
+
+def _answer(loop: Loop, states: np.ndarray, gain: Any) -> tuple[Any, Any]:
+    """Return what a gain behind the filters gives of the input 0, and by how much more of the input 1."""
+    zero, one = (_smoothed(loop, states, 0 * states[0] + loop.num.number(value))[-1] for value in (0, 1))
+    return gain * zero, gain * (one - zero)
+
+
+def matrix(loop: Loop, *, at_rest: bool = False) -> np.ndarray:
+    """Return the matrix of one sample of everything, without positions that nothing depends on.
+
+    With the environment at rest v_e is 0; an impedance display renders nothing then.
+    """
+    one = loop.num.eye(Memory(loop).size)
+    whole, at = step(loop, one, 0 * one[0] if at_rest else None)[0], Memory(loop).at
+    body, x_e, before = at["body"].start, at["x_e"].start, at["before"].start
+    held, tied, hung = (
+        loop.hand[2] != 0,
+        loop.kind == "admittance" and loop.gains[1] != 0,
+        loop.world[2] != 0 or at_rest,
+    )
+    drop = [x_e] if at_rest or (not hung and not tied) else []
+    if not held and not (tied and hung):  # everything else is where it is from the motor
+        for place in [before] + ([x_e] if tied else []):
+            whole[place, :] = whole[place, :] - whole[body, :]
+        drop.append(body)
+    keep = [i for i in range(len(whole)) if i not in drop]
+    return whole[np.ix_(keep, keep)]
+
+
+def radius(loop: Loop, *, at_rest: bool = False) -> float:
+    """Return the greatest modulus of an eigenvalue of one sample: above 1 the motion grows."""
+    return float(max(abs(x) for x in loop.num.eigenvalues(matrix(loop, at_rest=at_rest))))
+
+
+@dataclass(frozen=True)
+class Port:
+    """A sample of the loop without coupling and environment, from what enters the port to what leaves it."""
+
+    A: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    d: Any
+    num: Arithmetic
+
+    def __call__(self, z: Any) -> Any:
+        """Return the response at a number or an array z."""
+        if np.ndim(z):
+            inner = np.linalg.solve(z[:, None, None] * np.eye(len(self.b)) - self.A, self.b[:, None])[..., 0]
+            return inner @ self.c + self.d
+        return self.c @ self.num.solve(z * self.num.eye(len(self.b)) - self.A, self.b) + self.d
+
+
+def port(loop: Loop) -> Port:
+    """Return the response from v_e to the sensed force, or of an impedance display from f_c to y."""
+    size, one = Memory(loop).size, loop.num.eye(Memory(loop).size + 1)
+    after, out = step(loop, one[:size], one[size])
+    return Port(after[:, :size], after[:, size], out[:size], out[size], loop.num)
+
+
+def seen(loop: Loop, z: Any) -> Any:
+    """Return what the environment sees of device and hand: Z_seen, or of an impedance display Y_seen (y per -f_c)."""
+    return -port(loop)(z)
+
+
+def offered(loop: Loop, z: Any) -> Any:
+    """Return Z_c as the firmware runs it, or 1/Z_c of an impedance display."""
+    num, T = loop.num, loop.T
+    if loop.kind == "impedance":
+        b_c, k_c = (num.number(x) for x in loop.coupling)
+        a = _share(loop)
+        smooth = (a / (1 - (1 - a) / z)) ** int(loop.device.get("velocity", {}).get("filter_order", 1))
+        return (1 - 1 / z) / (b_c * smooth * (1 - 1 / z) + k_c * T)
+    b_c, m_c, b_0 = loop.coupling
+    s = 2 / T * (z - 1) / (z + 1)
+    mass = num.number(m_c) * s
+    return num.number(b_0) + (mass if math.isinf(b_c) else num.number(b_c) * mass / (num.number(b_c) + mass))
+
+
+def sensitivity(loop: Loop, z: Any) -> Any:
+    """Return S of the velocity loop: what remains at the motor of a force that is added to the command."""
+    open_ = Loop(loop.device, (0.0, 0.0), loop.coupling, loop.hand, NOTHING, loop.num)
+    return _motion(loop, z) / _motion(open_, z)
+
+
+def _motion(loop: Loop, z: Any) -> Any:
+    """Return the motor's velocity per unit of a force beside the command, the environment at rest."""
+    num, size, at = loop.num, Memory(loop).size, Memory(loop).at
+    one = num.eye(size)
+    b = one[0] * 0
+    b[at["commands"].stop - 1] = num.number(1)
+    if loop.late[0] == 0:
+        b[at["body"]] = loop.spans["new"][1]
+    after, _ = step(loop, one, 0 * one[0])
+    return Port(after, b, one[at["body"].start + 1], num.number(0), num)(z)
+
+
+def turn(loop: Loop, theta: Any) -> Any:
+    """Return z = e^{j theta}; an array of angles in doubles, a number in the loop's arithmetic."""
+    return np.exp(1j * theta) if np.ndim(theta) else loop.num.exp(loop.num.i * loop.num.number(theta))
