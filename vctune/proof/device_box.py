@@ -99,14 +99,6 @@ def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
     return tuple(key for key in ADDED if key in box.uncertain)
 
 
-def felt_with_hand(box: DeviceBox) -> tuple[str, ...]:
-    """Return which of the device's mass and damping are uncertain and, for a given sum with the hand's value, enter the
-    sensed force affinely."""
-    if not box.nominal.kind.senses_force or box.nominal.structure is not None or box.nominal.servo is not None:
-        return ()
-    return tuple(key for key in ADDED if key in box.uncertain)
-
-
 def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[DeviceBox, Hands]:
     """Move the uncertainty of a device's mass and damping into the hands, because only the sums matter."""
     least = {key: box.low.number(key) for key in keys}
@@ -114,33 +106,6 @@ def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[
     high = {key: nextafter(getattr(hands.high, key) + value, inf) for key, value in range_.items()}
     rest = DeviceBox(*(device.with_numbers(least) for device in (box.nominal, box.low, box.high)))
     return rest, replace(hands, high=replace(hands.high, **high))
-
-
-def late_as_one(box: DeviceBox) -> bool:
-    """Return whether two delays of a box are uncertain but only their sum matters."""
-    servo = box.nominal.servo
-    return servo is not None and servo.stiffness is None and {*SUMMED} <= {*box.uncertain}
-
-
-SUMMED = ("servo.delay", "force_sensor.delay")  # The keys of the two delays that matter only through their sum
-
-
-def in_one_delay(box: DeviceBox) -> DeviceBox:
-    """Return a box with the same sums of both delays, in which the sensor's delay has its least value."""
-    own, other = SUMMED
-    least = box.low.number(other)
-    range_ = nextafter(box.high.number(other) - least, inf)
-    high = box.high.with_numbers({own: nextafter(box.high.number(own) + range_, inf), other: least})
-    return DeviceBox(box.nominal.with_numbers({other: least}), box.low, high)
-
-
-def in_both_delays(box: DeviceBox, device: Device) -> Device:
-    """Return the device of a box that corresponds to a device of `in_one_delay`. The servo's delay is as long as the
-    box allows."""
-    own, other = SUMMED
-    delay, least = device.number(own), box.low.number(other)
-    servo = min(delay, box.high.number(own))
-    return device.with_numbers({own: servo, other: min(least + (delay - servo), box.high.number(other))})
 
 
 def _edge(value: float, change: float) -> float:

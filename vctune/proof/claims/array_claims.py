@@ -21,8 +21,7 @@ from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.eliminated_spring import margin_in_spring
-from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, offered, required_in_hand, room
+from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, plant_let_go, prefers_this_form, return_difference
 from vctune.model.sampled.plant_in_hand import (
@@ -60,7 +59,6 @@ from vctune.proof.claims.margins_of_claims import (
     sensitivity_sufficient_margin,
     strip_of_walls,
     unmodelled_margin,
-    whenever_margin,
 )
 from vctune.proof.claims.worlds.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
@@ -77,8 +75,6 @@ AT_REST = (FREQUENCY, STIFFNESS)
 
 
 NO_HAND = Hand(0, 0, 0)
-# The name of the value that states the least damping of a box of hands (`any_spring_margins`)
-LEAST_DAMPING = "least operator.damping"
 # The names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 
@@ -206,37 +202,6 @@ def hands_margins(
         return tuple(sum_of(getattr(found, name)) for name in names)
 
     return margins
-
-
-def any_spring_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic) -> Margins:
-    """Return margins that are all positive only if the claim holds in hands of every stiffness."""
-    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
-    device = _uncertain_device(demands.device, uncertain)
-
-    def margins(theta: Number, v: Values) -> tuple[Number, ...]:
-        plant, own = in_hand(v), device(v)
-        assert isinstance(plant, PlantInHand)
-        there = offered(coupling_of(v), own, theta, ops)
-        law = Hand.of(v), v[LEAST_DAMPING], gains_of(v)
-        found = margin_in_spring(plant, own, *law, there, factor, theta, ops)
-        return (*found.for_every_spring, plant.step[0][0])  # alpha > 0: then p grows with the damping
-
-    return margins
-
-
-def whenever_margins(
-    demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
-) -> Margin:
-    """Return a margin that implies the claim for a servo with any number of whole samples of delay."""
-    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
-    device = _uncertain_device(demands.device, uncertain)
-
-    def margin(theta: Number, v: Values) -> Number:
-        plant = in_hand(v)
-        assert isinstance(plant, ServoInHand)
-        return whenever_margin(plant, Design(device(v), gains_of(v), coupling_of(v)), theta, factor, ops)
-
-    return margin
 
 
 def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:

@@ -18,7 +18,6 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.claims.array_claims import OFFSET, SLOPE, bounded_in_any_hand, bounded_in_hands
 from vctune.proof.claims.margins_of_claims import HALF_TURN
 from vctune.proof.enclosures.array_intervals import Floats, decimal
-from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.engine.box_tests import positive
 from vctune.proof.engine.boxes import FREQUENCY, Boxes, Cells, Values, band_of, over_cells
@@ -119,8 +118,7 @@ def _proved(device: Device, hands: Hands | None, gains: Gains, pieces: Floats, m
     if hands is None:
         test = positive(bounded_in_any_hand(device), fixed)
     else:
-        slopes, polynomials = (bounded_in_hands(device, ops) for ops in (ENCLOSURES, TAYLOR))
         spans = np.vstack((high - low, np.zeros((2, 1))))  # `OFFSET` and `SLOPE` have no width
-        test = positive_by_polynomials(polynomials, fixed, spans, positive(slopes, fixed))
+        test = positive_by_polynomials(bounded_in_hands(device, TAYLOR), fixed, spans)
     halved = [name not in (OFFSET, SLOPE) for name in names]
     return prove(test, boxes, n, halved=halved, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=True, few=FEW)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
-from functools import partial
 from math import nextafter, pi
 
 import numpy as np
@@ -16,7 +15,6 @@ from vctune.model.hand_arrays import stacked
 from vctune.model.hands import MASS, STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
-from vctune.model.sampled.eliminated_spring import moves_as_two_states
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.sampled.worlds.loop_in_walls import LEADS
 from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
@@ -25,15 +23,11 @@ from vctune.proof.claims.array_claims import (
     AT_REST,
     SHARES,
     any_hand_margins,
-    any_spring_margins,
     hands_margins,
     limp_hands_margins,
-    whenever_margins,
 )
 from vctune.proof.claims.delay_parts import DELAY_ROWS, Ends, Part, parts_of, row_of
-from vctune.proof.claims.in_hands.any_spring import left_by_any_spring
 from vctune.proof.claims.in_hands.crossing import refuted_by_one
-from vctune.proof.claims.in_hands.resonant_hands import AROUND, RATIO, Resonance, resonance
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
@@ -49,60 +43,19 @@ from vctune.proof.claims.worlds.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.device_box import (
     MOST_AT_ONCE,
     DeviceBox,
-    felt_with_hand,
-    in_both_delays,
-    in_longer_hands,
-    in_one_delay,
-    late_as_one,
-    moved_as_one,
 )
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
-from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal_or_inf
-from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.array_intervals import Floats, decimal_or_inf
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.engine.box_tests import alone, next_to_zero, positive
 from vctune.proof.engine.boxes import SAMPLES_BEFORE, Boxes, Values, band_of, over_band
-from vctune.proof.engine.branching import Decided, Test, prove
+from vctune.proof.engine.branching import Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_polynomials
 from vctune.proof.engine.winding import turned_angle
 
-# Least relative distance between a box's share and the shares of its angles and hands at which the test omits the box
-WITHIN = 1e-9
-
-
-def with_own_share(test: Test, device: Device, names: tuple[str, ...]) -> Test:
-    """Return a test that reports a box as proved if its share of the stiffness belongs to none of its angles and
-    hands."""
-    share, stiffness = (1 + names.index(name) for name in (SHARES[1], STIFFNESS))
-    heavy = 1 + names.index(row_of("mass")) if row_of("mass") in names else None
-
-    def of(frequency: Floats, stiffness: Floats, mass: Floats | float) -> Floats:
-        spring = stiffness * (device.sample_time**2 / mass)
-        return np.asarray(spring / (2 * np.sin(np.minimum(frequency, np.pi) / 2) + spring))
-
-    def tested(boxes: Boxes) -> Decided:
-        decided, low, high = test(boxes), boxes.low, boxes.high
-        lightest, heaviest = (device.mass,) * 2 if heavy is None else (low[heavy], high[heavy])
-        with np.errstate(invalid="ignore"):  # at rest the share may have any value
-            least, most = of(high[0], low[stiffness], heaviest), of(low[0], high[stiffness], lightest)
-            beside = (low[share] > most * (1 + WITHIN)) | (high[share] < least * (1 - WITHIN))
-        return replace(decided, proved=decided.proved | beside)
-
-    return tested
-
-
 STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an uncertain mass
 MAX_BOXES = 400_000  # Number of boxes after which the prover leaves the claim open
-EASY_BOXES = 3_000  # Number of boxes after which hands near a sharp resonance get separate boxes
-EASY_AFTER = 5  # Factor of `EASY_BOXES` for a claim that is proved for every stiffness first
-# Number of boxes after which the prover looks for boxes that it can prove for every stiffness of the hand, and uses
-# only the sides of the rectangles of uncertain masses and dampings of device and hand
-EASY_WHOLE = 3_000
-# Least number of parts of a box of delays for which the prover first tries the test for all numbers of whole samples in
-# a servo's delay
-MANY_PARTS = 3
-EASY_PARTS = 4_000  # Number of boxes after which the prover treats an interval of angles for each part separately
 # Distances from the ends of the angles, as shares of pi, at which the code looks for a witness
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 MAX_HALVINGS = 120  # Greatest number of halvings of a box: twenty in each of six rows
@@ -116,10 +69,6 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     refuted = refuted_by_one(design, demands, box.modelled.devices() if box and at_once else [design.device])
     if refuted is not None:
         return refuted
-    if box is not None and (parts := moved_as_one(box)):
-        return _moved_as_one(design, demands, demands.hands, box, parts)
-    if box is not None and late_as_one(box):
-        return _late_as_one(design, demands, box)
     kind = design.device.kind
     if kind.senses_force and kind.own_loop and not design.gains.closed:
         return Outcome(Verdict.PROVED, 0)  # without gains nothing drives the device
@@ -127,16 +76,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     if stable.verdict is not Verdict.PROVED:
         return stable
     asked = Asked(design, demands, box)
-    near = resonance(design, demands.hands, box) if design.device.kind.own_loop and not asked.walls else None
-    easy = EASY_BOXES * (EASY_AFTER if asked.for_every_spring else 1)
-    found = _decided(asked, asked.ends(), asked.tests, easy if near else MAX_BOXES, whenever=asked.whenever)
-    if near and found.verdict is Verdict.UNDECIDED:
-        left_to_it = partial(asked.tests, near=near)
-        found, tried = _decided(asked, asked.ends(), left_to_it, MAX_BOXES), found.boxes
-        if found.verdict is Verdict.PROVED:
-            tried += found.boxes
-            found = _proved_next_to(near, asked)
-        found = replace(found, boxes=found.boxes + tried)
+    found = _decided(asked, asked.ends(), asked.tests)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
 
@@ -179,19 +119,6 @@ class Asked:
         """Whether environments may be walls."""
         return self.demands.worlds is not None and self.demands.worlds.corner is not None
 
-    @property
-    def whenever(self) -> Callable[[Part, Values], Test] | None:
-        """A test that implies the claim for parts with any number of whole samples; None if there is no such test."""
-        servo = self.design.device.servo
-        if servo is None or servo.stiffness is not None or self.demands.worlds is not None:
-            return None
-
-        def test(part: Part, fixed: Values) -> Test:
-            of = partial(whenever_margins, self.demands, self.uncertain, part.delays)
-            return positive_by_polynomials(of(TAYLOR), fixed, part.spans, positive(of(ENCLOSURES), fixed))
-
-        return test
-
     def ends(self) -> Ends:
         """Return the least and the greatest value of each row except the angle."""
         assert self.demands.hands is not None
@@ -201,112 +128,18 @@ class Asked:
         reserve = self.demands.factor if self.shared else None
         return _ends(self.demands.hands, self.box, self.uncertain, corners, limp=self.limp, reserve=reserve)
 
-    @property
-    def affine(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of rows, one of the device and one of the hand. If the sum of a pair is given, the margin is affine in
-        the device's row."""
-        if self.box is None or self.demands.worlds is not None or self.demands.hands is None:
-            return ()
-        return tuple((row_of(key), f"operator.{key}") for key in felt_with_hand(self.box))
-
-    @property
-    def for_every_spring(self) -> bool:
-        """Whether the stiffness of the hand can be eliminated in closed form."""
-        passive = self.demands.worlds is None and self.demands.hands is not None
-        return passive and moves_as_two_states(self.design.device)
-
-    def left_by_any_spring(self, part: Part, fixed: Values, boxes: Boxes, max_boxes: int) -> tuple[Boxes, int]:
-        """Return the boxes in which the claim is not proved for every stiffness, and the number of evaluated boxes."""
-        margins = any_spring_margins(self.demands, self.uncertain, part.delays, TAYLOR)
-        return left_by_any_spring(margins, self.design.device, part, fixed, boxes, max_boxes)
-
-    def tests(self, part: Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
+    def tests(self, part: Part, fixed: Values) -> list[Test]:
         """Return the tests that prove the claim on a part of the boxes."""
-        return [self._test(part, fixed, near, lead) for lead in (LEADS if self.walls else LEADS[:1])]
+        return [self._test(part, fixed, lead) for lead in (LEADS if self.walls else LEADS[:1])]
 
-    def _test(self, part: Part, fixed: Values, near: Resonance | None, lead: float) -> Test:
-        test = _of_margins(self.demands, self.uncertain, part, fixed, lead=lead)
+    def _test(self, part: Part, fixed: Values, lead: float) -> Test:
+        margins = hands_margins(self.demands, self.uncertain, part.delays, TAYLOR, lead)
+        if self.demands.worlds is None:
+            test = positive_by_polynomials(alone(margins), fixed, part.spans)
+        else:
+            test = any_positive(margins, fixed, part.spans)
         at_rest = limp_hands_margins(self.demands, self.uncertain, part.delays, lead) if self.limp else ()
-        if at_rest:
-            test = with_own_share(next_to_zero(AT_REST, at_rest, fixed, test), self.design.device, self.names)
-        return near.left_to_it(test, self.names) if near else test
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of all rows except the angle."""
-        return tuple(self.ends())
-
-
-def _of_margins(
-    demands: Demands,
-    uncertain: tuple[str, ...],
-    part: Part,
-    fixed: Values,
-    near: Resonance | None = None,
-    lead: float = 0.0,
-) -> Test:
-    """Return the test that one of the margins is positive, for hands near a resonance or for all hands."""
-    both = [hands_margins(demands, uncertain, part.delays, ops, lead) for ops in (ENCLOSURES, TAYLOR)]
-    slopes, polynomials = (near.margins(each) for each in both) if near else both
-    spans = part.spans
-    if demands.worlds is not None:
-        return any_positive(polynomials, slopes if demands.worlds.corner is None else None, fixed, spans)
-    sloping, curved = (alone(each) for each in (slopes, polynomials))
-    by_slopes = positive(sloping, fixed)
-    return positive_by_polynomials(curved, fixed, spans, by_slopes)
-
-
-def _proved_next_to(near: Resonance, asked: Asked) -> Outcome:
-    """Prove the claim for hands near a resonance, with their stiffness relative to the resonant stiffness."""
-    least, most = (np.array([share]) for share in AROUND)
-    ends = _ends(asked.demands.hands, asked.box, asked.uncertain)
-    beside = {RATIO if name == STIFFNESS else name: pair for name, pair in ends.items()} | {RATIO: (least, most)}
-
-    def tests(part: Part, fixed: Values) -> list[Test]:
-        test = _of_margins(asked.demands, asked.uncertain, part, fixed, near)
-        return [near.in_range(test, tuple(beside))]
-
-    return _decided(asked, beside, tests, MAX_BOXES, near)
-
-
-def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox, parts: tuple[str, ...]) -> Outcome:
-    """Prove the claim for the device with the least mass and damping. The hands then include the ranges of both."""
-    least = {key: box.low.number(key) for key in parts}
-    one = replace(design, device=design.device.with_numbers(least))
-    rest, longer = in_longer_hands(box, hands, parts)
-    found = prove_hands(one, replace(demands, device=demands.device.with_numbers(least), hands=longer), rest)
-    if found.hand is None or found.verdict is Verdict.PROVED:
-        return found
-    # the hand takes as much of each sum as its box permits, the device takes the rest
-    own = {key: min(getattr(found.hand, key), getattr(hands.high, key)) for key in parts}
-    beyond = {
-        key: min(value + (getattr(found.hand, key) - own[key]), box.high.number(key)) for key, value in least.items()
-    }
-    hand, device = replace(found.hand, **own), (found.device or one.device).with_numbers(beyond)
-    return _judged_again(found, replace(design, device=device), demands, hand)
-
-
-def _late_as_one(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
-    """Prove the claim for servos in which a single delay, the servo's, has the range of the sum of both delays."""
-    one = in_one_delay(box)
-    found = prove_hands(replace(design, device=one.nominal), replace(demands, device=one.nominal), one)
-    if found.hand is None or found.device is None or found.verdict is Verdict.PROVED:
-        return found
-    device = in_both_delays(box, found.device)
-    return _judged_again(found, replace(design, device=device), demands, found.hand)
-
-
-def _judged_again(found: Outcome, design: Design, demands: Demands, hand: Hand) -> Outcome:
-    """Judge an unproved claim again, for a single device in a single hand. A refuted claim stays refuted only if it
-    fails for them."""
-    theta = None if found.witness is None else min(found.witness * design.device.sample_time, pi)
-    each = [(factor, share) for factor in {demands.factor, 1.0} for share in {1.0, 1 / factor}]
-    fails = theta is not None and any(
-        _fails_at(design, replace(demands, factor=factor), hand, theta, share) for factor, share in each
-    )
-    refuted = found.verdict is Verdict.REFUTED and fails
-    verdict = Verdict.REFUTED if refuted else Verdict.UNDECIDED
-    return replace(found, verdict=verdict, hand=hand, device=design.device)
+        return next_to_zero(AT_REST, at_rest, fixed, test) if at_rest else test
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -319,7 +152,7 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
         margin, size = any_hand_margins(demands, uncertain, part.delays)
         return [positive(each, fixed) for each in ([margin, size] if design.gains.velocity > 0 else [margin])]
 
-    found = _decided(Asked(design, demands, box), _ends(None, box, uncertain), tests, MAX_BOXES)
+    found = _decided(Asked(design, demands, box), _ends(None, box, uncertain), tests)
     return _and_without_reserve(found, prove_any_hand, design, demands, box)
 
 
@@ -337,81 +170,27 @@ def _and_without_reserve(
     return replace(again, boxes=found.boxes + again.boxes)
 
 
-def _decided(
-    asked: Asked,
-    ends: Ends,
-    tests: Callable[[Part, Values], list[Test]],
-    max_boxes: int,
-    near: Resonance | None = None,
-    whenever: Callable[[Part, Values], Test] | None = None,
-) -> Outcome:
+def _decided(asked: Asked, ends: Ends, tests: Callable[[Part, Values], list[Test]]) -> Outcome:
     """Prove margins positive over all values of theta, the hand's parameters and the device's uncertain parameters."""
-    sides, tried = sides_of_rectangles(ends, asked.affine), 0
-    springs = near is None and asked.for_every_spring
-    # with hands that have no stiffness, two shares are rows too, and few first attempts succeed
-    if not asked.limp if springs else len(sides) > 1:
-        found = _decided_over([ends], asked, tests, min(EASY_WHOLE, max_boxes), near, whenever)
-        if found.verdict is not Verdict.UNDECIDED:
-            return found
-        tried = found.boxes
-    found = _decided_over(sides, asked, tests, max_boxes, near, whenever, springs=springs)
-    return replace(found, boxes=found.boxes + tried)
-
-
-def _decided_over(
-    sides: Sequence[Ends],
-    asked: Asked,
-    tests: Callable[[Part, Values], list[Test]],
-    max_boxes: int,
-    near: Resonance | None,
-    whenever: Callable[[Part, Values], Test] | None,
-    *,
-    springs: bool = False,
-) -> Outcome:
-    """Prove the margins of `_decided` over several sides, each with the ends of its own rows."""
     boxes, fixed = 0, fixed_of(asked.design)
-    apart = MASS in sides[0] and asked.demands.worlds is None
-    parts = [part for ends in sides for part in parts_of(asked.design.device, ends, apart=apart)]
-    left: slice | Flags = slice(None)
-    if whenever is not None and len(parts) >= MANY_PARTS:
-        left, boxes = _left_of_parts(whenever(parts[1], fixed), boxes_over(parts[1], near))
-    for part in parts:
-        first = boxes_over(part, near).subset(left)
-        if springs and max_boxes > 0:
-            first, count = asked.left_by_any_spring(part, fixed, first, max_boxes)
-            boxes += count
+    apart = MASS in ends and asked.demands.worlds is None
+    for part in parts_of(asked.design.device, ends, apart=apart):
         for test in tests(part, fixed):
             found = prove(
                 part.within(test),
-                first,
+                boxes_over(part),
                 1,
                 halved=[True] * (1 + len(part.names)),
                 max_halvings=MAX_HALVINGS,
-                max_boxes=max_boxes,
+                max_boxes=MAX_BOXES,
                 at_ends=True,
                 few=FEW,
             )
             boxes += int(found.boxes[0])
             if not found.proved[0]:
                 point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
-                return _in_doubt(asked.design, asked.demands, asked.uncertain, part, point, boxes, near)
+                return _in_doubt(asked.design, asked.demands, asked.uncertain, part, point, boxes)
     return Outcome(Verdict.PROVED, boxes)
-
-
-def sides_of_rectangles(ends: Ends, pairs: Sequence[tuple[str, str]]) -> list[Ends]:
-    """Return the sides of rectangles, each of two rows, on which a margin is least."""
-    found = [ends]
-    for pair in pairs:
-        if all((ends[name][0] < ends[name][1]).all() for name in pair):
-            found = [_at_both_ends(each, name) for each in found for name in pair]
-    return found
-
-
-def _at_both_ends(ends: Ends, name: str) -> Ends:
-    """Return two columns for each column: one with the given row at its least number, one with it at its greatest."""
-    twice = {key: (np.tile(low, 2), np.tile(high, 2)) for key, (low, high) in ends.items()}
-    at = np.concatenate(ends[name])
-    return {**twice, name: (at, at)}
 
 
 def fixed_of(design: Design) -> Values:
@@ -420,31 +199,11 @@ def fixed_of(design: Design) -> Values:
     return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
 
 
-def boxes_over(part: Part, near: Resonance | None = None) -> Boxes:
+def boxes_over(part: Part) -> Boxes:
     """Return the first boxes over the angle and all rows of a part, with one owner."""
-    boxes = over_band(part.names, part.low, part.high, band_of(near.first if near else 0.0, HALF_TURN, STEP))
+    boxes = over_band(part.names, part.low, part.high, band_of(0.0, HALF_TURN, STEP))
     boxes = replace(boxes, owner=np.zeros_like(boxes.owner))
     return boxes.divided(row_of("mass"), STEP) if row_of("mass") in part.names else boxes
-
-
-def _left_of_parts(test: Test, boxes: Boxes) -> tuple[Flags, int]:
-    """Return which boxes of each part remain to be proved, and the number of evaluated boxes."""
-    own, left = np.arange(len(boxes)), np.ones(len(boxes), bool)
-    beyond = np.flatnonzero(boxes.low[0] > 0)
-    apart = replace(boxes.subset(beyond), owner=own[: len(beyond)])
-    found = prove(
-        test,
-        apart,
-        len(beyond),
-        halved=[True] * len(boxes.names),
-        max_halvings=MAX_HALVINGS,
-        max_boxes=EASY_PARTS,
-        at_ends=True,
-        few=FEW,
-        only_whole=True,
-    )
-    left[beyond] = ~found.proved
-    return left, int(found.boxes.sum())
 
 
 def _in_doubt(
@@ -454,7 +213,6 @@ def _in_doubt(
     part: Part,
     point: Floats,
     boxes: int,
-    near: Resonance | None,
 ) -> Outcome:
     """Decide in ball arithmetic at a point where array arithmetic did not prove the claim."""
     for row, name in enumerate(part.names):
@@ -468,7 +226,7 @@ def _in_doubt(
         delay = round(values.pop(SAMPLES_BEFORE)) * part.sample_time + values[own]
         values[own] = min(max(delay, part.range[0]), part.range[1])
     device = design.device.with_numbers({key: values[row_of(key)] for key in uncertain})
-    hand = near.hand(theta, values) if near else Hand.of(values) if STIFFNESS in values else None
+    hand = Hand.of(values) if STIFFNESS in values else None
     share = values.get(COUPLING_SHARE, 1.0)
 
     def fails(theta: float) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf, nextafter, pi
 
 from vctune.model.device import Device
@@ -15,7 +15,6 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import (
-    CommandInHand,
     NextToRest,
     loop_in_hand,
     required_in_hand,
@@ -24,9 +23,8 @@ from vctune.model.sampled.hand_loop import (
     seen_in_hand,
     seen_in_limp_hand,
 )
-from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, return_difference
-from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand
 from vctune.model.sampled.velocity_loop import difference_slope
 from vctune.model.sampled.worlds.loop_in_walls import Strip, strip_in_walls
 from vctune.model.sampled.worlds.loop_in_worlds import (
@@ -141,17 +139,6 @@ def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Nu
     """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14)."""
     required = required_in_hand(loop_in_hand(plant, theta, ops), design.gains)
     return room(design.coupling, design.device, required, factor, theta, ops)
-
-
-def whenever_margin(plant: ServoInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return 2 s (Re Z_c - factor |Z_seen|), s = sin(theta/2), for a servo with any number of whole samples of
-    delay."""
-    turned = replace(plant, plant=replace(plant.plant, turns=0.0))
-    loop, twice = loop_in_hand(turned, theta, ops), 2 * ops.sin(theta / 2)
-    assert isinstance(loop, CommandInHand)
-    around = ops.modulus(loop.seen.even, 0.5 * (twice * loop.seen.odd))
-    rest = room(design.coupling, design.device, Required(loop.blur, 1), factor, theta, ops)
-    return twice * rest - factor * around
 
 
 def limp_hand_margin(

@@ -100,8 +100,13 @@ class Taylor:
         series = inverse, -inverse * inverse, inverse**3
         return self.mapped(series, 6 * np.abs(inverse) ** 3 / least_size, UNIT * np.abs(inverse))
 
-    def mapped(self, series: tuple[Floats, Floats, Floats], third_derivative: Any, series_error: Any) -> Taylor:
-        """Return f(x) of this number x, to second order with an enclosed remainder."""
+    def mapped(
+        self, series: tuple[Floats, Floats, Floats], third_derivative: Any, error: Any, slope_error: Any = 0.0
+    ) -> Taylor:
+        """Return f(x) of this number x, to second order with an enclosed remainder.
+
+        The rounding error of f is `error`; that of f' and of half of f'' is `HIGHER_ERROR` of each and `slope_error`.
+        """
         value, first, second = series
         coefficients = self.coefficients.copy()
         coefficients[0] = 0.0
@@ -114,8 +119,8 @@ class Taylor:
         total = by_row.sum(axis=0)
         radii[:-1] += by_row * (remainder / np.maximum(total, TINY))
         radii[-1] += np.where(total > TINY, 0.0, remainder)
-        radii[-1] += series_error * (1 + reach + reach**2)
-        radii[-1] += HIGHER_ERROR * (np.abs(first) * reach + np.abs(second) * reach**2)
+        radii[-1] += error + (HIGHER_ERROR * np.abs(first) + slope_error) * reach
+        radii[-1] += (HIGHER_ERROR * np.abs(second) + slope_error) * reach**2
         return Taylor(self.row_count, result.coefficients, radii * SWOLLEN)
 
 

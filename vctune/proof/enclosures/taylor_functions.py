@@ -10,9 +10,12 @@ import numpy as np
 
 from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number, by_conjugate
 from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Floats
-from vctune.proof.enclosures.jets import ENCLOSURES, LIBRARY_ERROR, Table
+from vctune.proof.enclosures.jets import ENCLOSURES, LIBRARY_ERROR, PHI_ERROR, Table
 from vctune.proof.enclosures.taylor import SWOLLEN, Taylor, stacked
 
+# Nodes and weights of Gauss and Legendre for means over 0 <= t <= 1
+_NODES, _WEIGHTS = (0.5 * (1 + np.polynomial.legendre.leggauss(40)[0]), 0.5 * np.polynomial.legendre.leggauss(40)[1])
+FAR, TURNS = 40.0, 12.0  # arguments up to which these means have their digits: of e^(-t x), and of cos(t x)
 SINC_TERMS = 12  # Number of terms in the series of sinc' and sinc'' for arguments below 1
 # Relative amount by which an interval may extend past a point of a table while the code still uses the power law of one
 # side
@@ -32,6 +35,36 @@ def _sinc(x: Floats) -> tuple[Floats, Floats, Floats]:
     slope = sum(n * c * near ** (n - 1) for n, c in terms)
     curve = sum(n * (n - 1) / 2 * c * near ** (n - 2) for n, c in terms)
     return FLOATS.sinc(x), np.where(small, slope, first), np.where(small, curve, second)
+
+
+def _falling(
+    x: Floats, function: Callable[[Floats], Floats], weight: Callable[[Floats], Floats]
+) -> tuple[Floats, Floats, Floats]:
+    """Return a function that is the mean of weight(t) e^(-t x), its derivative, and half of its second derivative."""
+    reach = np.minimum(1.0, FAR / np.maximum(x, FAR))  # beyond FAR/x what is left is below e^-FAR
+    t = reach * _NODES[:, None]
+    each = _WEIGHTS[:, None] * reach * weight(t) * np.exp(-t * x)
+    return function(x), -(t * each).sum(axis=0), 0.5 * (t * t * each).sum(axis=0)
+
+
+def _sinc_curvature(x: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return (1 - sinc x)/x^2, its derivative, and half of its second derivative."""
+    near, far = np.clip(x, -TURNS, TURNS), np.where(np.abs(x) < TURNS, TURNS, x)
+    each = _WEIGHTS[:, None] * 0.5 * (1 - _NODES[:, None]) ** 2
+    turned = _NODES[:, None] * near
+    first = -(each * _NODES[:, None] * np.sin(turned)).sum(axis=0)
+    second = -(each * _NODES[:, None] ** 2 * np.cos(turned)).sum(axis=0)
+    (_, slope, curve), value = _sinc(far), FLOATS.sinc_curvature(x)
+    beyond = -(slope + 2 * far * value) / far**2
+    curved = -(2 * curve + 2 * value + 4 * far * beyond) / far**2
+    inside = np.abs(x) < TURNS
+    return value, np.where(inside, first, beyond), 0.5 * np.where(inside, second, curved)
+
+
+def _if_positive(x: Taylor, bound: float) -> Floats:
+    """Return a bound where x is nowhere negative, by more than a rounding; elsewhere nan, so that nothing is proved."""
+    over = x.enclosed()
+    return np.where(over.mid - over.rad >= -1e-9, bound * (1 + 1e-6), np.nan)
 
 
 def _ranged(x: Number) -> Number:
@@ -81,7 +114,9 @@ def _power(x: Taylor, table: Table) -> Taylor:
     third = np.where(alone, third * value / mid**3 * (1 + POWER_ERROR), np.nan)
     apart = min([1.0, *(log(c / a) for a, c in pairwise(edges))])
     error = POWER_ERROR * value * (1 + np.abs(powers).max()) / apart
-    return x.mapped((value, p * value / mid, 0.5 * p * (p - 1) * value / mid**2), third, error)
+    first, second = p * value / mid, 0.5 * p * (p - 1) * value / mid**2
+    relative = error / value * np.maximum(np.abs(first), np.abs(second))
+    return x.mapped((value, first, second), third, error, relative)
 
 
 def _like(x: Number, one: Taylor) -> Taylor:
@@ -132,28 +167,28 @@ class _TaylorArithmetic:
         if not isinstance(x, Taylor):
             return ENCLOSURES.exp(x)
         value, most = np.exp(x.coefficients[0]), ENCLOSURES.exp(x.enclosed())
-        return x.mapped((value, value, 0.5 * value), most.mid + most.rad, 2 * LIBRARY_ERROR * value)
+        return x.mapped((value, value, 0.5 * value), most.mid + most.rad, *(2 * LIBRARY_ERROR * value,) * 2)
 
     @staticmethod
     def sin(x: Number) -> Number:
         if not isinstance(x, Taylor):
             return ENCLOSURES.sin(x)
         sin, cos = np.sin(x.coefficients[0]), np.cos(x.coefficients[0])
-        return x.mapped((sin, cos, -0.5 * sin), 1.0, 2 * LIBRARY_ERROR)
+        return x.mapped((sin, cos, -0.5 * sin), 1.0, *(2 * LIBRARY_ERROR,) * 2)
 
     @staticmethod
     def cos(x: Number) -> Number:
         if not isinstance(x, Taylor):
             return ENCLOSURES.cos(x)
         sin, cos = np.sin(x.coefficients[0]), np.cos(x.coefficients[0])
-        return x.mapped((cos, -sin, -0.5 * cos), 1.0, 2 * LIBRARY_ERROR)
+        return x.mapped((cos, -sin, -0.5 * cos), 1.0, *(2 * LIBRARY_ERROR,) * 2)
 
     @staticmethod
     def sinc(x: Number) -> Number:
         """Return sinc x. It is the mean of cos(t x) over 0 <= t <= 1, so |sinc'''| is at most 1/4."""
-        return (
-            x.mapped(_sinc(x.coefficients[0]), 0.25, 8 * LIBRARY_ERROR) if isinstance(x, Taylor) else ENCLOSURES.sinc(x)
-        )
+        if not isinstance(x, Taylor):
+            return ENCLOSURES.sinc(x)
+        return x.mapped(_sinc(x.coefficients[0]), 0.25, *(8 * LIBRARY_ERROR,) * 2)
 
     @staticmethod
     def modulus(re: Number, im: Number) -> Number:
@@ -169,19 +204,40 @@ class _TaylorArithmetic:
 
     @staticmethod
     def sinc_curvature(x: Number) -> Number:
-        return ENCLOSURES.sinc_curvature(_ranged(x))
+        """Return (1 - sinc x)/x^2, the mean of (1 - t)^2 cos(t x)/2 over 0 <= t <= 1; its third derivative is at most
+        1/120."""
+        if not isinstance(x, Taylor):
+            return ENCLOSURES.sinc_curvature(x)
+        return x.mapped(_sinc_curvature(x.coefficients[0]), 1 / 120, *(PHI_ERROR,) * 2)
 
     @staticmethod
     def phi_1(x: Number) -> Number:
-        return ENCLOSURES.phi_1(_ranged(x))
+        """Return the mean of e^(-t x) over 0 <= t <= 1. For x >= 0 its third derivative is at most 1/4."""
+        if not isinstance(x, Taylor):
+            return ENCLOSURES.phi_1(x)
+        return x.mapped(
+            _falling(x.coefficients[0], FLOATS.phi_1, lambda t: 1 + 0 * t), _if_positive(x, 1 / 4), PHI_ERROR
+        )
 
     @staticmethod
     def phi_2(x: Number) -> Number:
-        return ENCLOSURES.phi_2(_ranged(x))
+        """Return the mean of (1 - t) e^(-t x) over 0 <= t <= 1. For x >= 0 its third derivative is at most 1/20."""
+        if not isinstance(x, Taylor):
+            return ENCLOSURES.phi_2(x)
+        return x.mapped(_falling(x.coefficients[0], FLOATS.phi_2, lambda t: 1 - t), _if_positive(x, 1 / 20), PHI_ERROR)
 
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
-        return ENCLOSURES.where_positive(_ranged(x), lambda: _ranged(yes()), lambda: _ranged(no()))
+        sure = _ranged(x).positive()
+        if sure.all():
+            return yes()
+        one, other = yes(), no()
+        form = next((number for number in (one, other) if isinstance(number, Taylor)), None)
+        if form is None:
+            return ENCLOSURES.where_positive(_ranged(x), lambda: one, lambda: other)
+        one, other = (stacked([number, form])[0] for number in (one, other))
+        parts = ((one.coefficients, other.coefficients), (one.radii, other.radii))
+        return Taylor(form.row_count, *(np.where(sure, *pair) for pair in parts))
 
     @staticmethod
     def interpolated(x: Number, table: Table) -> Number:

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from vctune.model.numbers.arithmetic import Number
-from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Flags, Floats, raised
+from vctune.proof.enclosures.array_intervals import Floats
 from vctune.proof.enclosures.box_minimum import least_over_boxes
-from vctune.proof.enclosures.jets import Jet, variables
 from vctune.proof.enclosures.taylor import Taylor
 from vctune.proof.enclosures.taylor import variables as polynomials
 from vctune.proof.engine.box_tests import (
     FROM_ZERO,
     Margin,
     Margins,
-    Rows,
-    halves_and_middles,
-    lowest,
     nearest,
     room_left,
 )
@@ -35,7 +31,7 @@ FREQUENCY_FIRST = 64.0
 WIDER = 0.1  # Exponent of a row's relative width in the weight of the row's cost
 
 
-def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:
+def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats) -> Test:
     """Return the test that a margin is positive, by polynomials that show how the rows of a box act together."""
 
     def margin_over(boxes: Boxes, varied: Sequence[bool]) -> Number:
@@ -54,20 +50,15 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
         if fails.any():
             points = replace(boxes.subset(fails), low=point[:, fails], high=point[:, fails])
             fails[fails] = margin_over(points, points.varied()).enclosed().negative()
-        known, side = np.isfinite(least.bound), np.zeros_like(width)
-        left = np.flatnonzero(~proved & ~fails)
-        if left.size > FEW:
-            sloping = by_slopes(boxes.subset(left))
-            proved[left], fails[left], side[:, left] = sloping.proved, sloping.fails, sloping.side
-            point[:, left] = np.where(sloping.fails, sloping.point, point[:, left])
-        relative = _relative(boxes, spans)
-        cost = np.where((width > 0) & (side == 0), np.where(known, cost * relative**WIDER, relative), 0.0)
-        return Decided(proved, fails, point, cost, known, side, np.where(proved, np.inf, least.estimate))
+        known, relative = np.isfinite(least.bound), _relative(boxes, spans)
+        cost = np.where(width > 0, np.where(known, cost * relative**WIDER, relative), 0.0)
+        room = np.where(proved, np.inf, least.estimate)
+        return Decided(proved, fails, point, cost, known, np.zeros_like(width), room)
 
     return test
 
 
-def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans: Floats) -> Test:
+def any_positive(margins: Margins, fixed: Values, spans: Floats) -> Test:
     """Return the test that one of several margins is positive at each point."""
 
     def margins_over(boxes: Boxes) -> tuple[Number, ...]:
@@ -84,12 +75,6 @@ def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans:
         if left.size:
             points = replace(boxes.subset(left), low=best.point[:, left], high=best.point[:, left])
             best.fails[left] = np.all([number.enclosed().negative() for number in margins_over(points)], axis=0)
-        left = np.flatnonzero(~best.proved & ~best.fails)
-        if slopes is not None and left.size > FEW:
-            part = boxes.subset(left)
-            proved, side = _any_by_slopes(lambda rows: slopes(rows[0], part.named(rows, fixed)), part)
-            best.proved[left], best.side[:, left] = proved, side
-            best.cost[:, left] = np.where(best.side[:, left] == 0, best.cost[:, left], 0.0)
         return best
 
     return test
@@ -164,43 +149,3 @@ def _relative(boxes: Boxes, spans: Floats) -> Floats:
     relative = (boxes.high - boxes.low) / sizes
     relative[0] = np.where(boxes.low[0] == 0, FROM_ZERO, relative[0])
     return np.asarray(relative)
-
-
-def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) -> tuple[Flags, Floats]:
-    """Return the boxes on which one of several margins is positive throughout, and the row ends where all are least."""
-    rows, varied, n = boxes.rows(), boxes.varied(), len(boxes)
-    numbers = margins(variables(rows, varied))
-    side = _common_sides(numbers, boxes)
-    rad, middle = halves_and_middles(rows, n)
-    point = middle + side * rad
-    at_point = [
-        Enclosure(p, 2 * UNIT * (np.abs(p) + r)) if varies else row
-        for p, r, row, varies in zip(point, rad, rows, varied, strict=True)
-    ]
-    proved = np.zeros(n, bool)
-    for number, value in zip(numbers, margins(at_point), strict=True):
-        reach, slopes = np.zeros_like(rad), number.slopes if isinstance(number, Jet) else ()
-        for row, slope in zip(np.flatnonzero(varied), slopes, strict=False):
-            if slope is not None:
-                reach[row] = np.where(side[row] == 0, (np.abs(slope.mid) + slope.rad) * rad[row], 0.0)
-        direct: Enclosure = number.value if isinstance(number, Jet) else number
-        proved |= lowest(value.mid, raised(value.rad + reach.sum(axis=0), 1 + len(rows))) > 0
-        proved |= direct.positive()
-    return proved, side
-
-
-def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
-    """Return the row ends where all margins that may be positive are least; 0 where the margins differ."""
-    # the least and the greatest of the sides of the margins that may be positive
-    least, most = np.ones_like(boxes.low), -np.ones_like(boxes.low)
-    for number in numbers:
-        side = np.zeros_like(boxes.low)
-        value: Enclosure = number.value if isinstance(number, Jet) else number
-        slopes = number.slopes if isinstance(number, Jet) else ()
-        for row, slope in zip(np.flatnonzero(boxes.varied()), slopes, strict=False):
-            if slope is not None:
-                side[row] = 1.0 * slope.negative() - slope.positive()
-        may_be_positive = ~np.broadcast_to(value.negative(), len(boxes))
-        least = np.where(may_be_positive, np.minimum(least, side), least)
-        most = np.where(may_be_positive, np.maximum(most, side), most)
-    return np.where(least == most, least, 0.0)
