@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from vctune.proof.enclosures.array_intervals import Flags, Floats
-from vctune.proof.engine.boxes import CHUNK, Boxes, Integers
+from vctune.proof.engine.boxes import CHUNK, Boxes, Integers, joined
 from vctune.running import check_time, report_progress
 
 # Greatest ratio of the uncertainty from the rows that the prover must not halve to the uncertainty from the other rows
@@ -102,6 +102,35 @@ def prove(
         first *= len(boxes) / max(len(kept), 1)
     proved = np.isnan(open_[0]) & np.isnan(failing[0])
     return Proofs(names, proved, failing=failing, open=open_, boxes=count, total=total)
+
+
+@np.errstate(all="ignore")
+def left_open(
+    test: Test, boxes: Boxes, *, max_boxes: int, share: float = 1.0, growth: float = np.inf, few: int = 0
+) -> tuple[Boxes, int]:
+    """Halve the boxes in which a test does not prove the claim, until the test decides all boxes or further halvings
+    promise little."""
+    halved, faces, count, settled = np.ones(len(boxes.low), bool), boxes, 0, list[Boxes]()
+    whole, any_proved = boxes, False
+    most = growth * len(boxes)
+    while len(boxes):
+        decided = _in_chunks(test, faces)
+        count += len(boxes)
+        any_proved |= bool(decided.proved.any())
+        faces = faces.ends(decided.side)
+        single = ~np.any(faces.low < faces.high, axis=0)
+        left, lost = ~decided.proved, np.isneginf(decided.room) | single
+        settled.append(boxes.subset(left & lost))
+        goes_on = left & ~lost
+        boxes, faces, enough = boxes.subset(goes_on), faces.subset(goes_on), _share(decided.fails, left) >= share
+        if enough or len(boxes) > most or count >= max_boxes:
+            break
+        boxes, faces = _halved([boxes, faces], decided.cost[:, goes_on], halved, few)
+    return (joined(*settled, boxes) if any_proved else whole), count
+
+
+def _share(some: Flags, among: Flags) -> float:
+    return float(some[among].mean()) if among.any() else 1.0
 
 
 def _blurred(decided: Decided, halved: Flags) -> Flags:
