@@ -47,13 +47,20 @@ def drawn(many: int) -> int:
     return min(many, ceil(many * DRAWS / WHOLE))
 
 
+def every_case_of(item: pytest.Item) -> bool:
+    """Return whether no case of a test is left out: golden answers, and kinds of claims, which draw `DRAWS` each."""
+    return item.path.parent.name == "golden" or (
+        item.path.name == "test_claims.py" and "kind" in item.callspec.params and "number" not in item.callspec.params
+    )
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out all but `DRAWS` slow cases of a test, spaced evenly; none of the golden answers."""
+    """Leave out all but `DRAWS` slow cases of a test, spaced evenly; none of `every_case_of`."""
     if DRAWS >= WHOLE:
         return
     left_out = []
     for _, group in groupby(items, key=lambda item: item.nodeid.partition("[")[0]):
-        slow = [item for item in group if item.get_closest_marker("slow") and item.path.parent.name != "golden"]
+        slow = [item for item in group if item.get_closest_marker("slow") and not every_case_of(item)]
         kept = {round(k * (len(slow) - 1) / max(DRAWS - 1, 1)) for k in range(DRAWS)}
         left_out += [item for number, item in enumerate(slow) if number not in kept]
     config.hook.pytest_deselected(items=left_out)
