@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from device_arithmetic import Digits
+from arithmetic import Digits
 from device_oracle import Real, operator_impedance, response_at
 from device_pairs import real_of
 from random_devices import far_apart, ordinary, ordinary_gains

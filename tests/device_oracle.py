@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from device_arithmetic import DIGITS, Arithmetic
+from arithmetic import DIGITS, Arithmetic
 
 
 @dataclass(frozen=True)

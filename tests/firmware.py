@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from device_arithmetic import DIGITS, Arithmetic
+from arithmetic import DIGITS, Arithmetic
 from device_oracle import Gains, Real
 from sampled_device_oracle import LET_GO, Hand, exact, held, matrix_of, order, plant, split
 

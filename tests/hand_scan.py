@@ -6,7 +6,7 @@ from dataclasses import astuple
 from itertools import product
 
 import numpy as np
-from device_arithmetic import DOUBLES
+from arithmetic import DOUBLES
 from device_oracle import Coupling, Gains, read_device
 from sampled_device_oracle import Hand, circle, coupling_at, seen_at, sensitivity
 from servo_oracle import Follower, Grip, Virtual, seen, vertices

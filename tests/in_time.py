@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from device_arithmetic import DOUBLES, Arithmetic
+from arithmetic import DOUBLES, Arithmetic
 from device_oracle import Coupling, Gains, Real
 from firmware import Device
 from sampled_device_oracle import Hand, circle, coupling_at, matrix_of, seen_at

@@ -15,7 +15,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from device_arithmetic import DIGITS, Arithmetic
+from arithmetic import DIGITS, Arithmetic
 from device_oracle import Coupling, Gains, LowPass, Real, smoothing, spring
 
 

@@ -7,7 +7,7 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from device_arithmetic import DOUBLES
+from arithmetic import DOUBLES
 from device_oracle import response_at
 from device_pairs import real_of
 

@@ -7,8 +7,8 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
+from arithmetic import DOUBLES
 from conftest import ROOT, for_passive_hands, mostly_slow
-from device_arithmetic import DOUBLES
 from device_oracle import Coupling, Gains, read_device
 from hand_scan import least_ratio_in_hands
 from sampled_device_oracle import Hand, circle, coupling_at, seen_at

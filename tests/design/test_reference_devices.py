@@ -6,8 +6,8 @@ import json
 
 import numpy as np
 import pytest
+from arithmetic import DOUBLES
 from conftest import ROOT, mostly_slow
-from device_arithmetic import DOUBLES
 from device_oracle import Coupling, Gains, Real, coupling_impedance, laplace, read_device, response
 from firmware import spectral_radius
 from sampled_device_oracle import sensitivity

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from arithmetic import DOUBLES
 from command import run as vctune
 from command import strict
-from device_arithmetic import DOUBLES
 from device_pairs import real_of
 from firmware import Device as Sampled
 from sampled_device_oracle import Hand as OracleHand

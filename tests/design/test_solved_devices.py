@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from arithmetic import DOUBLES
 from conftest import drawn, mostly_slow
-from device_arithmetic import DOUBLES
 from device_oracle import Coupling as CouplingNumbers
 from device_oracle import Gains as LawNumbers
 from device_oracle import LowPass, Real, Velocity, coupling_impedance, laplace, response

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from agreement import all_to_all_digits, to_all_digits
-from device_arithmetic import DIGITS, Digits
+from arithmetic import DIGITS, Digits
 from device_fixtures import GAINS, REAL_A_LATE_SENSOR, WHEEL, WHEEL_GAINS
 from device_oracle import Coupling as OracleCoupling
 from device_oracle import Real

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from device_arithmetic import Digits
+from arithmetic import Digits
 from device_cases import NUM, Case, cases
 from device_pairs import loop
 from flint import arb, arb_series, ctx

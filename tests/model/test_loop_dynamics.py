@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from agreement import all_to_all_digits, to_all_digits
-from device_arithmetic import DOUBLES, Digits
+from arithmetic import DOUBLES, Digits
 from device_cases import NUM, Case, cases
 from device_oracle import (
     Real,

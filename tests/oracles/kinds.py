@@ -19,6 +19,11 @@ from worst import worst
 Tables = dict[str, Any]
 Rng = np.random.Generator
 NUMBERS = ("mass", "damping", "stiffness")
+UNCERTAIN = (
+    "mass", "damping", "delay", "velocity.filter_hz", "actuator.bandwidth_hz", "force_sensor.bandwidth_hz",
+    "structure.frequency_hz", "structure.handle_mass", "force_sensor.delay", "structure.damping_ratio",
+)  # fmt: skip
+"""Numbers of an admittance display that may be uncertain; the last two only without hands."""
 LEAST = 1e-3
 """Least angle of a scan, rad."""
 
@@ -570,16 +575,7 @@ def uncertain(rng: Rng) -> Drawn:
             gains = gains_for(rng, device, 1.0)
             box = hands_for(rng, device["mass"], device["sample_time"])
             coupling = coupling_for(rng, device, gains[0], 1.0)
-            keys = [
-                "mass",
-                "damping",
-                "delay",
-                "velocity.filter_hz",
-                "actuator.bandwidth_hz",
-                "force_sensor.bandwidth_hz",
-                "structure.frequency_hz",
-                "structure.handle_mass",
-            ]
+            keys = [*UNCERTAIN[:-2]]
         there = [key for key in keys if _has(device, key)]
         some = rng.permutation(there)[: int(rng.integers(1, 4))].tolist()
         widths = {key: decimal(rng.uniform(0.02, 0.2)) for key in some}
@@ -615,18 +611,7 @@ def uncertain_passive(rng: Rng) -> Drawn:
         device = admittance(rng)
         gains, band = gains_for(rng, device), band_of(rng, device)
         coupling = coupling_for(rng, device, gains[0], 1.0)
-        keys = [
-            "mass",
-            "damping",
-            "delay",
-            "velocity.filter_hz",
-            "actuator.bandwidth_hz",
-            "force_sensor.bandwidth_hz",
-            "force_sensor.delay",
-            "structure.frequency_hz",
-            "structure.handle_mass",
-            "structure.damping_ratio",
-        ]
+        keys = UNCERTAIN
         some = rng.permutation([key for key in keys if _has(device, key)])[: int(rng.integers(1, 4))].tolist()
         widths = {key: decimal(rng.uniform(0.02, 0.2)) for key in some}
         middle = np.array([_number(device, key) for key in some])

@@ -8,8 +8,8 @@ from math import pi
 
 import numpy as np
 import pytest
+from arithmetic import DOUBLES
 from conftest import mostly_slow
-from device_arithmetic import DOUBLES
 from device_oracle import Coupling as CouplingNumbers
 from device_oracle import Gains as LawNumbers
 from device_oracle import LowPass, Real, Velocity, coupling_impedance, low_pass, mechanism, response_at

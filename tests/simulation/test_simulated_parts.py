@@ -15,10 +15,10 @@ import in_time
 import numpy as np
 import parts_in_time
 import pytest
+from arithmetic import DOUBLES
 from command import run as vctune
 from command import strict
 from conftest import for_passive_hands, mostly_slow
-from device_arithmetic import DOUBLES
 from integrators import midpoint
 from sampled_device_oracle import coupling_at, seen_at
 from scipy.integrate import trapezoid
