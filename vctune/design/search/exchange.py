@@ -79,8 +79,6 @@ def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, 
     return bool(new)
 
 
-# tests/design/test_search_constants.py solves references and basins with each constant halved and doubled.
-
 TIGHTENING = 1e-6  # Relative tightening of the constraints
 ROUNDS = 40  # Greatest number of NLPs in an exchange; one to three are usual
 STALLED = 8  # Number of rounds within which the greatest violation must halve; otherwise the exchange ends
