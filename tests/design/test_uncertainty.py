@@ -11,7 +11,6 @@ from functools import cache
 from itertools import product
 from math import inf
 
-import mpmath as mp
 import numpy as np
 import pytest
 from command import run
@@ -31,15 +30,14 @@ from vctune.document.reading import parse_problem
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Uncertainty
+from vctune.proof.boxes import band_of, over_band
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import device_box
-from vctune.proof.enclosures.array_intervals import Enclosure
-from vctune.proof.enclosures.jets import ENCLOSURES, variables
-from vctune.proof.engine.box_tests import positive
-from vctune.proof.engine.boxes import band_of, over_band
-from vctune.proof.engine.branching import prove as prove_boxes
+from vctune.proof.enclosures.intervals import Enclosure
 from vctune.proof.engine.interval import Verdict
+from vctune.proof.prover import positive
+from vctune.proof.prover import prove as prove_boxes
 
 WIDE = "[uncertainty]\nmass = 0.1\ndamping = 0.5\ndelay = 0.2\n"
 WORST = WIDE + 'objective = "worst"\n'
@@ -116,22 +114,6 @@ def test_what_cannot_move_is_no_uncertainty():
     ):
         assert problem("friction-wheel", table).uncertainty is None
     assert problem("cobot-wrist", "[uncertainty]\ndelay = 0.1\n").uncertainty is not None
-
-
-@given(st.floats(0, 30), st.floats(0.01, 0.99))
-def test_derivatives_of_the_phi_functions_are_enclosed(x, share):
-    rad = share * x
-    box = Enclosure(np.array([x]), np.array([rad]))
-    for name, f in (
-        ("phi_1", lambda t: (1 - mp.exp(-t)) / t if t else mp.mpf(1)),
-        ("phi_2", lambda t: (t - 1 + mp.exp(-t)) / t**2 if t else mp.mpf(1) / 2),
-    ):
-        (jet,) = variables([box], [True])
-        slope = getattr(ENCLOSURES, name)(jet).slopes[0]
-        with mp.workdps(50):
-            for at in (x - rad, x, x + rad):
-                exact = float(mp.diff(f, mp.mpf(at) + mp.mpf("1e-9")))
-                assert abs(exact - slope.mid[0]) <= slope.rad[0] + 1e-8
 
 
 @given(st.floats(-1, 1), st.floats(0.5, 3), st.floats(-1, 1), st.sampled_from([1e-5, 1e-2, -1e-5, -1e-2]))

@@ -37,8 +37,7 @@ from vctune.model.sampled.hand_loop import (
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.claims.margins_of_claims import Design, hand_margin
 from vctune.proof.enclosures.arb_balls import BALLS, ball, box, device_ball, gains_ball
-from vctune.proof.enclosures.array_intervals import Enclosure, between, decimal
-from vctune.proof.enclosures.jets import ENCLOSURES, Jet, variables
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, between, decimal
 
 HERTZ = (1, 10, 100, 400, 499.999999)
 SHARES = (1e-6, 1e-3, 0.03, 0.2, 0.4999)
@@ -442,29 +441,6 @@ def test_boxes_that_begin_at_no_hand():
             for one, other in zip(found, inside, strict=True):
                 away = abs(float(other) - float(one.mid))
                 assert not np.isfinite(one.rad) or away <= float(one.rad) + 1e-12 * abs(float(other)), (device, hand)
-
-
-@pytest.mark.slow
-@np.errstate(all="ignore")
-@pytest.mark.parametrize(
-    "width", [1e-3, pytest.param(1e-6, marks=pytest.mark.slow), pytest.param(1e-12, marks=pytest.mark.slow)]
-)
-def test_slopes_of_jets_contain_those_of_the_oracle(width):
-    """By mass, damping and stiffness of the hand and by the angle."""
-    looked_at = 0
-    for device, gains, hand, rng in cases(range(2, len(COMBINATIONS), 13), 70):
-        theta = float(pi * 10 ** rng.uniform(-2, 0))
-        values = numbers_of(hand, theta)
-        boxes = [between(*map(np.array, around(x, width, rng))) for x in values.values()]
-        jets = dict(zip(KEYS, variables(boxes, [bool(x) for x in values.values()]), strict=True))
-        law = Gains(decimal(gains.velocity), decimal(gains.position))
-        found = quotient(jets, device.converted(decimal), law, ENCLOSURES, device)
-        assert isinstance(found, Jet)
-        moving = [key for key, x in values.items() if x]
-        for key, slope in zip(moving, found.slopes, strict=True):
-            assert contains(slope, slope_by(key, device, gains, values)), (device, hand, key)
-            looked_at += bool(np.isfinite(slope.rad))
-    assert looked_at > (30 if width < 1e-3 else 5)
 
 
 def slope_by(key: str, device: Device, gains: Gains, values: dict[str, float]) -> Any:

@@ -1,4 +1,4 @@
-"""Devices with parts: every formula the same in every arithmetic; balls, enclosures and jets contain what is true."""
+"""Devices with parts: every formula the same in every arithmetic; balls and enclosures contain what is true."""
 
 from __future__ import annotations
 
@@ -41,8 +41,7 @@ from vctune.proof.claims.margins_of_claims import (
 )
 from vctune.proof.claims.sampled_poles import exact_plant
 from vctune.proof.enclosures.arb_balls import BALLS, as_series, ball, box
-from vctune.proof.enclosures.array_intervals import Enclosure, between, decimal
-from vctune.proof.enclosures.jets import ENCLOSURES, PHI_ERROR, Jet, variables
+from vctune.proof.enclosures.intervals import ENCLOSURES, PHI_ERROR, Enclosure, between, decimal
 
 Formula = Callable[[Device, Gains, Coupling, Number, Arithmetic], Number]
 
@@ -65,8 +64,6 @@ def plain(x: Number) -> float:
     """Return about the middle of a number of any arithmetic."""
     if isinstance(x, arb_series):
         x = x[0]
-    if isinstance(x, Jet):
-        x = x.value
     return float(x.mid if isinstance(x, Enclosure) else x)
 
 
@@ -251,35 +248,6 @@ def test_enclosures_contain_what_the_oracles_say(kind):
     assert finite > 300
 
 
-@pytest.mark.slow
-@np.errstate(all="ignore")
-@pytest.mark.parametrize("kind", ["far apart", "ordinary"])
-def test_slopes_of_jets_contain_the_slopes_of_the_oracles(kind):
-    """Every derivative by frequency, gains, coupling and device, against differences of 150 digits."""
-    formulas = FORMULAS | SAMPLED
-    looked_at = 0
-    for case, rng in cases(kind, 35, 12):
-        for name, x in places(case, rng).items():
-            if name not in ORACLES:
-                continue
-            numbers = {"x": x} | numbers_of(case)
-            varied = [bool(n) for n in numbers.values()]
-            boxes = [wider(n, 1e-9, rng) if n else Enclosure(0.0) for n in numbers.values()]
-            jets = dict(zip(numbers, variables(boxes, varied), strict=True))
-            at_x = jets.pop("x")
-            found = formulas[name](*case_of(case, jets, decimal), at_x, ENCLOSURES)
-            assert contains(found.value, true_value(name, case, x)), (case, name)
-            moving = [key for key, varies in zip(numbers, varied, strict=True) if varies]
-            for key, slope in zip(moving, (*found.slopes, *[None] * len(moving)), strict=False):
-                difference = difference_by(name, case, x, key)
-                looked_at += 1
-                if slope is None:
-                    assert abs(difference) < 1e-40 * abs(true_value(name, case, x)) / numbers[key], (case, name, key)
-                else:
-                    assert contains(slope, difference), (case, name, key)
-    assert looked_at > 200
-
-
 def difference_by(name: str, case: Case, x: float, key: str) -> Any:
     """Return the slope of a formula by one of its numbers, from a difference over `STEP` of it on either side."""
     ends = []
@@ -346,7 +314,7 @@ def curvature(x: Any) -> Any:
 
 
 def test_the_curvature_of_sinc():
-    """Doubles as accurate as the proof takes them for; enclosures, jets and balls contain value and slope."""
+    """Doubles as accurate as the proof takes them for; enclosures and balls contain value and slope."""
     rng = np.random.default_rng(38)
     sizes = [CURVATURE_BELOW * (1 - 1e-9), CURVATURE_BELOW, 1e-9, 1e-3, pi, 2 * pi, *10 ** rng.uniform(-6, 2.5, 200)]
     for x in map(float, sizes):
@@ -355,9 +323,7 @@ def test_the_curvature_of_sinc():
         assert abs(float(FLOATS.sinc_curvature(np.array(x))) / true - 1) <= PHI_ERROR, x
         for width in (1e-14, 1e-6, 1e-2, 0.5):
             place = wider(x, width, rng)
-            jet = ENCLOSURES.sinc_curvature(variables([place], [True])[0])
             assert contains(ENCLOSURES.sinc_curvature(place), true), (x, width)
-            assert contains(jet.value, true) and contains(jet.slopes[0], slope), (x, width)
             with ctx.workprec(128):
                 around = wider_ball(x, width, rng)
                 assert BALLS.sinc_curvature(around).contains(exactly(true)), (x, width)

@@ -21,8 +21,7 @@ from vctune.model.numbers.matrices import (
     norm_of,
 )
 from vctune.proof.enclosures.arb_balls import BALLS
-from vctune.proof.enclosures.array_intervals import Enclosure, between, matmul
-from vctune.proof.enclosures.jets import ENCLOSURES, Jet, variables
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, matmul
 
 NUM = MPContext()
 NUM.dps = 140
@@ -90,41 +89,6 @@ def test_half_coth_in_every_arithmetic(norm):
             assert balls[i][j].rad() <= 1e-28 * float(size), number
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "norm", [norm if norm in (0.1, 12.0) else pytest.param(norm, marks=pytest.mark.slow) for norm in NORMS]
-)
-def test_jets_of_half_coth_contain_its_derivatives(norm):
-    """Along a line of matrices, over boxes of its parameter."""
-    for number in range(4):
-        rng = np.random.default_rng((52, number))
-        A = random_matrix(rng, norm)
-        along = A * rng.uniform(-1, 1, A.shape)
-
-        def at(t: Any, A: np.ndarray = A, along: np.ndarray = along) -> Any:
-            line = zip(A.tolist(), along.tolist(), strict=True)
-            return coth_by_exponentials(
-                [[exact(a) + t * exact(b) for a, b in zip(*pair, strict=True)] for pair in line]
-            )
-
-        for width in (0.0, 1e-9, 1e-3):
-            place = float(width * rng.uniform(-1, 1))
-            t = variables([between(np.array(-width), np.array(width))], [True])[0]
-            found = half_coth(
-                tuple(
-                    tuple(Enclosure(np.array(a)) + t * b for a, b in zip(*pair, strict=True))
-                    for pair in zip(A.tolist(), along.tolist(), strict=True)
-                ),
-                ENCLOSURES,
-            )
-            value = at(exact(place))
-            slope = (at(exact(place) + STEP) - at(exact(place) - STEP)) / (2 * STEP)
-            for i, j in entries(len(A)):
-                assert contains(found[i][j].value, value[i, j]), (number, width)
-                assert contains(found[i][j].slopes[0], slope[i, j]), (number, width)
-                assert width > 1e-9 or np.isfinite(found[i][j].slopes[0].rad), (number, width)
-
-
 @pytest.mark.parametrize("size", [1e-3, 1e-12, 1e-30])
 @pytest.mark.parametrize("ops", [FLOATS, BALLS], ids=["floats", "balls"])
 def test_an_exponential_has_the_powers_that_reach_its_corners(size, ops):
@@ -186,30 +150,6 @@ def test_products_of_matrices_of_enclosures():
         for i, j, at in np.ndindex(n, k, 3):
             true = sum(Fraction(in_a[i, p, at]) * Fraction(in_b[p, j, at]) for p in range(m))
             assert abs(Fraction(found.mid[i, j, at]) - true) <= Fraction(found.rad[i, j, at]), number
-
-
-def test_products_of_matrices_of_jets():
-    """(A B)' = A' B + A B', of members of boxes; what does not move has no slope."""
-    rng = np.random.default_rng(58)
-    a, b, slope_a, slope_b = rng.normal(size=(4, 3, 3))
-    t = variables([between(np.array(-1e-3), np.array(1e-3)), Enclosure(np.array(1.0))], [True, True])[0]
-    left = ENCLOSURES.arrays.stacked(
-        [Enclosure(np.array(x)) + t * y for x, y in zip(a.flat, slope_a.flat, strict=True)]
-    )
-    assert isinstance(left, Jet) and left.slopes[1] is None
-    for moves in (False, True):
-        right = [
-            Enclosure(np.array(x)) + t * y if moves else Enclosure(np.array(x))
-            for x, y in zip(b.flat, slope_b.flat, strict=True)
-        ]
-        found = ENCLOSURES.arrays.matmul(square(left), square(ENCLOSURES.arrays.stacked(right)))
-        for place in (-9e-4, 0.0, 9e-4):
-            A, B = a + place * slope_a, b + place * slope_b * moves
-            slope = slope_a @ B + A @ slope_b * moves
-            assert np.all(np.abs(found.value.mid - A @ B) <= found.value.rad)
-            rounding = 1e-15  # of the slope that it is held against
-            assert np.all(np.abs(found.slopes[0].mid - slope) <= found.slopes[0].rad + rounding)
-        assert found.slopes[1] is None
 
 
 def square(flat: Any) -> Any:

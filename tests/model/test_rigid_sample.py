@@ -8,12 +8,9 @@ from flint import ctx
 
 from vctune.model.device import Device
 from vctune.model.hands import Hand
-from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.plant_in_hand import Delays, PlantInHand, plant_in_hand
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, ball
-from vctune.proof.enclosures.array_intervals import Enclosure, between
-from vctune.proof.enclosures.jets import ENCLOSURES, Jet
-from vctune.proof.enclosures.jets import variables as jets
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, between
 from vctune.proof.enclosures.taylor import Taylor
 from vctune.proof.enclosures.taylor import variables as polynomials
 from vctune.proof.enclosures.taylor_functions import TAYLOR
@@ -59,12 +56,12 @@ def enclosed(x, at, place):
         return ((x.coefficients * terms).sum(axis=0) - rest * (1 + 1e-12) - 1e-300)[place], (
             (x.coefficients * terms).sum(axis=0) + rest * (1 + 1e-12) + 1e-300
         )[place]
-    value = x.value if isinstance(x, Jet) else x if isinstance(x, Enclosure) else Enclosure(float(x))
+    value = x if isinstance(x, Enclosure) else Enclosure(float(x))
     mid, rad = (np.broadcast_to(part, at.shape[1])[place] for part in (value.mid, value.rad))
     return mid - rad, mid + rad
 
 
-@pytest.mark.parametrize("arithmetic", ["enclosures", "jets", "polynomials"])
+@pytest.mark.parametrize("arithmetic", ["enclosures", "polynomials"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_boxes_hold_what_each_of_their_devices_has(kind, arithmetic):
     rng, count = np.random.default_rng(2), 60
@@ -77,7 +74,6 @@ def test_boxes_hold_what_each_of_their_devices_has(kind, arithmetic):
     ]
     made = {
         "enclosures": lambda: rows,
-        "jets": lambda: jets(rows, [True] * 6),
         "polynomials": lambda: polynomials(rows, [True] * 6),
     }
     ops = TAYLOR if arithmetic == "polynomials" else ENCLOSURES
@@ -92,18 +88,3 @@ def test_boxes_hold_what_each_of_their_devices_has(kind, arithmetic):
             least, most = enclosed(x, at, k)
             slack = 1e-15 * max(abs(value), 1.0)
             assert least - slack <= value <= most + slack
-
-
-def test_slopes_hold_every_derivative():
-    rng, count = np.random.default_rng(3), 30
-    numbers = drawn(rng, 0.3, count)
-    rows = [between(x, x * (1 + 1e-3)) for x in numbers]
-    found = entries(plant(jets(rows, [True] * 6), ENCLOSURES))
-    for row, step in enumerate(1e-4 * np.abs(x) for x in numbers):
-        above = entries(plant([x + step * (k == row) + 5e-4 * x for k, x in enumerate(numbers)], FLOATS))
-        below = entries(plant([x - step * (k == row) + 5e-4 * x for k, x in enumerate(numbers)], FLOATS))
-        for x, more, less in zip(found, above, below, strict=True):
-            slope = x.slopes[row] if isinstance(x, Jet) and row < len(x.slopes) else None
-            mid, rad = (0.0, 0.0) if slope is None else (slope.mid, slope.rad)
-            rounding = 1e-14 * (np.abs(more) + 1e-3) / step
-            assert np.all(np.abs((more - less) / (2 * step) - mid) <= rad + rounding)

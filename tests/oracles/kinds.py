@@ -388,6 +388,7 @@ def small_gain(rng: Rng) -> Drawn:
     radii = [[decimal(f), decades(rng, -1, 0)] for f in hz]
 
     def size(theta: Any, _: Any) -> Any:
+        theta = np.maximum(theta, 1e-6)  # at 0 the positions have no limit
         r = np.exp(np.interp(np.log(theta / (2 * pi * device["sample_time"])), *np.log(np.array(radii)).T))
         return r * np.abs(1 - sensitivity(loop, turn(loop, theta)))
 

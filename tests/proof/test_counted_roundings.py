@@ -14,7 +14,7 @@ from vctune.design.bound import quadratics
 from vctune.design.bound.design_boxes import K_P, K_V
 from vctune.design.bound.quadratics import less, lower, upper
 from vctune.proof.claims import damping
-from vctune.proof.enclosures.array_intervals import Enclosure
+from vctune.proof.enclosures.intervals import Enclosure
 from vctune.proof.enclosures.taylor import HIGHER_ERROR, Taylor
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 

@@ -19,15 +19,23 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.arithmetic import FLOATS, SERIES_BELOW
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Demands
+from vctune.proof.boxes import Cells, band_of, over_cells
 from vctune.proof.certificate import certify
 from vctune.proof.claims.many_designs import prove
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.enclosures.array_intervals import SWELL, Enclosure, between, decimal, raised
-from vctune.proof.enclosures.jets import ENCLOSURES, LIBRARY_ERROR, PHI_ERROR, Jet, variables
-from vctune.proof.engine.box_tests import lower_bound_over, positive
-from vctune.proof.engine.boxes import Boxes, Cells, band_of, over_cells
-from vctune.proof.engine.branching import prove as prove_boxes
+from vctune.proof.enclosures.intervals import (
+    ENCLOSURES,
+    LIBRARY_ERROR,
+    PHI_ERROR,
+    SWELL,
+    Enclosure,
+    between,
+    decimal,
+    raised,
+)
 from vctune.proof.engine.interval import Verdict
+from vctune.proof.prover import positive
+from vctune.proof.prover import prove as prove_boxes
 
 ordinary = st.floats(-1e6, 1e6, allow_subnormal=False)
 numbers = ordinary | st.floats(allow_nan=False, allow_infinity=False)
@@ -159,22 +167,6 @@ def test_reciprocals_and_exponentials_beyond_the_range_of_their_squares():
         assert np.isfinite(inverse.rad).all() and np.isfinite(exponential.rad[0])
 
 
-@given(st.floats(1e-6, 3.0), st.floats(0.1, 10.0), places, places)
-def test_jets_enclose_derivatives(a, b, pa, pb):
-    """Every slope against the exact derivative at a point of the box."""
-
-    def f(x, y, ops):
-        return ops.sinc(x) * y / (1 + ops.sqrt(x * x + y * y)) - ops.sin(x * y) * ops.cos(y) * (2 - x)
-
-    box = [Enclosure(np.array(a), np.array(1e-3 * a)), Enclosure(np.array(b), np.array(1e-3 * b))]
-    jet = f(*variables(box, [True, True]), ENCLOSURES)
-    with mp.workdps(40):
-        at = [inside(a, 1e-3 * a, pa), inside(b, 1e-3 * b, pb)]
-        assert contains(jet.value, f(*at, mp))
-        for order, slope in zip(((1, 0), (0, 1)), jet.slopes, strict=True):
-            assert contains(slope, mp.diff(lambda x, y: f(x, y, mp), tuple(at), order)), order
-
-
 @np.errstate(all="ignore")
 def test_what_is_not_a_number_proves_nothing():
     unknown = 1 / Enclosure(np.array([0.5, -1.0]), np.array([1.0, 1.0]))
@@ -251,7 +243,6 @@ def test_enclosed_decimals():
         for text in ("0.4", "1e-20", "6.02e19", "0.1"):
             assert contains(decimal(float(text)), mpf(text))
             assert contains(between(0.0, float(text)), mpf(text))
-    assert isinstance(Enclosure(1.0) * Jet(Enclosure(2.0), (None,)), Jet)
     assert ENCLOSURES.is_zero(decimal(0.0)) and not ENCLOSURES.is_zero(decimal(pi))
 
 
@@ -271,24 +262,3 @@ def test_a_sum_over_rows_is_raised_by_all_that_rounding_took_from_it(rows):
     assert Fraction(float(raised(total, rows)[0])) >= exact
     assert Fraction(float((total * (1 + rows * ROUNDING))[0])) < exact, "as many roundings as terms are too few"
     assert rows < 16 or Fraction(float((total * SWELL)[0])) < exact, "and so are those of an operation"
-
-
-@pytest.mark.parametrize("rows", [14, 60])
-def test_a_bound_over_many_rows_is_below_the_exact_one(rows):
-    low, high = np.full((2, rows, 1), -1.0)[0], np.ones((rows, 1))
-    low[0], high[0] = 1.0, 1.0 + 2.0**-30  # a frequency
-    one = np.zeros(1, np.intp)
-    boxes = Boxes(("frequency", *map(str, range(rows - 1))), low, high, one, one)
-    least = 1 + rows * ROUNDING
-
-    def margin(frequency, values):
-        numbers = list(values.values())[: rows - 1]
-        if not isinstance(frequency, Jet):
-            return Enclosure(np.full(1, least), np.full(1, LOST))
-        slopes = [Enclosure(np.zeros(1), np.full(1, 1.0 if k == 0 else LOST)) for k in range(len(numbers))]
-        return Jet(Enclosure(np.zeros(1), np.full(1, inf)), (Enclosure(np.zeros(1), np.zeros(1)), *slopes))
-
-    bound = float(lower_bound_over(margin, boxes, {})[0])
-    exact = Fraction(least) - Fraction(LOST) - 1 - (rows - 2) * Fraction(LOST)
-    assert Fraction(bound) <= exact
-    assert bound > -1e-12

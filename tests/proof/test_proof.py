@@ -20,6 +20,7 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
+from vctune.proof.boxes import Cells
 from vctune.proof.certificate import certify
 from vctune.proof.claims.llewellyn import polynomials
 from vctune.proof.claims.llewellyn.conditions import low_end_verdict, prove_conditions, prove_low_end, widest_band
@@ -27,7 +28,6 @@ from vctune.proof.claims.many_designs import prove
 from vctune.proof.claims.margins_of_claims import Design, conditions_margin
 from vctune.proof.claims.sampled_poles import prove_sensitivity
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, design_ball
-from vctune.proof.engine.boxes import Cells
 from vctune.proof.engine.interval import Verdict, prove_boxes, prove_positive
 from vctune.proof.engine.winding import turned_angle
 

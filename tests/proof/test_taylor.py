@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 from test_counted_roundings import curvature, phi_1, phi_2
 
-from vctune.proof.enclosures.array_intervals import Enclosure
 from vctune.proof.enclosures.box_minimum import least_over_boxes
+from vctune.proof.enclosures.intervals import Enclosure
 from vctune.proof.enclosures.taylor import Taylor, variables
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 
@@ -90,7 +90,9 @@ def test_functions_hold_every_value(name, middle, width, place):
     with mp.workdps(60):
         x, y, z = (mpf(m) + mpf(w) * mpf(p) for m, w, p in zip(middle, width, place, strict=True))
         argument = x + y * z / 2 + 1
-        if (name == "sqrt" and argument < 0) or (name == "reciprocal" and argument == 0):
+        if name == "sqrt" and argument < 0:  # the root of a number that is not negative, as its enclosure may be
+            return
+        if name == "reciprocal" and argument == 0:
             assert not np.isfinite(number.radii).all()
             return
         assert holds(number, place, theirs(argument))

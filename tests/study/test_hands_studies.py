@@ -38,13 +38,13 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.proof.boxes import Cells
 from vctune.proof.certificate import certify
 from vctune.proof.claims.array_claims import claims_of
 from vctune.proof.claims.damping import admissible_damping
 from vctune.proof.claims.many_designs import lower_bound_at, prove
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.arb_balls import BALLS, ball, device_ball
-from vctune.proof.engine.boxes import Cells
 from vctune.proof.engine.interval import Verdict
 from vctune.study.plane import plane
 from vctune.study.region import Kind, easiest, free_damping, region

@@ -16,6 +16,7 @@ from vctune.model.device import Device
 from vctune.model.numbers.units import hertz
 from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
+from vctune.proof.boxes import Cells
 from vctune.proof.claims.every_device import widest_band_for_all
 from vctune.proof.claims.llewellyn.conditions import widest_band
 from vctune.proof.claims.many_designs import ON_ARRAYS, prove
@@ -25,7 +26,6 @@ from vctune.proof.claims.whole_samples import beside_whole_sample
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.arb_balls import PRECISION
 from vctune.proof.engine.bands import edge_in_hertz
-from vctune.proof.engine.boxes import Cells
 from vctune.proof.engine.interval import Outcome, Verdict, worst_verdict
 from vctune.proof.provers import PROVERS, Question, prove_passive
 from vctune.running import OutOfTimeError, check_time, report_progress, reporting_progress

@@ -13,8 +13,8 @@ from vctune.design.variables import Coordinate, coordinates, keys_for, ranges
 from vctune.document.text.errors import Mistake
 from vctune.model.numbers.keys import KEYS, keys_of
 from vctune.model.problem import Problem, Range
-from vctune.proof.enclosures.array_intervals import Flags
-from vctune.proof.engine.boxes import Cells
+from vctune.proof.boxes import Cells
+from vctune.proof.enclosures.intervals import Flags
 
 # Cells given by the indices of their edges, x_low, x_high, y_low, y_high, as an array of shape (4, number of cells)
 Squares = NDArray[np.intp]

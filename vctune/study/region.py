@@ -18,10 +18,10 @@ from vctune.design.variables import coupling_from
 from vctune.model.gains import Gains
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Problem
+from vctune.proof.boxes import Cells
 from vctune.proof.claims.damping import no_damping
 from vctune.proof.claims.many_designs import Places, prove, refuted
-from vctune.proof.enclosures.array_intervals import Flags
-from vctune.proof.engine.boxes import Cells
+from vctune.proof.enclosures.intervals import Flags
 from vctune.running import OutOfTimeError, out_of_time
 from vctune.study.plane import Plane, Squares, halved
 from vctune.study.region_estimate import COUPLING_DAMPING, changes, estimate

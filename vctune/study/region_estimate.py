@@ -22,11 +22,11 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import offered
+from vctune.proof.boxes import Cells, Integers
 from vctune.proof.claims.damping import admissible_damping
 from vctune.proof.claims.many_designs import Places
 from vctune.proof.claims.margins_of_claims import inwards
-from vctune.proof.enclosures.array_intervals import TINY, Flags
-from vctune.proof.engine.boxes import Cells, Integers
+from vctune.proof.enclosures.intervals import TINY, Flags
 
 COUPLING_DAMPING = KEYS.index("coupling.damping")
 POINTS_PER_DECADE = 24  # Number of frequencies per decade of the grids

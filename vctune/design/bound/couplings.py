@@ -15,8 +15,7 @@ from vctune.design.bound.quadratics import GUARD, BoundedQuotient, LeastQuotient
 from vctune.model.device import Device
 from vctune.model.problem import Problem, Range
 from vctune.model.sampled.impedance_display import spring_forms
-from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, decimal
-from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, Floats, decimal
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vctune.design.search.shapes import SLACK
 from vctune.design.variables import coordinates
 from vctune.model.problem import Problem
-from vctune.proof.enclosures.array_intervals import Flags, Floats
+from vctune.proof.enclosures.intervals import Flags, Floats
 
 K_V, K_P, TAU_C, B_0 = range(4)  # Rows of `DesignBoxes`: K_v, K_p, tau_c = m_c/b_c, b_0
 

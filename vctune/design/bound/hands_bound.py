@@ -20,8 +20,7 @@ from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_pr
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import CommandInHand, LoopInHand, loop_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, decimal
-from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, Floats, decimal
 
 NO_GAINS = Gains(0.0, 0.0)  # Gains with which the code evaluates the parts of a loop that do not depend on the gains
 

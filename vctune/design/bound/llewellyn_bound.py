@@ -15,8 +15,7 @@ from vctune.model.device import Device
 from vctune.model.loop.affine import LoopConstants
 from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.pair import im_conj_product, re_conj_product
-from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, decimal
-from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, Floats, decimal
 
 
 @dataclass(frozen=True, slots=True)

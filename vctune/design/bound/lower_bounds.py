@@ -15,7 +15,7 @@ from vctune.design.bound.relaxation import Relaxation
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
-from vctune.proof.enclosures.array_intervals import Flags, Floats
+from vctune.proof.enclosures.intervals import Flags, Floats
 
 
 @dataclass(frozen=True, slots=True)

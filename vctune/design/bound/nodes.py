@@ -12,7 +12,7 @@ import numpy as np
 
 from vctune.design.bound.design_boxes import Axis, DesignBoxes, all_designs
 from vctune.design.bound.design_boxes import joined as joined_boxes
-from vctune.proof.enclosures.array_intervals import Flags, Floats
+from vctune.proof.enclosures.intervals import Flags, Floats
 from vctune.version import __version__
 
 

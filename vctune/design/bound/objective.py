@@ -32,8 +32,7 @@ from vctune.model.problem import Band, Problem
 from vctune.model.sampled.impedance_display import spring_forms
 from vctune.model.transparency import quotient_terms
 from vctune.proof.enclosures.arb_balls import BALLS, ball, device_ball
-from vctune.proof.enclosures.array_intervals import Enclosure, Floats, decimal
-from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal
 from vctune.running import check_time
 
 PRECISION = 2.0**-44  # Relative precision of the integrals, 6e-14, about the size of `GUARD`

@@ -14,8 +14,7 @@ from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.transparency import Quotient
-from vctune.proof.enclosures.array_intervals import Enclosure, Floats, decimal
-from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal
 
 # Coefficients of a quadratic: constant, linear, square and cross
 Coefficients = tuple[

@@ -9,7 +9,7 @@ import numpy as np
 
 from vctune.design.bound.design_boxes import K_P, K_V, DesignBoxes
 from vctune.design.bound.quadratic_coefficients import Coefficients
-from vctune.proof.enclosures.array_intervals import Enclosure, Floats
+from vctune.proof.enclosures.intervals import Enclosure, Floats
 
 # Allowance for the rounding of a quadratic in the gains and of the operations after it, relative to their moduli
 GUARD = 1e-14

@@ -21,8 +21,7 @@ from vctune.model.loop.affine import Affine
 from vctune.model.numbers.pair import re_conj_product
 from vctune.model.problem import Problem
 from vctune.model.sampled.velocity_loop import return_difference, sampled_plant, split_delay
-from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal
-from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, decimal
 
 
 class Conditions(Protocol):

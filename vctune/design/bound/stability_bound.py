@@ -9,9 +9,9 @@ import numpy as np
 from vctune.design.bound.design_boxes import K_P, DesignBoxes
 from vctune.design.prepared import Posed
 from vctune.model.problem import Demands
+from vctune.proof.boxes import Cells
 from vctune.proof.claims.encirclements import by_integrator, encirclements, encirclements_in_hand
-from vctune.proof.enclosures.array_intervals import Flags, Floats
-from vctune.proof.engine.boxes import Cells
+from vctune.proof.enclosures.intervals import Flags, Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from vctune.design.bound.lower_bounds import LowerBounds, lower_bounds, without_
 from vctune.design.bound.nodes import OpenNodes, joined
 from vctune.design.bound.relaxation import Relaxation
 from vctune.model.problem import Problem
-from vctune.proof.enclosures.array_intervals import Flags, Floats
+from vctune.proof.enclosures.intervals import Flags, Floats
 
 BETTER_HALF = 0.1  # Weight of the greater increase relative to the smaller one
 LENGTH = 1e-2  # Weight, in the score, of the share of an axis that a box spans

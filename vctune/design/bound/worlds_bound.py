@@ -16,8 +16,7 @@ from vctune.design.bound.quadratics import LeastQuotient, Quadratic, lower, uppe
 from vctune.model.device import Device
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.worlds import Worlds
-from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, decimal
-from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, Floats, decimal
 
 
 @dataclass(frozen=True, slots=True)

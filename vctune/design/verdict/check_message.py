@@ -15,8 +15,8 @@ from vctune.document.text import toml
 from vctune.model.numbers.keys import SYMBOLS
 from vctune.model.numbers.units import UNITS
 from vctune.proof.certificate import certify
-from vctune.proof.engine.branching import boxes_at_most
 from vctune.proof.engine.interval import Verdict
+from vctune.proof.prover import boxes_at_most
 from vctune.running import OutOfTimeError
 
 MOST_BOXES = 20_000  # Greatest number of boxes of the proof that a design misses only the safety factor

@@ -29,8 +29,8 @@ from vctune.model.numbers.keys import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.proof.claims.model_poles import prove_model_poles
 from vctune.proof.claims.sampled_poles import prove_sampled_poles
-from vctune.proof.engine.branching import boxes_at_most
 from vctune.proof.engine.interval import Verdict
+from vctune.proof.prover import boxes_at_most
 from vctune.running import OutOfTimeError, check_time, out_of_time
 
 REPAIRS = "the repairs"  # Name of a stage that a time limit may cut short

@@ -17,7 +17,7 @@ from vctune.model.hands import HAND, STIFFNESS, Hand
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import loop_response
-from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
+from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
@@ -37,6 +37,7 @@ from vctune.model.sampled.servo_plant import ServoPlant
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
 from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
 from vctune.model.worlds import WorldsMet
+from vctune.proof.boxes import FREQUENCY, SAMPLES_BEFORE, WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.claims.margins_of_claims import (
     Design,
     LoopDelay,
@@ -63,11 +64,10 @@ from vctune.proof.claims.margins_of_claims import (
 )
 from vctune.proof.claims.worlds.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
-from vctune.proof.enclosures.array_intervals import Enclosure, decimal
-from vctune.proof.enclosures.jets import ENCLOSURES as OPS
-from vctune.proof.engine.box_tests import Curve, Margin, Margins
-from vctune.proof.engine.boxes import FREQUENCY, SAMPLES_BEFORE, WHOLE_SAMPLES, Values, coupling_of, gains_of
+from vctune.proof.enclosures.intervals import Enclosure, decimal
+from vctune.proof.enclosures.taylor_functions import TAYLOR as OPS
 from vctune.proof.engine.sharing import shared
+from vctune.proof.prover import Curve, Margin
 
 # The names of the rows for the shares of rho (model/README.md, section 14)
 # The value that states the least damping of a box of hands (`any_spring_margins`)
@@ -93,7 +93,7 @@ class Claims:
     sensitivity: Margin
     unmodelled: Margin  # margin in theta that must be positive if the device's response is not known exactly
     resistance: Margin  # the loop's resistance, N s/m, which must be positive for every coupling
-    in_hand: Margins  # margins in theta; at every theta and in every hand, one of them must be positive
+    in_hand: Margin  # margins in theta; at every theta and in every hand, one of them must be positive
     above_bound: Margin  # margin in theta, `OFFSET` and `SLOPE`
     any_hand: tuple[Margin, Margin]
     required_in_hands: Margin  # the least feasible Re Z_c in a hand, N s/m, as a function of theta
@@ -174,11 +174,10 @@ def hands_margins(
     demands: Demands,
     uncertain: tuple[str, ...],
     delays: Delays,
-    ops: ArrayArithmetic = OPS,
     lead: float = 0.0,
-) -> Margins:
+) -> Margin:
     """Return margins in every hand, one of which must be positive at each point."""
-    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
 
     def design(v: Values) -> Design:
@@ -188,47 +187,47 @@ def hands_margins(
         return Design(device(v), gains_of(v), coupling)
 
     if demands.worlds is None:
-        return lambda theta, v: (hand_margin(in_hand(v), design(v), theta, factor, ops),)
+        return lambda theta, v: hand_margin(in_hand(v), design(v), theta, factor, OPS)
     plain, worlds = demands.worlds, demands.worlds.converted(decimal)
     if plain.corner is not None:
 
         def with_walls(theta: Number, v: Values) -> tuple[Number, ...]:
             stated, met = Design(device(v), gains_of(v), coupling_of(v)), WorldsMet(worlds, factor)
-            strip = strip_of_walls(in_hand(v), stated, theta, v.get(COUPLING_SHARE, 1), met, ops)
-            return walls_margins(strip, met, plain, lead, stated.device.sample_time, theta, ops)
+            strip = strip_of_walls(in_hand(v), stated, theta, v.get(COUPLING_SHARE, 1), met, OPS)
+            return walls_margins(strip, met, plain, lead, stated.device.sample_time, theta, OPS)
 
         return with_walls
     names = posed(plain, demands.factor)
 
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:
-        found = margins_in_worlds(in_hand(v), design(v), theta, WorldsMet(worlds, factor), ops)
+        found = margins_in_worlds(in_hand(v), design(v), theta, WorldsMet(worlds, factor), OPS)
         return tuple(sum_of(getattr(found, name)) for name in names)
 
     return margins
 
 
-def any_spring_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic) -> Margins:
+def any_spring_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
     """Return margins that are all positive only if the claim holds in hands of every stiffness."""
-    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
 
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:
         plant, own = in_hand(v), device(v)
         assert isinstance(plant, PlantInHand)
-        there = offered(coupling_of(v), own, theta, ops)
+        there = offered(coupling_of(v), own, theta, OPS)
         law = Hand.of(v), v[LEAST_DAMPING], gains_of(v)
-        found = margin_in_spring(plant, own, *law, there, factor, theta, ops)
+        found = margin_in_spring(plant, own, *law, there, factor, theta, OPS)
         return (*found.for_every_spring, plant.step[0][0])  # alpha > 0: then p grows with the damping
 
     return margins
 
 
-def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
+def bounded_in_hands(device: Device) -> Margin:
     """Return the margin |F|^2 (offset + slope theta - R), positive where R in a hand lies below a straight line."""
-    in_hand = _plant_in_hand(device, (), delays_of(device), ops)
+    in_hand = _plant_in_hand(device, (), delays_of(device))
 
     def margin(theta: Number, v: Values) -> Number:
-        required = required_in_hand(loop_in_hand(in_hand(v), theta, ops), gains_of(v))
+        required = required_in_hand(loop_in_hand(in_hand(v), theta, OPS), gains_of(v))
         return (v[OFFSET] + v[SLOPE] * theta) * required.size - required.lost
 
     return margin
@@ -259,8 +258,8 @@ def _above_bound(demands: Demands) -> Margin:
 
 def limp_hands_margins(
     demands: Demands, uncertain: tuple[str, ...], delays: Delays, lead: float = 0.0
-) -> tuple[Margin, ...]:
-    """Return the margins of `hands_margins` for theta near 0, a hand without stiffness and K_p = 0."""
+) -> Margin | None:
+    """Return the margin of `hands_margins` for theta near 0, a hand without stiffness and K_p = 0, if it has one."""
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
 
@@ -273,7 +272,7 @@ def limp_hands_margins(
         return plant, design, theta, NextToRest(2 * OPS.sin(theta / 2) + stiffness, turned, spring, integrator)
 
     if demands.worlds is None:
-        return (lambda theta, v: limp_hand_margin(*at(theta, v), factor, OPS),)
+        return lambda theta, v: limp_hand_margin(*at(theta, v), factor, OPS)
     worlds = demands.worlds.converted(decimal)
     if demands.worlds.corner is not None:
 
@@ -282,14 +281,15 @@ def limp_hands_margins(
             strip = limp_strip_of_walls(*at(theta, v), v.get(COUPLING_SHARE, 1), met, OPS)
             return limp_walls_margin(strip, met, lead, device(v).sample_time, theta, OPS)
 
-        return (with_walls,) if demands.worlds.high.mass < inf else ()
+        return with_walls if demands.worlds.high.mass < inf else None
 
-    def margin(name: str, theta: Number, v: Values) -> Number:
-        met = WorldsMet(worlds, factor)
-        return sum_of(getattr(limp_margins_in_worlds(*at(theta, v), met, OPS), name))
+    names = [name for name in posed(demands.worlds, demands.factor) if name in ("resistive", "above")]
 
-    names = posed(demands.worlds, demands.factor)
-    return tuple(partial(margin, name) for name in names if name in ("resistive", "above"))
+    def margins(theta: Number, v: Values) -> tuple[Number, ...]:
+        found = limp_margins_in_worlds(*at(theta, v), WorldsMet(worlds, factor), OPS)
+        return tuple(sum_of(getattr(found, name)) for name in names)
+
+    return margins if names else None
 
 
 def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, Margin]:
@@ -309,9 +309,7 @@ def _uncertain_device(nominal: Device, uncertain: tuple[str, ...]) -> Callable[[
     return lambda v: exact.with_numbers({key: v[f"device.{key}"] for key in uncertain})
 
 
-def _plant_in_hand(
-    nominal: Device, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
-) -> Callable[[Values], AnyPlantInHand]:
+def _plant_in_hand(nominal: Device, uncertain: tuple[str, ...], delays: Delays) -> Callable[[Values], AnyPlantInHand]:
     """Return the device in a hand as a function of values. Boxes with equal hands and devices share one computation."""
     exact, rows = nominal.converted(decimal), HAND + tuple(f"device.{key}" for key in uncertain)
 
@@ -325,7 +323,7 @@ def _plant_in_hand(
     if nominal.servo is not None:  # the hand does not affect the servo's motion
 
         def servo_of(*numbers: Number) -> ServoPlant:
-            found = plant_in_hand(exact.with_numbers(dict(zip(uncertain, numbers, strict=True))), NO_HAND, delays, ops)
+            found = plant_in_hand(exact.with_numbers(dict(zip(uncertain, numbers, strict=True))), NO_HAND, delays, OPS)
             assert isinstance(found, ServoInHand)
             return found.plant
 
@@ -334,7 +332,7 @@ def _plant_in_hand(
     def plant(*numbers: Number) -> AnyPlantInHand:
         values = dict(zip(rows, numbers, strict=True))
         device = exact.with_numbers({key: values[f"device.{key}"] for key in uncertain})
-        return plant_in_hand(device, Hand.of(values), delays, ops)
+        return plant_in_hand(device, Hand.of(values), delays, OPS)
 
     def of_values(v: Values) -> AnyPlantInHand:
         found: AnyPlantInHand = shared(plant, [v[name] for name in rows])

@@ -12,13 +12,12 @@ from vctune.model.hands import HAND
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
+from vctune.proof.boxes import Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands
 from vctune.proof.claims.array_claims import SHARES, claims_of, limp_hands_margins
 from vctune.proof.claims.margins_of_claims import HALF_TURN
-from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats
+from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
 from vctune.proof.engine.bands import CELL_HALVINGS, STEP
-from vctune.proof.engine.box_tests import Margin, alone, positive
-from vctune.proof.engine.boxes import Boxes, Cells, Integers, band_of, joined, over_hands
-from vctune.proof.engine.branching import Test, prove
+from vctune.proof.prover import Margin, Test, positive, prove
 
 # Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells that
 # the prover treats together, so that their boxes fit into memory
@@ -28,7 +27,6 @@ MAX_HALVINGS, MAX_BOXES, TOGETHER = 4 * CELL_HALVINGS, 30_000, 128
 AT_REST = 0.1
 
 MASS = "coupling.mass"
-FEW = 1024  # Number of boxes up to which an array takes about as long as one box
 
 
 def hold_in_hands(demands: Demands, cells: Cells) -> Flags:
@@ -78,7 +76,7 @@ def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
 
 def _in_hand(demands: Demands) -> Test:
     """Return the test that a margin in a hand is positive. Near theta = 0 it uses only the coupling's drag."""
-    margin = alone(claims_of(demands).in_hand)
+    margin = claims_of(demands).in_hand
     return positive(margin, {}, None if demands.device.kind.inverse else _by_drag(margin))
 
 
@@ -91,10 +89,12 @@ def _proved_apart(demands: Demands, cells: Cells) -> Flags:
     """Prove the constraint with the margin divided by rho^2 near theta = 0, and with the margin itself elsewhere."""
     hands, (first, others) = demands.hands, _parted(_band())
     assert hands is not None
+    at_rest = limp_hands_margins(demands, (), delays_of(demands.device))
+    assert at_rest is not None
     stiffness = min(hands.high.stiffness, _stiffness_of(demands, first[1][0]))
     softer = replace(hands, high=replace(hands.high, stiffness=stiffness))
     proved = _prove(
-        positive(_by_drag(*limp_hands_margins(demands, (), delays_of(demands.device))), {}),
+        positive(_by_drag(at_rest), {}),
         _with_shares(over_hands(cells, softer, first)),
         len(cells),
     )
@@ -118,12 +118,8 @@ def _with_shares(boxes: Boxes) -> Boxes:
     """Return boxes of hands and cells with the rows of `SHARES` added, each with its full range."""
     there = [boxes.high[boxes.names.index(key)].max(initial=0.0) > 0 for key in (KEYS[1], HAND[2])]
     rows = np.repeat(np.array(there, float)[:, None], len(boxes), axis=1)
-    return replace(
-        boxes,
-        names=(*boxes.names, *SHARES),
-        low=np.vstack((boxes.low, np.zeros_like(rows))),
-        high=np.vstack((boxes.high, rows)),
-    )
+    low, high = np.vstack((boxes.low, np.zeros_like(rows))), np.vstack((boxes.high, rows))
+    return first_boxes((*boxes.names, *SHARES), low, high, boxes.owner, boxes.whole_samples)
 
 
 def _prove(test: Test, boxes: Boxes, owners: int, *, whole_hands: bool = False) -> Flags:
@@ -134,7 +130,6 @@ def _prove(test: Test, boxes: Boxes, owners: int, *, whole_hands: bool = False) 
         halved=[not whole_hands or name not in HAND for name in boxes.names],
         max_halvings=MAX_HALVINGS,
         max_boxes=MAX_BOXES,
-        at_ends=True,
         only_whole=True,
-        few=FEW,
+        few=0,
     ).proved

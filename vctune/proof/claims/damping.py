@@ -6,12 +6,12 @@ import numpy as np
 
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.problem import Demands
+from vctune.proof.boxes import Cells
 from vctune.proof.claims.array_claims import claims_of
 from vctune.proof.claims.encirclements import by_integrator
 from vctune.proof.claims.many_designs import Places, lower_bound_at
-from vctune.proof.enclosures.array_intervals import Flags, Floats
-from vctune.proof.engine.box_tests import Margin
-from vctune.proof.engine.boxes import Cells
+from vctune.proof.enclosures.intervals import Flags, Floats
+from vctune.proof.prover import Margin
 
 GUARD = 1e-14  # Bound on the relative rounding error of a cell's requirement on b_c: 90 u with u = 2^-53
 ROUNDING_OF_BOUNDS = 1e-9  # Rounding allowance: two intervals of b_c must be this far apart to exclude each other

@@ -11,9 +11,9 @@ from vctune.model.device import Device
 from vctune.model.parts import DELAYS
 from vctune.model.sampled.plant_in_hand import Delays, delays_of
 from vctune.model.sampled.velocity_loop import SNAP
-from vctune.proof.enclosures.array_intervals import Floats
-from vctune.proof.engine.boxes import SAMPLES_BEFORE, Boxes
-from vctune.proof.engine.branching import Decided, Test
+from vctune.proof.boxes import SAMPLES_BEFORE, Boxes
+from vctune.proof.enclosures.intervals import Floats
+from vctune.proof.prover import Decided, Test
 
 # Least and greatest value of each row, by the row's name, for one box or several
 Ends = dict[str, tuple[Floats, Floats]]
@@ -32,11 +32,6 @@ class Part:
     other: float  # delay, s, of the device or the sensor that is not a row
     range: tuple[float, float] | None = None  # least and greatest delay, s, if `SAMPLES_BEFORE` is a row
 
-    @property
-    def spans(self) -> Floats:
-        """The range of each number, shape (rows, 1)."""
-        return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
-
     def within(self, test: Test) -> Test:
         """Return a test that ignores points at which the sum of both delays has another number of whole samples."""
         rows = [1 + index for index, name in enumerate(self.names) if name in DELAY_ROWS]
@@ -54,7 +49,6 @@ class Part:
             decided = test(boxes)
             outside = (total(boxes.low) > most) | (total(boxes.high) < least)
             there = (total(decided.point) >= least) & (total(decided.point) <= most)
-            decided.side[rows] = 0.0  # an end outside the part is not a valid point
             return replace(decided, proved=decided.proved | outside, fails=decided.fails & there)
 
         return tested
@@ -110,11 +104,6 @@ def _at_whole_samples(test: Test, names: tuple[str, ...], T: float, shortest: fl
         empty, several = low[rest] > high[rest], low[whole] < high[whole]
         low[rest, empty] = high[rest, empty] = boxes.low[rest, empty]
         decided = test(replace(boxes, low=low, high=high))
-        # such a box also holds delays outside the range, so that the margin may be least at one of them
-        least, most = low[whole] * T + low[rest], high[whole] * T + high[rest]
-        beyond = (least < shortest - 2 * blur) | (most > longest + 2 * blur)
-        narrowed = (low[rest] > boxes.low[rest]) | (high[rest] < boxes.high[rest])
-        decided.side[rest, narrowed | beyond] = decided.side[whole, beyond] = 0.0
         at, total = decided.point[whole], decided.point[whole] * T + decided.point[rest]
         had = (at == np.round(at)) & (total >= shortest - blur) & (total <= longest + blur)
         cost = decided.cost.copy()

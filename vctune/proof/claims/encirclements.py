@@ -11,13 +11,13 @@ import numpy as np
 from vctune.model.device import Device
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic
 from vctune.model.problem import Demands
+from vctune.proof.boxes import Cells, Integers, Values
 from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.margins_of_claims import HALF_TURN
 from vctune.proof.claims.model_poles import NEAR, curve_end, final_angle
-from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal
+from vctune.proof.enclosures.intervals import Flags, Floats, decimal
 from vctune.proof.engine.bands import cells_over_band
-from vctune.proof.engine.box_tests import Curve, Margin, misses_zero, turned_angles
-from vctune.proof.engine.boxes import Cells, Integers, Values
+from vctune.proof.prover import Curve, Margin, misses_zero, turned_angles
 
 
 def by_integrator(cells: Cells) -> list[Integers]:

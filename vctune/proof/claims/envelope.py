@@ -15,14 +15,11 @@ from vctune.model.numbers.keys import KEYS
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.proof.boxes import FREQUENCY, Boxes, Cells, Values, band_of, first_boxes, over_cells
 from vctune.proof.claims.array_claims import OFFSET, SLOPE, bounded_in_any_hand, bounded_in_hands
 from vctune.proof.claims.margins_of_claims import HALF_TURN
-from vctune.proof.enclosures.array_intervals import Floats, decimal
-from vctune.proof.enclosures.taylor_functions import TAYLOR
-from vctune.proof.engine.box_tests import positive
-from vctune.proof.engine.boxes import FREQUENCY, Boxes, Cells, Values, band_of, over_cells
-from vctune.proof.engine.branching import Proofs, prove
-from vctune.proof.engine.polynomial_tests import FEW, positive_by_polynomials
+from vctune.proof.enclosures.intervals import Floats, decimal
+from vctune.proof.prover import Proofs, positive, prove
 
 STEP = 1.05  # Ratio of the edges of a piece
 # Shares of each range of the hands at which the code evaluates R before it proves a piece
@@ -51,7 +48,7 @@ class Envelope:
         """Return a box for every pair of a piece and a cell. Two rows for the bound precede the rows of the cell."""
         boxes, rows = over_cells(cells, (self.low, self.high)), np.tile([self.offset, self.slope], len(cells))
         low, high = (np.vstack((edge[:1], rows, edge[1:])) for edge in (boxes.low, boxes.high))
-        return Boxes((FREQUENCY, OFFSET, SLOPE, *cells.keys), low, high, boxes.owner, boxes.whole_samples)
+        return first_boxes((FREQUENCY, OFFSET, SLOPE, *cells.keys), low, high, boxes.owner, boxes.whole_samples)
 
 
 @lru_cache(maxsize=16)
@@ -107,7 +104,7 @@ def _proved(device: Device, hands: Hands | None, gains: Gains, pieces: Floats, m
     n, ends = pieces.shape[1], ({}, {}) if hands is None else (hands.low.by_key, hands.high.by_key)
     low, high = (np.array([*end.values()], float)[:, None] for end in ends)
     names = (FREQUENCY, *ends[0], OFFSET, SLOPE)
-    boxes = Boxes(
+    boxes = first_boxes(
         names=names,
         low=np.vstack((pieces[:1], np.tile(low, n), pieces[2:])),
         high=np.vstack((pieces[1:2], np.tile(high, n), pieces[2:])),
@@ -115,10 +112,6 @@ def _proved(device: Device, hands: Hands | None, gains: Gains, pieces: Floats, m
         whole_samples=np.zeros(n, np.intp),
     )
     fixed: Values = dict(zip(KEYS[:2], map(decimal, astuple(gains)), strict=True))
-    if hands is None:
-        test = positive(bounded_in_any_hand(device), fixed)
-    else:
-        spans = np.vstack((high - low, np.zeros((2, 1))))  # `OFFSET` and `SLOPE` have no width
-        test = positive_by_polynomials(bounded_in_hands(device, TAYLOR), fixed, spans)
+    test = positive(bounded_in_any_hand(device) if hands is None else bounded_in_hands(device), fixed)
     halved = [name not in (OFFSET, SLOPE) for name in names]
-    return prove(test, boxes, n, halved=halved, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=True, few=FEW)
+    return prove(test, boxes, n, halved=halved, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, few=0)

@@ -13,6 +13,7 @@ from vctune.model.device import Device
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
+from vctune.proof.boxes import WHOLE_SAMPLES, Boxes, Cells, Values, band_of, joined, over_band
 from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.encirclements import model_curve_end
 from vctune.proof.claims.llewellyn.conditions import EXTENSION_BOXES, LOWEST_EDGE
@@ -20,22 +21,15 @@ from vctune.proof.claims.llewellyn.polynomials import is_rational
 from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, outwards, resistance_apart
 from vctune.proof.claims.model_poles import NEAR
 from vctune.proof.device_box import DeviceBox
-from vctune.proof.enclosures.array_intervals import Enclosure, Floats, between, decimal, decimal_or_inf
-from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, between, decimal, decimal_or_inf
 from vctune.proof.engine.bands import STEP, extend_band
-from vctune.proof.engine.box_tests import Margin, misses_zero, positive
-from vctune.proof.engine.boxes import WHOLE_SAMPLES, Boxes, Cells, Values, band_of, joined, over_band
-from vctune.proof.engine.branching import Proofs, Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.prover import Margin, Proofs, Test, misses_zero, positive, prove
 
-LITTLE_PHASE = 0.5  # Angle omega tau, rad, up to which the prover tries the margin that is regular at omega = 0
 FEW_SAMPLES = 4  # Number of whole samples in a box's delays up to which the prover tries them one by one
 # Number of angles, and least of these angles, at which the code estimates the size of a loop
 ANGLES, LEAST_ANGLE = 400, 1e-6
 MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000  # Greatest number of boxes for one claim, and for one curve
-# Number of boxes up to which the prover halves the halves again before it evaluates them, because so few boxes take
-# about as long as one
-FEW = 64
 MAX_HALVINGS = 80  # Greatest number of halvings of a box: twenty in each of four rows
 
 
@@ -101,9 +95,7 @@ def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -
     """Prove the conditions."""
     claims, turning = robust.claims(), _turning(robust)
     beyond = max(1 / robust.box.nominal.sample_time, low)
-    test = positive(
-        claims.conditions, robust.values, claims.conditions_near_zero, LITTLE_PHASE / robust.box.high.loop_lag
-    )
+    test = positive(claims.conditions, robust.values, claims.conditions_near_zero)
     parts, finite = [], beyond if high == inf else high
     if robust.box.nominal.unmodelled is not None:
         parts += [
@@ -164,12 +156,10 @@ def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
     """Prove |S| < max_sensitivity of the sampled loop for every device of the box."""
     claims = robust.claims()
     test = positive(claims.sensitivity, robust.values)
-    return outcome_for_all(
-        robust, _around_circle(robust, test, claims.sensitivity_any_phase, MAX_BOXES, at_ends=True), alone
-    )
+    return outcome_for_all(robust, _around_circle(robust, test, claims.sensitivity_any_phase, MAX_BOXES), alone)
 
 
-def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: int, *, at_ends: bool) -> list[Proofs]:
+def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: int) -> list[Proofs]:
     """Test all theta = omega T for each number of whole samples in the box's delays."""
     samples, small, parts = _whole_samples(robust), HALF_TURN, []
     if len(samples) > FEW_SAMPLES:
@@ -182,7 +172,7 @@ def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: in
     if small > 0:
         circle = band_of(0.0, small, STEP)
         boxes = joined(*(over_band(robust.names, low, high, circle, whole) for whole, low, high in samples))
-        parts.append(_proved(test, boxes, max(max_boxes, MAX_BOXES_OF_CURVES * len(samples)), at_ends=at_ends))
+        parts.append(_proved(test, boxes, max(max_boxes, MAX_BOXES_OF_CURVES * len(samples))))
     return parts
 
 
@@ -226,7 +216,7 @@ def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
         claims = loop.claims()
         test = misses_zero(claims.model_poles, loop.values, claims.model_any_position)
         end = model_curve_end(loop.enclosed(), Cells(law, law), ENCLOSURES)
-        parts.append(part_over_band(loop, test, 0.0, end, MAX_BOXES_OF_CURVES, at_ends=False))
+        parts.append(part_over_band(loop, test, 0.0, end, MAX_BOXES_OF_CURVES))
     return outcome_for_all(robust, parts, alone)
 
 
@@ -236,7 +226,7 @@ def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Ou
     for loop in robust.loops():
         claims = loop.claims()
         test = misses_zero(claims.sampled_poles, loop.values, claims.sampled_any_position)
-        parts += _around_circle(loop, test, claims.sampled_any_phase, MAX_BOXES_OF_CURVES, at_ends=False)
+        parts += _around_circle(loop, test, claims.sampled_any_phase, MAX_BOXES_OF_CURVES)
     return outcome_for_all(robust, parts, alone)
 
 
@@ -254,18 +244,15 @@ def _whole_samples(robust: RobustDesign) -> list[tuple[int, Floats, Floats]]:
     return parts
 
 
-def part_over_band(
-    robust: RobustDesign, test: Test, low: float, high: float, max_boxes: int, *, at_ends: bool = True
-) -> Proofs:
+def part_over_band(robust: RobustDesign, test: Test, low: float, high: float, max_boxes: int) -> Proofs:
     """Prove a test for all devices of the box over a band."""
     boxes = over_band(robust.names, *robust.ends(), band_of(low, high, STEP))
-    return _proved(test, boxes, max_boxes, at_ends=at_ends)
+    return _proved(test, boxes, max_boxes)
 
 
-def _proved(test: Test, boxes: Boxes, max_boxes: int, *, at_ends: bool = True) -> Proofs:
+def _proved(test: Test, boxes: Boxes, max_boxes: int) -> Proofs:
     """Prove a margin positive, or prove that a curve misses 0."""
-    rows = [True] * len(boxes.names)
-    return prove(test, boxes, 1, halved=rows, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=at_ends, few=FEW)
+    return prove(test, boxes, max_halvings=MAX_HALVINGS, max_boxes=max_boxes)
 
 
 def outcome_for_all(robust: RobustDesign, parts: list[Proofs], alone: NominalProof) -> Outcome:

@@ -20,6 +20,7 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.sampled.worlds.loop_in_walls import LEADS
 from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
 from vctune.model.worlds import WorldsMet
+from vctune.proof.boxes import SAMPLES_BEFORE, Boxes, Values, band_of, over_band
 from vctune.proof.claims.array_claims import (
     AT_REST,
     SHARES,
@@ -49,14 +50,10 @@ from vctune.proof.device_box import (
     felt_with_hand,
 )
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
-from vctune.proof.enclosures.array_intervals import Floats, decimal_or_inf
-from vctune.proof.enclosures.taylor_functions import TAYLOR
-from vctune.proof.engine.box_tests import alone, next_to_zero, positive
-from vctune.proof.engine.boxes import SAMPLES_BEFORE, Boxes, Values, band_of, over_band
-from vctune.proof.engine.branching import Test, prove
+from vctune.proof.enclosures.intervals import Floats, decimal_or_inf
 from vctune.proof.engine.interval import Outcome, Verdict
-from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_polynomials
 from vctune.proof.engine.winding import turned_angle
+from vctune.proof.prover import Test, positive, prove
 
 STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an uncertain mass
 EASY_BOXES = 10_000  # Number of boxes after which the prover looks for boxes that it can prove for every stiffness
@@ -152,7 +149,7 @@ class Asked:
 
     def left_by_any_spring(self, part: Part, fixed: Values, boxes: Boxes) -> tuple[Boxes, int]:
         """Return the boxes in which the claim is not proved for every stiffness, and the number of evaluated boxes."""
-        margins = any_spring_margins(self.demands, self.uncertain, part.delays, TAYLOR)
+        margins = any_spring_margins(self.demands, self.uncertain, part.delays)
         return left_by_any_spring(margins, self.design.device, part, fixed, boxes, MAX_BOXES)
 
     def tests(self, part: Part, fixed: Values) -> list[Test]:
@@ -160,13 +157,9 @@ class Asked:
         return [self._test(part, fixed, lead) for lead in (LEADS if self.walls else LEADS[:1])]
 
     def _test(self, part: Part, fixed: Values, lead: float) -> Test:
-        margins = hands_margins(self.demands, self.uncertain, part.delays, TAYLOR, lead)
-        if self.demands.worlds is None:
-            test = positive_by_polynomials(alone(margins), fixed, part.spans)
-        else:
-            test = any_positive(margins, fixed, part.spans)
-        at_rest = limp_hands_margins(self.demands, self.uncertain, part.delays, lead) if self.limp else ()
-        return next_to_zero(AT_REST, at_rest, fixed, test) if at_rest else test
+        margins = hands_margins(self.demands, self.uncertain, part.delays, lead)
+        at_rest = limp_hands_margins(self.demands, self.uncertain, part.delays, lead) if self.limp else None
+        return positive(margins, fixed, at_rest, AT_REST)
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -218,12 +211,8 @@ def _decided(
             found = prove(
                 part.within(test),
                 first,
-                1,
-                halved=[True] * (1 + len(part.names)),
                 max_halvings=MAX_HALVINGS,
                 max_boxes=max_boxes,
-                at_ends=True,
-                few=FEW,
             )
             boxes += int(found.boxes[0])
             if not found.proved[0]:

@@ -12,17 +12,17 @@ from vctune.model.gains import Gains
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hands
 from vctune.model.problem import Demands
+from vctune.proof.boxes import Cells, Integers, over_each
 from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.cells_in_hands import hold_in_hands
 from vctune.proof.claims.encirclements import by_integrator, encirclements, encirclements_in_hand, turns_in_hand
 from vctune.proof.claims.envelope import envelope
 from vctune.proof.claims.margins_of_claims import HALF_TURN, outwards, resistance_apart
 from vctune.proof.claims.registry import ClaimId, claims_asked
-from vctune.proof.enclosures.array_intervals import Flags, Floats
+from vctune.proof.enclosures.intervals import Flags, Floats
 from vctune.proof.engine.bands import CELL_HALVINGS, MAX_BOXES, cells_over_band
-from vctune.proof.engine.box_tests import Margin, alone, lower_bound_over, positive
-from vctune.proof.engine.boxes import Cells, Integers, over_each
-from vctune.proof.engine.branching import prove as prove_boxes
+from vctune.proof.prover import Margin, lower_bound_over, positive
+from vctune.proof.prover import prove as prove_boxes
 
 # Identifiers of the claims for which `Certified.boxes` counts boxes, in the order of the counts
 ON_ARRAYS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable"
@@ -136,6 +136,7 @@ def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells
         max_halvings=CELL_HALVINGS,
         max_boxes=MAX_BOXES,
         only_whole=True,
+        few=0,
     )
     return found.proved
 
@@ -168,7 +169,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
         if places.theta is not None:
             lost |= negative_at(claims.any_hand[0], part, places.theta[0, at])
         if places.in_hands is not None:
-            lost |= negative_at(alone(claims.in_hand), part, places.in_hands[0, at])
+            lost |= negative_at(claims.in_hand, part, places.in_hands[0, at])
         left = np.flatnonzero(~lost)
         number = encirclements(demands, part.subset(left)).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)

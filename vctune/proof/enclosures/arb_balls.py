@@ -13,8 +13,7 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate, sinc_curvature_series
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.enclosures.array_intervals import SWELL, TINY, UNIT, Enclosure
-from vctune.proof.enclosures.jets import interpolated_over
+from vctune.proof.enclosures.intervals import ENCLOSURES, SWELL, TINY, UNIT, Enclosure
 
 PRECISION = 128  # Working precision, bits
 SMALL = 0.1  # Argument below which the code computes (1 - sinc x)/x^2 by its series with an enclosed remainder
@@ -90,7 +89,7 @@ class _BallArithmetic:
     def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
         if not isinstance(x, arb):
             raise TypeError("a table has no power series; over boxes of frequencies, arrays take its slopes")
-        over = interpolated_over(Enclosure(float(x.mid()), float(x.rad()) + UNIT * abs(float(x.mid()))), table)
+        over = ENCLOSURES.interpolated(Enclosure(float(x.mid()), float(x.rad()) + UNIT * abs(float(x.mid()))), table)
         return arb(float(over.mid), float(over.rad))
 
     @staticmethod

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vctune.proof.enclosures.array_intervals import Floats
+from vctune.proof.enclosures.intervals import Floats
 from vctune.proof.enclosures.taylor import Taylor
 
 SWEEPS = 4  # Number of times that the code moves each row of y to its best position

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Floats
+from vctune.proof.enclosures.intervals import TINY, UNIT, Enclosure, Floats
 
 SWOLLEN = 1 + 2.0**-44  # Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius
 HIGHER_ERROR = 1e-13  # Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53
@@ -150,7 +150,7 @@ def _half_shares(row_count: int) -> Floats:
 
 def variables(rows: Sequence[Enclosure], varied: Sequence[bool]) -> list[Taylor | Enclosure]:
     """Return the rows of n boxes as polynomials, each of degree 1 in its own variable e_i in [-1, 1]."""
-    k, n = sum(varied), max(np.size(row.mid) for row in rows)
+    k, n = sum(varied), max(np.size(row.mid) for row in rows if isinstance(row, Enclosure))
 
     def linear_in(index: int, row: Enclosure) -> Taylor:
         # coefficients of 1, of each e_i, and of each e_i e_j with i <= j

@@ -9,8 +9,7 @@ from math import factorial, log
 import numpy as np
 
 from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number, by_conjugate
-from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Floats
-from vctune.proof.enclosures.jets import ENCLOSURES, LIBRARY_ERROR, PHI_ERROR, Table
+from vctune.proof.enclosures.intervals import ENCLOSURES, LIBRARY_ERROR, PHI_ERROR, TINY, UNIT, Enclosure, Floats, Table
 from vctune.proof.enclosures.taylor import SWOLLEN, Taylor, stacked
 
 # Nodes and weights of Gauss and Legendre for means over 0 <= t <= 1
@@ -61,10 +60,11 @@ def _sinc_curvature(x: Floats) -> tuple[Floats, Floats, Floats]:
     return value, np.where(inside, first, beyond), 0.5 * np.where(inside, second, curved)
 
 
-def _if_positive(x: Taylor, bound: float) -> Floats:
-    """Return a bound where x is nowhere negative, by more than a rounding; elsewhere nan, so that nothing is proved."""
+def _times_e_of(x: Taylor, bound: float) -> Floats:
+    """Return a bound for x >= 0 times e^-x where x may be less; nan where the middle of x is below -1e-9."""
     over = x.enclosed()
-    return np.where(over.mid - over.rad >= -1e-9, bound * (1 + 1e-6), np.nan)
+    least = np.minimum(over.mid - over.rad, 0.0)
+    return np.where(over.mid >= -1e-9, bound * np.exp(-least) * (1 + 1e-6), np.nan)
 
 
 def _ranged(x: Number) -> Number:
@@ -160,7 +160,8 @@ class _TaylorArithmetic:
         mid, least = x.coefficients[0], x.coefficients[0] - x.enclosed().rad
         root = np.sqrt(mid)
         third = 0.375 / np.where(least > 0, least, np.nan) ** 2.5
-        return x.mapped((root, 0.5 / root, -0.125 / (mid * root)), third, UNIT * root)
+        found = x.mapped((root, 0.5 / root, -0.125 / (mid * root)), third, UNIT * root)
+        return _narrower(found, ENCLOSURES.sqrt(x.enclosed()), x)
 
     @staticmethod
     def exp(x: Number) -> Number:
@@ -216,7 +217,7 @@ class _TaylorArithmetic:
         if not isinstance(x, Taylor):
             return ENCLOSURES.phi_1(x)
         return x.mapped(
-            _falling(x.coefficients[0], FLOATS.phi_1, lambda t: 1 + 0 * t), _if_positive(x, 1 / 4), PHI_ERROR
+            _falling(x.coefficients[0], FLOATS.phi_1, lambda t: 1 + 0 * t), _times_e_of(x, 1 / 4), PHI_ERROR
         )
 
     @staticmethod
@@ -224,7 +225,7 @@ class _TaylorArithmetic:
         """Return the mean of (1 - t) e^(-t x) over 0 <= t <= 1. For x >= 0 its third derivative is at most 1/20."""
         if not isinstance(x, Taylor):
             return ENCLOSURES.phi_2(x)
-        return x.mapped(_falling(x.coefficients[0], FLOATS.phi_2, lambda t: 1 - t), _if_positive(x, 1 / 20), PHI_ERROR)
+        return x.mapped(_falling(x.coefficients[0], FLOATS.phi_2, lambda t: 1 - t), _times_e_of(x, 1 / 20), PHI_ERROR)
 
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from math import pi, sqrt
 
-from vctune.proof.enclosures.array_intervals import Floats
-from vctune.proof.engine.boxes import Boxes, Cells, band_of, over_cells
-from vctune.proof.engine.branching import Proofs, Test, prove
+from vctune.proof.boxes import Boxes, Cells, band_of, over_cells
+from vctune.proof.enclosures.intervals import Floats
+from vctune.proof.prover import Proofs, Test, prove
 from vctune.running import OutOfTimeError
 
 FINEST_STEP = 1e-6  # Relative step at which the extension of a proved band ends
@@ -81,6 +81,7 @@ def cells_over_band(
         max_halvings=CELL_HALVINGS if cells.extended else HALVINGS,
         max_boxes=MAX_BOXES,
         measure=measure,
+        few=0,
     )
 
 

@@ -8,15 +8,13 @@ import numpy as np
 
 from vctune.model.device import Device
 from vctune.model.hands import HAND, MASS, STIFFNESS
+from vctune.proof.boxes import Boxes, Values
 from vctune.proof.claims.array_claims import LEAST_DAMPING
 from vctune.proof.claims.delay_parts import Part, row_of
-from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Flags
 from vctune.proof.enclosures.box_minimum import least_over_boxes
+from vctune.proof.enclosures.intervals import UNIT, Enclosure, Flags
 from vctune.proof.enclosures.taylor import variables
-from vctune.proof.engine.box_tests import Margins
-from vctune.proof.engine.boxes import Boxes, Values
-from vctune.proof.engine.branching import Decided, Test, left_open
-from vctune.proof.engine.polynomial_tests import FEW, by_polynomials
+from vctune.proof.prover import Decided, Margin, Test, by_polynomial, left_open
 from vctune.running import check_time
 
 TOP = 3.1  # Greatest angle, rad, of a box that the search tries
@@ -27,14 +25,14 @@ GROWTH = 8  # Ratio of the present number of open boxes to the initial number, a
 
 
 def left_by_any_spring(
-    margins: Margins, device: Device, part: Part, fixed: Values, boxes: Boxes, max_boxes: int
+    margins: Margin, device: Device, part: Part, fixed: Values, boxes: Boxes, max_boxes: int
 ) -> tuple[Boxes, int]:
     """Return the boxes that remain to be proved, and the number of evaluated boxes."""
     test = part.within(_test(margins, device, part, fixed))
-    return left_open(test, boxes, max_boxes=min(MOST_BOXES, max_boxes), growth=GROWTH, few=FEW)
+    return left_open(test, boxes, max_boxes=min(MOST_BOXES, max_boxes), growth=GROWTH)
 
 
-def _test(margins: Margins, device: Device, part: Part, fixed: Values) -> Test:
+def _test(margins: Margin, device: Device, part: Part, fixed: Values) -> Test:
     damping = 1 + part.names.index(HAND[1])
 
     def tested(boxes: Boxes) -> Decided:
@@ -43,7 +41,7 @@ def _test(margins: Margins, device: Device, part: Part, fixed: Values) -> Test:
         rows = variables(boxes.rows(), varied)
         values = {**boxes.named(rows, fixed), LEAST_DAMPING: Enclosure(least, 4 * UNIT * np.abs(least))}
         first, *others = margins(rows[0], values)
-        found = by_polynomials(first, boxes, varied, part.spans)
+        found = by_polynomial(first, boxes, least_over_boxes(first), alone=False)
         positive = np.all([least_over_boxes(other).bound > 0 for other in others], axis=0)
         from_zero = boxes.low[0] == 0
         proved = found.proved & positive & ~from_zero & (boxes.high[0] <= TOP)

@@ -21,7 +21,7 @@ from vctune.model.sampled.worlds.loop_in_worlds import Disjuncts, sum_of
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.margins_of_claims import Design, margins_in_worlds
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
-from vctune.proof.enclosures.array_intervals import Floats
+from vctune.proof.enclosures.intervals import Floats
 from vctune.proof.engine.interval import Outcome, Verdict
 
 ZOOMS = 14  # rounds of hands that are tried, each around the worst of the last and half as far apart

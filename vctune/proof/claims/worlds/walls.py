@@ -27,8 +27,7 @@ from vctune.model.sampled.worlds.loop_in_worlds import sum_of
 from vctune.model.worlds import Worlds, WorldsMet
 from vctune.proof.claims.margins_of_claims import Design, strip_of_walls
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
-from vctune.proof.enclosures.array_intervals import Enclosure, Floats
-from vctune.proof.enclosures.jets import Jet
+from vctune.proof.enclosures.intervals import Enclosure, Floats
 from vctune.proof.enclosures.taylor import Taylor
 
 # The name of the row with the share y of the coupling, from 1/safety_factor to 1
@@ -102,10 +101,10 @@ def _middle(x: Number) -> Any:
     """Return the approximate middle of each box."""
     if isinstance(x, Taylor):
         return x.coefficients[0]
-    return x.value.mid if isinstance(x, Jet) else x.mid if isinstance(x, Enclosure) else x
+    return x.mid if isinstance(x, Enclosure) else x
 
 
 def _ends(x: Number) -> tuple[Floats, Floats]:
     """Return the approximate least and greatest value over each box."""
-    over = x.enclosed() if isinstance(x, Taylor) else x.value if isinstance(x, Jet) else x
+    over = x.enclosed() if isinstance(x, Taylor) else x
     return np.asarray(over.mid - over.rad), np.asarray(over.mid + over.rad)

@@ -15,8 +15,7 @@ from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import HAND, Hands
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, keys_of
-from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Flags, Floats, between
-from vctune.proof.engine.interval import WIDE
+from vctune.proof.enclosures.intervals import UNIT, Enclosure, Flags, Floats, between
 
 Integers = NDArray[np.intp]
 
@@ -24,6 +23,7 @@ FREQUENCY = "frequency"  # The name of the row of the frequency
 WHOLE_SAMPLES = "whole samples of device.delay"
 # The name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay
 SAMPLES_BEFORE = "whole samples before device.delay"
+WIDE = 2.0  # Ratio of the ends of an interval above which the prover halves it at the mean of the logarithms
 CHUNK = 4096  # Number of boxes that the prover evaluates together
 
 Values = Mapping[str, Number]  # Values of a claim by name
@@ -80,6 +80,7 @@ class Boxes:
     high: Floats
     owner: Integers  # number of the proof to which each box belongs, shape (n,)
     whole_samples: Integers  # number N of whole samples in the delay of each box, shape (n,); 0 if the delay is known
+    spans: Floats  # range of each row in the box with which the prover began, shape (rows, n)
 
     def __len__(self) -> int:
         return int(self.low.shape[1])
@@ -92,6 +93,7 @@ class Boxes:
             high=self.high[:, at],
             owner=self.owner[at],
             whole_samples=self.whole_samples[at],
+            spans=self.spans[:, at],
         )
 
     def count(self, owners: int) -> Integers:
@@ -115,12 +117,6 @@ class Boxes:
         """Return for each row whether some box has a width in this row. For the frequency, the result is always
         true."""
         return [True, *np.any(self.low[1:] < self.high[1:], axis=1).tolist()]
-
-    def ends(self, side: Floats) -> Boxes:
-        """Return a face of each box. `side` selects the lower end of a row by -1, the upper end by 1, the whole row by
-        0."""
-        low, high = np.where(side > 0, self.high, self.low), np.where(side < 0, self.low, self.high)
-        return replace(self, low=low, high=high)
 
     def divided(self, name: str, ratio: float) -> Boxes:
         """Return the boxes, cut across a row of positive numbers into parts whose edges have at most a given ratio."""
@@ -155,10 +151,14 @@ class Boxes:
 
 def joined(*parts: Boxes) -> Boxes:
     """Return several sets of boxes with the same rows as one set."""
-    low, high, owner, whole_samples = (
-        np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Boxes.__slots__[1:]
-    )
-    return Boxes(names=parts[0].names, low=low, high=high, owner=owner, whole_samples=whole_samples)
+    fields = ([getattr(part, name) for part in parts] for name in Boxes.__slots__[1:])
+    return Boxes(parts[0].names, *(np.concatenate(each, axis=-1) for each in fields))
+
+
+def first_boxes(names: tuple[str, ...], low: Floats, high: Floats, owner: Integers, whole_samples: Integers) -> Boxes:
+    """Return the boxes with which a proof begins."""
+    with np.errstate(invalid="ignore"):  # a rigid coupling's damping is inf at both ends
+        return Boxes(names, low, high, owner, whole_samples, np.nan_to_num(high - low))
 
 
 def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
@@ -180,9 +180,7 @@ def over_band(
         for frequency, edge in zip(band, (low, high), strict=True)
     )
     owner = np.repeat(np.arange(owners), intervals)
-    return Boxes(
-        names=(FREQUENCY, *names), low=left, high=right, owner=owner, whole_samples=np.full(owner.size, whole_samples)
-    )
+    return first_boxes((FREQUENCY, *names), left, right, owner, np.full(owner.size, whole_samples))
 
 
 def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
@@ -204,7 +202,7 @@ def over_each(cells: Cells, at: Floats | PlacesInHands) -> Boxes:
     places = {FREQUENCY: at.at, **at.hands.by_key} if isinstance(at, PlacesInHands) else {FREQUENCY: at}
     low, high = (np.vstack((*places.values(), edge)) for edge in (cells.low, cells.high))
     owner = np.arange(len(cells))
-    return Boxes((*places, *cells.keys), low, high, owner=owner, whole_samples=np.zeros_like(owner))
+    return first_boxes((*places, *cells.keys), low, high, owner, np.zeros_like(owner))
 
 
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:

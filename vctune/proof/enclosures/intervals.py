@@ -3,14 +3,14 @@ enclosed."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import inf
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.model.numbers.arithmetic import FLOATS, Number
+from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number, by_conjugate
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -153,3 +153,126 @@ def _products(a: Any, b: Any) -> Any:
 def selected(where: Flags, yes: Enclosure, no: Enclosure) -> Enclosure:
     """Return `yes` where a condition holds and `no` elsewhere, elementwise."""
     return Enclosure(np.where(where, yes.mid, no.mid), np.where(where, yes.rad, no.rad))
+
+
+# Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place
+LIBRARY_ERROR = 8 * UNIT
+PHI_ERROR = 1e-13  # Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100
+EXPONENT_ERROR = 1e-12  # Bound on the relative error of exp of a rounded sum, if exp does not overflow
+SMALL = 0.5  # Argument below which the code encloses the derivative of sinc by its series
+
+Table = tuple[tuple[float, float], ...]
+
+
+def _falling(f: Callable[[Any], Any], x: Enclosure) -> Enclosure:
+    """Return an enclosure of a positive function that falls for x >= 0, from its values at both ends of x."""
+    low, high = np.maximum(x.mid - x.rad, 0.0), x.mid + x.rad
+    return between(f(np.asarray(high)) * (1 - PHI_ERROR), f(np.asarray(low)) * (1 + PHI_ERROR))
+
+
+class _EnclosureArithmetic:
+    """Arithmetic of enclosures."""
+
+    pi = Enclosure(np.pi, UNIT * np.pi)
+    precision = UNIT
+    stacked = staticmethod(stacked)
+    matmul = staticmethod(matmul)
+
+    @property
+    def arrays(self) -> ArrayArithmetic:
+        return self
+
+    @staticmethod
+    def is_zero(x: Number) -> bool:
+        return bool(np.all(x.mid == 0) and np.all(x.rad == 0)) if isinstance(x, Enclosure) else bool(x == 0)
+
+    @staticmethod
+    def sqrt(x: Number) -> Number:
+        return x.sqrt()
+
+    @staticmethod
+    def modulus(re: Number, im: Number) -> Number:
+        return (re * re + im * im).sqrt()
+
+    @staticmethod
+    def reciprocal(re: Number, im: Number) -> tuple[Number, Number]:
+        """Return 1/x of complex numbers x. The relative width of the result is about that of x."""
+        a, b = by_conjugate(*(np.asarray(part.mid, float) for part in (re, im)))
+        one, other = Enclosure(a), Enclosure(b)
+        off = ENCLOSURES.modulus(re * one - im * other - 1, re * other + im * one)
+        most = (off.mid + off.rad) * (1 + 4 * UNIT)
+        rad = raised(np.hypot(a, b) * most / np.where(most < 1, 1 - most, np.nan), 1)
+        return Enclosure(a, rad), Enclosure(b, rad)
+
+    @staticmethod
+    def exp(x: Number) -> Number:
+        mid = np.exp(x.mid)
+        rad = (mid + TINY) * (np.expm1(x.rad) + LIBRARY_ERROR) * (1 + LIBRARY_ERROR) + TINY
+        greatest = np.exp(x.mid + x.rad) * (1 + EXPONENT_ERROR) + TINY  # for a large radius expm1 would overflow
+        return Enclosure(mid, np.where(np.asarray(x.rad) < 1, rad, greatest))
+
+    @staticmethod
+    def sin(x: Number) -> Number:
+        return Enclosure(np.sin(x.mid), np.abs(np.cos(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY_ERROR)
+
+    @staticmethod
+    def cos(x: Number) -> Number:
+        return Enclosure(np.cos(x.mid), np.abs(np.sin(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY_ERROR)
+
+    @staticmethod
+    def sinc(x: Number) -> Number:
+        size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, 1.0)
+        value = FLOATS.sinc(x.mid)
+        slope = np.minimum((size + x.rad) / 3, 0.5)
+        tangent = np.where(
+            size > SMALL, np.abs(np.cos(x.mid) - value) / np.maximum(size, SMALL) + 8 * LIBRARY_ERROR, slope
+        )
+        curved = tangent + np.minimum(1 / 3, (1 + (2 + 2 / least) / least) / least) * x.rad / 2
+        return Enclosure(value, np.minimum(slope, curved) * x.rad * (1 + 16 * UNIT) + 3 * LIBRARY_ERROR)
+
+    @staticmethod
+    def sinc_curvature(x: Number) -> Number:
+        """Return (1 - sinc x)/x^2. This function falls for x >= 0, because x sinc' + 2 (1 - sinc x) > 0."""
+        return _falling(FLOATS.sinc_curvature, x)
+
+    @staticmethod
+    def phi_1(x: Number) -> Number:
+        return _falling(FLOATS.phi_1, x)
+
+    @staticmethod
+    def phi_2(x: Number) -> Number:
+        return _falling(FLOATS.phi_2, x)
+
+    @staticmethod
+    def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
+        sure = x.positive()
+        return yes() if sure.all() else selected(sure, yes(), no())
+
+    @staticmethod
+    def interpolated(x: Number, table: Table) -> Number:
+        """Return a table's values over x, interpolated linearly in the logarithms of both."""
+        low, high = np.maximum(x.mid - x.rad, TINY), x.mid + x.rad
+        ends = [FLOATS.interpolated(edge, table) for edge in (low, high)]
+        least, greatest = np.minimum(*ends), np.maximum(*ends)
+        for at, value in table:
+            inside = (low <= at) & (at <= high)
+            least = np.where(inside, np.minimum(least, value), least)
+            greatest = np.where(inside, np.maximum(greatest, value), greatest)
+        return between(least * (1 - EXPONENT_ERROR), greatest * (1 + EXPONENT_ERROR))
+
+    @staticmethod
+    def within(radius: Number) -> Number:
+        return Enclosure(0.0, radius)
+
+    @staticmethod
+    def middle(x: Number) -> Number:
+        return Enclosure(x.mid) if isinstance(x, Enclosure) else x
+
+    @staticmethod
+    def magnitude(x: Number) -> float:
+        if not isinstance(x, Enclosure):
+            return abs(float(x))
+        return float(np.max(np.abs(x.mid) + x.rad)) * (1 + UNIT)
+
+
+ENCLOSURES: ArrayArithmetic = _EnclosureArithmetic()
