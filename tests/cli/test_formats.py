@@ -131,7 +131,7 @@ def test_a_reserve_that_is_missed_is_refused_in_every_format(tmp_path, style):
         said = found["reason"]
     else:
         assert "instead of" in said and "would pass" in said
-    assert "absolutely stable, but the least Re Z_c / R, 1.1" in said and "is below the safety factor 1.5" in said
+    assert "absolutely stable; misses safety_factor 1.5: least Re Z_c / R 1.1" in said
 
 
 ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}

@@ -45,11 +45,11 @@ def github(checked: Checked) -> str:
     levels = {CheckVerdict.PASSED: "notice", CheckVerdict.UNDECIDED: "warning"}
     place = f"file={_property(str(checked.source))},line={checked.line},title={_property('vctune: ' + checked.name)}"
     lines = []
-    for level, message in (
+    for level, said in (
         (levels.get(checked.verdict, "error"), checked.message),
         *((_warning_level(checked), warning) for warning in checked.warnings),
     ):
-        message = message.removeprefix(f"{printable(str(checked.source))}:{checked.line}: ")
+        message = said.removeprefix(f"{printable(str(checked.source))}:{checked.line}: ")
         first = message.split("\n")[0]
         whole = [] if first == message and len(first) <= LONGEST else message.splitlines()
         if whole:
