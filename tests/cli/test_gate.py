@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import subprocess
 
 import pytest
 from command import run
@@ -46,12 +45,12 @@ def test_several_problems_each_with_their_own_gains(axes, jobs):
         (["good.toml"], "good.toml: without a problem before it"),
         (["good.toml", "a.toml", "poor.toml", "b.toml"], "good.toml: without a problem before it"),
         (["."], r"\.: holds 2 problems and 2 gains files"),
-        (["a.toml", "good.toml", "b.toml", "--region", "r.json"], "--region: with several problems"),
+        (["a.toml", "good.toml", "b.toml", "--region", "r.json"], "r.json: --region with several problems"),
     ],
 )
 def test_gains_of_no_one_problem_are_refused(axes, names, said):
     done = run("check", *names, cwd=axes)
-    assert (done.returncode, done.stdout) == (ExitCode.BAD_INPUT, "") and re.match(said, done.stderr)
+    assert (done.returncode, done.stderr) == (ExitCode.BAD_INPUT, "") and re.match("bad input  " + said, done.stdout)
 
 
 def test_one_error_for_one_mistake_and_the_others_are_checked(axes):

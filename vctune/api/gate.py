@@ -49,12 +49,20 @@ class Task:
 
 
 def planned(paths: Sequence[Path], baseline: Path | None = None) -> tuple[list[ProblemFile], list[Task]]:
-    """Return the problems that paths name, and the checks, in the order of the paths, with regions last."""
+    """Return the problems that paths name, and the checks, in the order of the paths, with regions last. Where vctune
+    cannot decide which file belongs to which problem, the only check is the refusal."""
+    try:
+        return _planned(paths, baseline)
+    except InputError as error:
+        return [], [_known(error)]
+
+
+def _planned(paths: Sequence[Path], baseline: Path | None) -> tuple[list[ProblemFile], list[Task]]:
     files = [file for path in paths for file in _named(path)]
     several = sum(file.kind == "problem" for file in files) > 1
     if baseline is not None and several:
-        message = "with several problems; name each region.json after its problem instead"
-        raise InputError.of("--region", "ambiguous-files", message)
+        message = "--region with several problems; name each region.json after its problem instead"
+        raise InputError.of(str(baseline), "ambiguous-files", message)
     if baseline is not None:
         files.append(_File(baseline, "region"))
     if not any(file.kind == "problem" for file in files):
