@@ -158,4 +158,10 @@ def read_region(path: Path) -> RegionDocument:
     """Read a region file."""
     value = read_json(path, KIND, MAX_BYTES)
     remedy = "correct it, or find the region again"
-    return as_record(value, RegionDocument, str(path), kind=KIND, remedy=remedy)
+    return as_record(
+        value,
+        RegionDocument,
+        str(path),
+        kind=f"{KIND}; the gains of a design.json are in the gains.toml beside it",
+        remedy=remedy,
+    )
