@@ -14,7 +14,8 @@ from conftest import DEVICE, FIXED, for_passive_hands
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vctune.cli.printing.formats import REST, as_json, github, text
+from vctune.api.checking import check_object
+from vctune.cli.printing.formats import REST, github, text
 from vctune.design.verdict.checked import Checked, CheckVerdict
 from vctune.exit_codes import ExitCode
 
@@ -104,7 +105,7 @@ def test_warnings_reach_every_format(verdict, strict):
     assert found.result is (CheckVerdict.FAILED if strict else verdict)
     assert text(found).splitlines()[1:] == ["           warning: mind, the: gap", "           warning: and more"]
     assert text(found).startswith("passed") == (found.result is CheckVerdict.PASSED)
-    assert json.loads(as_json([found]))[0]["warnings"] == found.warnings
+    assert check_object(found)["warnings"] == found.warnings
     level = "error" if strict else "warning"
     first = {CheckVerdict.PASSED: "notice", CheckVerdict.FAILED: "error", CheckVerdict.UNDECIDED: "warning"}[verdict]
     commands = [(command, data) for command, _, data in workflow_commands(github(found))]

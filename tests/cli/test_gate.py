@@ -7,7 +7,7 @@ import re
 import shlex
 
 import pytest
-from command import run
+from command import run, started
 from conftest import DEVICE, FIXED, for_passive_hands
 from test_formats import workflow_commands
 
@@ -63,6 +63,17 @@ def test_one_error_for_one_mistake_and_the_others_are_checked(axes):
     assert found == [("error", "cut.toml"), ("notice", "good.toml"), *(("error", name) for name in refused)]
     done = run("check", *names, "--format", "json", cwd=axes)
     assert [item["status"] for item in json.loads(done.stdout)] == [None, "certified", None, None, None]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_each_verdict_is_printed_when_it_is_known(axes, jobs):
+    """A job that is ended shows what it had."""
+    ended = started("check", "a.toml", *["good.toml"] * 300, "--jobs", str(jobs), cwd=axes)
+    for _ in range(2):
+        assert ended.stdout.readline().startswith("passed     good.toml: proved") and ended.poll() is None
+    ended.terminate()
+    out, _ = ended.communicate()
+    assert ended.returncode == ExitCode.INTERRUPTED and re.fullmatch(r"\d+ passed", out.splitlines()[-1])
 
 
 def test_annotations_are_one_line_of_200_characters(axes):

@@ -45,19 +45,20 @@ def check(
     for PROBLEM. `vctune region` writes this file. In a command with several problems, name the region.json after its
     PROBLEM, as GAINS.
     """
+    import json
     from dataclasses import replace
 
-    from vctune.api.checking import record_lost
+    from vctune.api.checking import check_object, record_lost
     from vctune.api.folders import folder_name
     from vctune.api.gate import planned, started
     from vctune.cli.printing.exits import of_check, worst
-    from vctune.cli.printing.formats import as_json, one_of, summary
+    from vctune.cli.printing.formats import one_of, summary
     from vctune.cli.printing.output import emit, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
 
     problems, tasks = planned(paths, baseline)
     warn_of_doubts(*problems, quiet=quiet)
-    checks = []
+    checks, objects = [], []
     try:
         with started(tasks, jobs) as works:
             for work in works:
@@ -65,15 +66,17 @@ def check(
                     found = [replace(checked, strict=strict) for checked in work(progress)]
                 checks += found
                 for checked in found:
-                    if style == "github" or (style == "text" and not quiet):
+                    if style == "json":
+                        objects.append(check_object(checked))
+                    elif style == "github" or not quiet:
                         emit(one_of(checked, style))
-                    elif style == "text" and checked.finding is None:
+                    elif checked.finding is None:
                         click.echo(one_of(checked, style), err=True)
                     if said := record_lost(checked, out / folder_name(checked.name)):
                         click.echo(said, err=True)
     finally:  # a command that is ended prints what it knows
         if style == "json":
-            emit(as_json(checks))
+            emit(json.dumps(objects, indent=2, allow_nan=False))
         elif style == "text" and not quiet and len(checks) > 1:
             emit(summary(checks))
     return worst(of_check(checked.result) for checked in checks)

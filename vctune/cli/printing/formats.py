@@ -1,10 +1,8 @@
-"""Write checks as text, JSON and GitHub annotations."""
+"""Write checks as text and as GitHub annotations."""
 
 from __future__ import annotations
 
-import json
-
-from vctune.api.checking import Checked, CheckVerdict, check_object
+from vctune.api.checking import Checked, CheckVerdict
 from vctune.api.messages import printable
 
 WORDS = {
@@ -31,12 +29,6 @@ def summary(checks: list[Checked]) -> str:
     """Return how many checks have each verdict."""
     counts = {word: sum(WORDS[checked.result] == word for checked in checks) for word in WORDS.values()}
     return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
-
-
-def as_json(checks: list[Checked]) -> str:
-    """Return the text of a list with one object for each check: the object of design.json, the verdict on a region, or
-    the reason why neither exists."""
-    return json.dumps([check_object(checked) for checked in checks], indent=2, allow_nan=False)
 
 
 def github(checked: Checked) -> str:
