@@ -110,3 +110,10 @@ def peak_memory(*arguments, cwd) -> int:
     command = [sys.executable, "-c", WITH_PEAK, *map(str, arguments)]
     done = subprocess.run(command, cwd=cwd, check=True, capture_output=True, text=True)
     return int(done.stderr.split()[-1])
+
+
+def check_files(paths) -> list:
+    """Return the checks of the files that `vctune check` names."""
+    from vctune.api.gate import planned
+
+    return [checked for task in planned(paths)[1] for checked in task.run()]

@@ -10,11 +10,11 @@ import sys
 import command
 import numpy as np
 import pytest
+from command import check_files
 from conftest import DEVICE, FIXED, ROOT, drawn, for_passive_hands
 
 from vctune.design.solve import solve
 from vctune.design.verdict.checked import CheckVerdict
-from vctune.design.verdict.gains_check import check_files
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.gains_file import gains_text
 from vctune.document.reading import parse_problem
@@ -124,7 +124,7 @@ def test_a_check_imports_no_optimiser():
 def test_an_empty_folder_is_no_pass(folder):
     (folder / "empty").mkdir()
     done = run("good.toml", "empty", cwd=folder)
-    assert (done.returncode, done.stderr) == (ExitCode.BAD_INPUT, "empty: holds no .toml file [ambiguous-files]\n")
+    assert (done.returncode, done.stdout[11:]) == (ExitCode.BAD_INPUT, "empty: holds no .toml file [ambiguous-files]\n")
 
 
 @pytest.mark.parametrize("spoil", [lambda text: "\ufeff" + text, lambda text: text.replace("\n", "\r\n")])

@@ -7,6 +7,7 @@ from math import log10
 
 import numpy as np
 import pytest
+from command import check_files
 from conftest import DEVICE, for_passive_hands
 
 from vctune.api.design_files import write_record
@@ -14,7 +15,6 @@ from vctune.design.solve import solve
 from vctune.design.verdict import repair as repairing
 from vctune.design.verdict.checked import Checked, CheckVerdict
 from vctune.design.verdict.design_record import record_of
-from vctune.design.verdict.gains_check import check_files
 from vctune.design.verdict.judge import Status, judge
 from vctune.design.verdict.repair import with_repairs
 from vctune.document.gains_file import design_numbers

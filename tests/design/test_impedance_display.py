@@ -9,6 +9,7 @@ from math import ceil, floor, pi
 
 import numpy as np
 import pytest
+from command import check_files
 from force_loop import Element, Mechanics, spectral_radius, step_matrix
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -23,7 +24,6 @@ from vctune.design.prepared import acting_terms, pose
 from vctune.design.solve import solve
 from vctune.design.verdict.checked import CheckVerdict
 from vctune.design.verdict.design_record import record_of
-from vctune.design.verdict.gains_check import check_files
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.document.text.errors import InputError

@@ -11,7 +11,7 @@ from signal import SIGINT
 
 import numpy as np
 import pytest
-from command import run, started, wait_for_work
+from command import check_files, run, started, wait_for_work
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
 from test_bound import infeasible_texts
 
@@ -22,7 +22,6 @@ from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
 from vctune.design.verdict import repair as repairing
 from vctune.design.verdict.design_record import design_record
-from vctune.design.verdict.gains_check import check_files
 from vctune.design.verdict.judge import Status
 from vctune.design.verdict.parameter_changes import parameter_changes
 from vctune.design.verdict.repair import RepairTest, find_repairs, with_repairs

@@ -327,15 +327,15 @@ def test_axes_are_selected_and_those_of_the_other_motion_are_not_looked_at(arm, 
 def test_axes_of_the_other_motion_alone_are_refused(arm, proofs):
     changed(arm, selected_axes="[false, false, false, true, true, false]")
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    assert done.returncode == ExitCode.BAD_INPUT and not done.stdout and not proofs
-    assert "rx, ry cannot be looked at: rotations, and arm.toml has a" in done.stderr
-    assert done.stderr.startswith("ros.yaml:9: ")
+    assert done.returncode == ExitCode.BAD_INPUT and not done.stderr and not proofs
+    assert "rx, ry cannot be looked at: rotations, and arm.toml has a" in done.stdout
+    assert done.stdout.startswith("bad input  ros.yaml:9: ")
 
 
 def test_an_impedance_display_is_no_admittance_controller(arm):
     (arm / "arm.toml").write_text(ARM.replace("[device]", '[device]\ndisplay = "impedance"').replace("position", "#"))
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    assert done.returncode == ExitCode.BAD_INPUT and "[other-kind]" in done.stderr
+    assert done.returncode == ExitCode.BAD_INPUT and "[other-kind]" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -376,7 +376,7 @@ def test_a_mistake_in_the_file_is_said_with_its_line(arm, values, complaint):
     changed(arm, **values)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.BAD_INPUT
-    assert complaint in done.stderr and "Traceback" not in done.stderr
+    assert complaint in done.stdout and "Traceback" not in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -386,16 +386,16 @@ def test_a_mistake_in_the_file_is_said_with_its_line(arm, values, complaint):
 def test_what_is_no_parameter_file_is_refused(arm, text, complaint):
     (arm / "ros.yaml").write_text(text)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    assert done.returncode == ExitCode.BAD_INPUT and complaint in done.stderr
+    assert done.returncode == ExitCode.BAD_INPUT and complaint in done.stdout
 
 
 def test_the_device_must_have_a_loop_and_one_filter(arm):
     (arm / "free.toml").write_text(ARM[: ARM.index("[gains]")])
-    assert "are not fixed" in vctune("check", "free.toml", "ros.yaml", cwd=arm).stderr
+    assert "are not fixed" in vctune("check", "free.toml", "ros.yaml", cwd=arm).stdout
     (arm / "own.toml").write_text(ARM + "[device.force_sensor]\nbandwidth_hz = 100.0\n")
-    assert "leave one of them out" in vctune("check", "own.toml", "ros.yaml", cwd=arm).stderr
+    assert "leave one of them out" in vctune("check", "own.toml", "ros.yaml", cwd=arm).stdout
     refused = vctune("check", "arm.toml", "own.toml", "ros.yaml", cwd=arm)
-    assert refused.returncode == ExitCode.BAD_INPUT and "for the axis x; give one of them the name" in refused.stderr
+    assert refused.returncode == ExitCode.BAD_INPUT and "for the axis x; give one of them the name" in refused.stdout
 
 
 @pytest.mark.slow
@@ -470,17 +470,17 @@ def test_a_rate_or_a_type_of_the_file_that_contradicts_the_problem_is_refused(ar
         done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
         assert (done.returncode == ExitCode.BAD_INPUT) == (said is not None), done.stderr
         if said == "update_rate":
-            assert "500 Hz contradicts device.sample_time = 0.001 s" in done.stderr and "arm.toml:4" in done.stderr
-            assert done.stderr.startswith("ros.yaml:3: ")
+            assert "500 Hz contradicts device.sample_time = 0.001 s" in done.stdout and "arm.toml:4" in done.stdout
+            assert done.stdout.startswith("bad input  ros.yaml:3: ")
         elif said:
-            assert said in done.stderr and "[ros-other-law]" in done.stderr
+            assert said in done.stdout and "[ros-other-law]" in done.stdout
 
 
 def test_a_rate_of_the_controller_comes_before_that_of_its_manager(arm):
     own = PARAMETERS.replace("      joints:", "      update_rate: 250\n      joints:")
     (arm / "ros.yaml").write_text(MANAGER.format("controller_manager", 1000, KIND) + own)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    assert done.returncode == ExitCode.BAD_INPUT and "250 Hz contradicts" in done.stderr
+    assert done.returncode == ExitCode.BAD_INPUT and "250 Hz contradicts" in done.stdout
 
 
 def test_dotted_names_are_tables_and_each_of_two_controllers_has_a_line(arm):

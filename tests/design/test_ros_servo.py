@@ -306,7 +306,7 @@ def test_six_axes_of_four_designs_are_exported_into_one_file_and_checked_again(s
     assert process_time() - began < 3.0
     assert done.stdout.endswith("6 passed\n") and len(proofs) == 4, done.stdout
     fewer = vctune("check", *SIX[:3], path, cwd=six)
-    assert fewer.returncode == ExitCode.BAD_INPUT and "selects rx, ry, rz, and no problem is for that" in fewer.stderr
+    assert fewer.returncode == ExitCode.BAD_INPUT and "selects rx, ry, rz, and no problem is for that" in fewer.stdout
 
 
 def test_designs_that_are_for_the_same_axis_or_for_another_format_are_refused(six):

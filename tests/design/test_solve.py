@@ -226,7 +226,7 @@ def test_the_safety_factor_is_a_demand_of_fixed_gains():
         assert (solved.status, certificate.proved_ratio) == (status, ratio)
         assert solved.judgement.min_ratio == pytest.approx(1.02986, rel=1e-5)
         assert (certificate.outcomes["passive"].verdict is Verdict.PROVED) == (status is Status.CERTIFIED)
-    assert solved.reason.startswith("absolutely stable, but the least Re Z_c / R, 1.02986 at 0.5 Hz, is below")
+    assert solved.reason.startswith("absolutely stable; misses safety_factor")
 
 
 LATE = "[device]\nmass = 0.35\ndamping = 1.2\nsample_time = 5e-4\ndelay = {!r}\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -160,3 +161,119 @@ def test_pre_commit_installs_and_runs_the_hook(repository):
     done = module("pre_commit", "run", "--all-files", cwd=repository, **home)
     assert done.returncode == 1
     assert "gains.toml: refuted" in done.stdout
+
+
+ARM = """[device]
+sample_time = 2e-3
+[device.servo]
+delay = 0.01
+bandwidth_hz = 8.0
+[operator]
+stiffness = 500.0
+[coupling]
+damping = inf
+mass = 5.0
+drag = 90.0
+"""
+DEVICE_FILE, GAINS, REGION, ROS = "device.toml", "gains.toml", "results/device/region.json", "arm.yaml"
+CONFLICT = "<<<<<<< HEAD\n{0}=======\n{0}>>>>>>> tuning\n"
+
+
+def swap(old, new):
+    def edit(text):
+        assert old in text
+        return text.replace(old, new, 1)
+
+    return edit
+
+
+def of_region(change):
+    def edit(text):
+        record = json.loads(text)
+        change(record)
+        return json.dumps(record)
+
+    return edit
+
+
+def flipped(record, *, areas):
+    """An infeasible cell that a merge made feasible."""
+    cell = max((cell for cell in record["cells"] if cell[4] == "infeasible"), key=lambda cell: cell[1] - cell[0])
+    share = (cell[1] - cell[0]) * (cell[3] - cell[2]) / (len(record["edges"]["x"]) - 1) ** 2
+    cell[4:] = ["feasible", next(cell[5] for cell in record["cells"] if cell[4] == "feasible")]
+    if areas:
+        record["areas"]["feasible"] += share
+        record["areas"]["infeasible"] -= share
+
+
+EDITS = [
+    *((name, "a comment", lambda text: "# measured again\n" + text, 0) for name in (DEVICE_FILE, GAINS, ROS)),
+    *((name, "windows", lambda text: "\ufeff" + text.replace("\n", "\r\n"), 0) for name in (DEVICE_FILE, GAINS)),
+    *((name, "emptied", lambda text: "", 2) for name in (DEVICE_FILE, GAINS, REGION, ROS, "arm.toml")),
+    *((name, "cut", lambda text: text[: len(text) * 2 // 3], 2) for name in (DEVICE_FILE, GAINS, REGION)),
+    *((name, "conflict", CONFLICT.format, 2) for name in (DEVICE_FILE, GAINS, REGION, ROS)),
+    *((name, "removed", lambda text: None, 2) for name in (DEVICE_FILE, GAINS, REGION, ROS)),
+    *((name, "latin", lambda text: text + "# \udcff", 2) for name in (DEVICE_FILE, GAINS, ROS)),
+    (GAINS, "a little more damping", swap("160.0", "161.0"), 0),
+    (GAINS, "a little less damping", swap("160.0", "159.5"), 0),
+    (GAINS, "half the damping", swap("160.0", "80.0"), 1),
+    (GAINS, "no integrator", swap("position = 6000.0", "position = 0.0"), 0),
+    (GAINS, "ten times the integrator", swap("6000.0", "60000.0"), 1),
+    (GAINS, "no position", swap("position = 6000.0\n", ""), 2),
+    (GAINS, "no table", swap("[coupling]\n", ""), 2),
+    (GAINS, "no other table", swap("[gains]\n", ""), 2),
+    (GAINS, "a slip", swap("velocity", "velocty"), 2),
+    (GAINS, "a key twice", swap("velocity = 150.0", "velocity = 150.0\nvelocity = 80.0"), 2),
+    (GAINS, "negative", swap("150.0", "-150.0"), 2),
+    (GAINS, "a text", swap("150.0", '"150"'), 2),
+    (GAINS, "not a number", swap("150.0", "nan"), 2),
+    (GAINS, "not TOML", swap("velocity =", "velocity:"), 2),
+    (GAINS, "the problem", lambda text: DEVICE, 2),
+    (DEVICE_FILE, "a name", lambda text: 'name = "handle"\n' + text, 0),
+    (DEVICE_FILE, "delay", swap("sample_time", "delay = 2e-4\nsample_time"), 1),
+    (DEVICE_FILE, "slower", swap("1e-3", "2e-3"), 1),
+    (DEVICE_FILE, "heavier", swap("0.4", "0.8"), 1),
+    (DEVICE_FILE, "a stricter factor", swap("[stability]", "[stability]\nsafety_factor = 1.5"), 1),
+    (DEVICE_FILE, "no mass", swap("mass = 0.4\n", ""), 2),
+    (DEVICE_FILE, "no table", swap("[device]\n", ""), 2),
+    (DEVICE_FILE, "another kind", swap("[device]", '[device]\ndisplay = "impedance"'), 2),
+    (DEVICE_FILE, "the gains", lambda text: FIXED.format(160.0), 2),
+    (REGION, "no cells", of_region(lambda record: record["cells"].clear()), 2),
+    (REGION, "no cells and areas", of_region(lambda record: (record["cells"].clear(), record["areas"].clear())), 2),
+    (REGION, "half the cells", of_region(lambda record: record["cells"].__delitem__(slice(5, None))), 2),
+    (REGION, "a cell of a merge", of_region(lambda record: flipped(record, areas=False)), 2),
+    (REGION, "a cell and its area", of_region(lambda record: flipped(record, areas=True)), 1),
+    (REGION, "poor gains", of_region(lambda record: record["designs"][0]["coupling"].update(damping=1.0)), 1),
+    (ROS, "more damping", swap("joint_damping: ", "joint_damping: 1"), 0),
+    (ROS, "less damping", swap("joint_damping: ", "joint_damping: 0.1 #"), 1),
+    (ROS, "another rate", lambda text: text.replace("parameters:\n", "parameters:\n    update_rate: 100\n"), 2),
+    (ROS, "no mass", lambda text: re.sub(r" +mass: .*\n", "", text), 2),
+    (ROS, "indented", swap("    admittance:", "   admittance:"), 2),
+    ("arm.toml", "later", swap("0.01", "0.4"), 1),
+]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_year_of_edits(repository):
+    """No wrong thing passes and no right thing fails, each change of the repository on its own; a mistake in a file is
+    one error."""
+    (repository / "arm.toml").write_text(ARM)
+    assert vctune("export", "arm.toml", "--to", "ros2", cwd=repository).returncode == 0
+    (repository / "results/arm/firmware/admittance_controller.yaml").rename(repository / ROS)
+    for command in (["init", "-q"], ["add", "."]):
+        subprocess.run(["git", *command], cwd=repository, check=True)
+    *_, step = yaml.safe_load(WORKFLOW)["jobs"]["gains"]["steps"]
+    robot = ["check", "arm.toml", ROS, "--format", "github"]
+    answers = {}
+    for name, what, edit, code in EDITS:
+        text = edit((repository / name).read_text())
+        if text is None:
+            (repository / name).rename(repository / f"renamed-{Path(name).name}")
+        else:
+            (repository / name).write_bytes(text.encode("utf-8", "surrogateescape"))
+        done = vctune(*(robot if "arm" in name else shlex.split(step["run"])[1:]), cwd=repository)
+        subprocess.run(["git", "checkout", "-q", "."], cwd=repository, check=True)
+        errors = re.findall(r"^::error file=(.*?),", done.stdout, re.MULTILINE)
+        if done.returncode != code or bool(errors) != (code > 0) or (code == 2 and len({*errors}) < len(errors)):
+            answers[f"{name}: {what}"] = (done.returncode, code, done.stdout, done.stderr)
+    assert answers == {}

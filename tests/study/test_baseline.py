@@ -85,6 +85,9 @@ def test_a_coarse_region_is_not_said_to_be_empty(tmp_path, tables, expected):
     code, out, _ = run("region", "device.toml", "--resolution", "0.125", cwd=tmp_path)
     assert "feasible      0.00 %" in out
     assert code == expected
+    checked = run("check", "device.toml", "--region", "results/device/region.json", "--strict", cwd=tmp_path)
+    empty = expected is ExitCode.FAILED  # nothing is proved again, and the check says so
+    assert (checked[0] == ExitCode.FAILED, "[nothing-proved]" in checked[1]) == (empty, empty)
 
 
 def test_the_same_problem_passes(baseline):

@@ -34,7 +34,7 @@ class LogMap:
     """The content of a log.toml."""
 
     document: LogDocument  # the checked document
-    source: str = "log.toml"  # path of the file; "log.toml" without a file
+    source: str = "--config LOG.toml"  # path of the file; the option that names one without a file
     text: str = ""  # text of the file; "" without a file
     servo: bool = False  # whether the logs show a servo and its command
 
@@ -58,7 +58,7 @@ def read_log(path: Path, log_map: LogMap) -> Recording:
     headers = table.headers
     columns = _columns(path, headers, log_map)
     channels = {
-        role: _channel(table.numbers[:, headers.index(stated.column)], stated, log_map, role)
+        role: _channel(path, table.numbers[:, headers.index(stated.column)], stated, log_map, role)
         for role, stated in columns.items()
     }
     used = {stated.column for stated in columns.values()}
@@ -152,15 +152,15 @@ def _servo_command_faults(columns: Mapping[str, ColumnTable]) -> list[tuple[str,
     return [("columns.velocity_command", "without a command nothing can be identified; name its column")]
 
 
-def _channel(values: Floats, stated: ColumnTable, log_map: LogMap, role: str) -> Channel:
+def _channel(path: Path, values: Floats, stated: ColumnTable, log_map: LogMap, role: str) -> Channel:
     """Return a column in SI units."""
-    scale = stated.scale if stated.scale is not None else UNITS[_unit(stated, log_map, role)]
+    scale = stated.scale if stated.scale is not None else UNITS[_unit(path, stated, log_map, role)]
     quantum = None if stated.quantum is None else stated.quantum * abs(scale)
     limit = None if stated.limit is None else stated.limit * abs(scale)
     return Channel(stated.column, values * scale, scale, quantum, limit)
 
 
-def _unit(stated: ColumnTable, log_map: LogMap, role: str) -> str:
+def _unit(path: Path, stated: ColumnTable, log_map: LogMap, role: str) -> str:
     """Return the unit of a column: the stated unit, or the end of its header."""
     fitting = KINDS[KIND_OF.get(role, role)]
     if role != "time":
@@ -173,7 +173,7 @@ def _unit(stated: ColumnTable, log_map: LogMap, role: str) -> str:
     other = ""
     if role != "time" and (unit in ANGLES) != log_map.document.rotary and unit in UNITS:
         other = "; write rotary = true" if unit in ANGLES else "; or is the device not rotary?"
-    fault = f"column {shown(stated.column)}: {fault} of {', '.join(fitting)}"
+    fault = f"column {shown(stated.column)} of {path}: {fault} of {', '.join(fitting)}"
     message = f"{fault}; write its unit, or scale = SI units per unit{other}"
     raise InputError.of(log_map.source, "log-columns", message, key=f"columns.{role}")
 

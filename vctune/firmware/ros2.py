@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -77,7 +78,8 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
 
 
 def ros2_files(name: str, axes: Sequence[RosAxis], controllers: Sequence[Firmware]) -> dict[str, str]:
-    """Return the parameter file by its name, with the proved claims and their assumptions as comments."""
+    """Return the parameter file by its name, with the proved claims and their assumptions as comments, and the problem
+    files with which it is checked."""
     axes_of_line: dict[str, list[str]] = {}
     for axis, controller in zip(axes, controllers, strict=True):
         other = ("Controller of ", LEFT_TO_CALLER)  # the ROS 2 controller has the filter and the spring
@@ -87,15 +89,14 @@ def ros2_files(name: str, axes: Sequence[RosAxis], controllers: Sequence[Firmwar
     comments += [
         line for text, names in axes_of_line.items() for line in (f"{', '.join(names)}:", *text.split("\n"), "")
     ]
-    sources = dict.fromkeys(_file_name(axis.file) for axis in axes)
-    again = f"vctune check {' '.join(sources)} {PARAMETERS}"
-    return {PARAMETERS: admittance_text(_parameters(axes), [*comments, "This proves it again:", again])}
-
-
-def _file_name(file: ProblemFile) -> str:
-    """Return the name of the problem file in a command; a design.json knows only the name of its problem."""
-    name = Path(file.source).name
-    return quote(name if name.endswith(".toml") else f"{name}.toml")
+    problems = dict[str, str]()
+    for axis in axes:
+        if axis.file.text not in problems.values():
+            stem = re.sub(r"[^\w.-]+", "-", axis.file.problem.name)
+            problems[f"{stem}-{axis.axis}.toml" if f"{stem}.toml" in problems else f"{stem}.toml"] = axis.file.text
+    again = f"vctune check {' '.join(map(quote, problems))} {PARAMETERS}"
+    text = admittance_text(_parameters(axes), [*comments, "This proves it again, in the folder of this file:", again])
+    return {PARAMETERS: text, **problems}
 
 
 def _least_ratio(controller: Firmware) -> str:

@@ -31,6 +31,9 @@ from vctune.study.plane import Plane, Squares, plane_errors
 from vctune.study.region import Kind, Progress, Region, region
 from vctune.study.region_record import Design
 
+OTHER_REGION = Note("other-version", "the region was found for another version of the problem (sha256 differs)")
+NOTHING = Note("nothing-proved", "the region lists neither a feasible cell nor gains, so that nothing was to be proved")
+
 
 @dataclass(frozen=True, slots=True)
 class Recheck:
@@ -93,22 +96,19 @@ class RegionFinding:
         ).to_json()
 
 
-def recheck_region(
-    file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None
-) -> tuple[Checked, Recheck]:
+def check_region_file(file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None) -> Checked:
     """Prove the cells and gain sets of a region file again for the present problem."""
     old = read_region(baseline)
     require_record_of(file, old.problem, str(baseline), "region")
     if mistakes := plane_errors(file.problem, old.axes.x, old.axes.y):
         raise InputError(file.source, mistakes)
     again = recheck(file.problem, old, progress)
-    other = Note("other-version", "the region was found for another version of the problem (sha256 differs)")
-    warnings = [] if old.problem.sha256 == file.sha256 else [other.line]
-    warnings += [OUT_OF_TIME.line] if again.cut else []
-    finding = RegionFinding(file, again, warnings)
+    notes = [] if old.problem.sha256 == file.sha256 else [OTHER_REGION]
+    notes += [OUT_OF_TIME] if again.cut else [] if again.certified or again.region.kinds.size else [NOTHING]
+    finding = RegionFinding(file, again, [note.line for note in notes])
     verdict = CheckVerdict.UNDECIDED if again.cut else CheckVerdict.FAILED if again.lost else CheckVerdict.PASSED
     line = toml.Lines(file.text).locate(("device",)) or 1
-    return Checked(Path(file.source), file.problem.name, verdict, _message(again), line, finding), again
+    return Checked(Path(file.source), file.problem.name, verdict, _message(again), line, finding)
 
 
 def _lost(again: Recheck) -> Squares:

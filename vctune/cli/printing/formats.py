@@ -1,11 +1,8 @@
-"""Write checks as text, JSON and GitHub annotations."""
+"""Write checks as text and as GitHub annotations."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
-
-from vctune.api.checking import Checked, CheckVerdict, check_object
+from vctune.api.checking import Checked, CheckVerdict
 from vctune.api.messages import printable
 
 WORDS = {
@@ -14,39 +11,42 @@ WORDS = {
     CheckVerdict.UNDECIDED: "undecided",
     CheckVerdict.BAD_INPUT: "bad input",
 }
+LONGEST = 200  # Greatest number of characters of an annotation
+REST = " ... (all of it in the log of this job)"
+ROOM = LONGEST - len(REST)
 
 
-def text(checks: list[Checked]) -> str:
-    """Return one line for each check, and a summary if there are several checks."""
-    lines = []
-    for checked in checks:
-        message = checked.message if checked.finding is None else printable(checked.message)
-        where = "" if checked.finding is None else f"{printable(str(checked.source))}: "
-        why = "; fails for its warnings" if checked.failed_by_warnings else ""
-        lines.append(f"{WORDS[checked.result]:9}  {where}{message}{why}")
-        lines += [f"           warning: {warning}" for warning in checked.warnings]
-    if len(checks) > 1:
-        counts = {word: sum(WORDS[c.result] == word for c in checks) for word in WORDS.values()}
-        lines.append(", ".join(f"{count} {word}" for word, count in counts.items() if count))
-    return "\n".join(lines)
+def text(checked: Checked) -> str:
+    """Return a line for a check, and one for each of its warnings."""
+    message = checked.message if checked.finding is None else printable(checked.message)
+    where = "" if checked.finding is None else f"{printable(str(checked.source))}: "
+    why = "; fails for its warnings" if checked.failed_by_warnings else ""
+    lines = [f"{WORDS[checked.result]:9}  {where}{message}{why}"]
+    return "\n".join([*lines, *(f"           warning: {warning}" for warning in checked.warnings)])
 
 
-def as_json(checks: list[Checked]) -> str:
-    """Return the text of a list with one object for each check: the object of design.json, the verdict on a region, or
-    the reason why neither exists."""
-    return json.dumps([check_object(checked) for checked in checks], indent=2, allow_nan=False)
+def summary(checks: list[Checked]) -> str:
+    """Return how many checks have each verdict."""
+    counts = {word: sum(WORDS[checked.result] == word for checked in checks) for word in WORDS.values()}
+    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
 
 
-def github(checks: list[Checked]) -> str:
-    """Return workflow commands that annotate the lines of the files: the message of each check, then its warnings."""
+def github(checked: Checked) -> str:
+    """Return workflow commands that annotate the line of a check: its message, then its warnings. A text that is longer
+    than an annotation stands as a whole after it, in the log of the job."""
     levels = {CheckVerdict.PASSED: "notice", CheckVerdict.UNDECIDED: "warning"}
+    place = f"file={_property(str(checked.source))},line={checked.line},title={_property('vctune: ' + checked.name)}"
     lines = []
-    for checked in checks:
-        place = (
-            f"file={_property(str(checked.source))},line={checked.line},title={_property('vctune: ' + checked.name)}"
-        )
-        lines.append(f"::{levels.get(checked.verdict, 'error')} {place}::{_data(checked.message)}")
-        lines += [f"::{_warning_level(checked)} {place}::{_data(warning)}" for warning in checked.warnings]
+    for level, said in (
+        (levels.get(checked.verdict, "error"), checked.message),
+        *((_warning_level(checked), warning) for warning in checked.warnings),
+    ):
+        message = said.removeprefix(f"{printable(str(checked.source))}:{checked.line}: ")
+        first = message.split("\n")[0]
+        whole = [] if first == message and len(first) <= LONGEST else message.splitlines()
+        if whole:
+            first = (first if len(first) <= ROOM else first[:ROOM].rpartition(" ")[0]) + REST
+        lines += [f"::{level} {place}::{_data(first)}", *(f"vctune: {printable(line)}" for line in whole)]
     return "\n".join(lines)
 
 
@@ -62,8 +62,6 @@ def _property(value: str) -> str:
     return _data(value).replace(":", "%3A").replace(",", "%2C")
 
 
-FORMATS: dict[str, Callable[[list[Checked]], str]] = {
-    "text": text,
-    "json": as_json,
-    "github": github,
-}
+def one_of(checked: Checked, style: str) -> str:
+    """Return a check in the format "text" or "github"."""
+    return github(checked) if style == "github" else text(checked)

@@ -31,18 +31,20 @@ def check_message(
     """Return the proved claims of a design, or the claims that fail and the changes after which it passes."""
     if judgement.status is Status.CERTIFIED:
         return _proved(judgement)
-    worst = f"{judgement.ratio_name} {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
+    hand = ""
     for held in (judgement.in_hand, judgement.in_walls):
         if held is not None and held.ratio == judgement.min_ratio:
-            worst += f" in the hand of {held.hand.in_words(UNITS[judgement.tightest.units])}"
+            hand = f" in the hand of {held.hand.in_words(UNITS[judgement.tightest.units])}"
             break
     remedies = [_whole(together)] if together else []
     remedies += [_remedy(repairs, changed)] if repairs is not None else []
     if _misses_only_the_factor(judgement):
-        missed = f"stable, but misses the safety factor {judgement.certificate.demands.factor:g}: {worst}"
-        return "; ".join([missed, *remedies])
+        return "; ".join([judgement.stable_but + hand, *remedies])
     grows = [words] if (words := _growth(judgement)) else []
-    return "; ".join([*judgement.open_claims, judgement.reserve_missed or worst, *grows, *remedies])
+    if (missed := judgement.reserve_missed) is not None:
+        return "; ".join([missed + hand, *judgement.open_claims, *grows, *remedies])
+    worst = f"{judgement.ratio_name} {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz{hand}"
+    return "; ".join([*judgement.open_claims, worst, *grows, *remedies])
 
 
 def _misses_only_the_factor(judgement: Judgement) -> bool:

@@ -186,10 +186,16 @@ class Judgement:
         """A message for a design that is absolutely stable but misses the safety factor; None for any other design."""
         if self.certificate.without_factor is None or self.certificate.proved_ratio is None:
             return None
-        return (
-            f"absolutely stable, but the least Re Z_c / R, {self.min_ratio:.6g} at {self.worst / (2 * pi):.6g} Hz, "
-            f"is below the safety factor {self.certificate.demands.factor:g}"
-        )
+        return f"absolutely {self.stable_but}"
+
+    @property
+    def stable_but(self) -> str:
+        """The phrase on a stable design that misses the safety factor, with its least ratio."""
+        factor, ratio = self.certificate.demands.factor, self.min_ratio
+        texts = (f"{ratio:.{digits}g}" for digits in range(6, 18))  # enough digits to differ from the factor
+        least = next((text for text in texts if float(text) != factor), f"{ratio:g}")
+        misses = "misses" if self.status is Status.VIOLATED else "not proved with"
+        return f"stable; {misses} safety_factor {factor:g}: {self.ratio_name} {least} at {self.worst_hz:.6g} Hz"
 
 
 def _place(outcome: Outcome, units: Units) -> str:

@@ -245,7 +245,8 @@ class InnerLoopRecord(Part):
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, including Nyquist's count."""
-        yield from super().rows(units)
+        for row in super().rows(units):
+            yield row if row.value != "none" else row._replace(value="no limit", unit="")
         yield from self.nyquist.rows(units)
 
     @property

@@ -282,6 +282,8 @@ class DesignRecord(Document):
         result = {title: list(part.rows(self.units)) for title, part in parts.items() if part is not None}
         if isinstance(self.coupling, SpringRecord):  # an impedance display has no K_p
             result["gains"] = result["gains"][:1]
+        if self.gains.velocity == self.gains.position == 0:  # an impedance display whose motor follows its coupling
+            result.pop(self.GROUPS["inner_loop"], None)
         if self.transparency is not None and not DISPLAYS[self.transparency.display].own_loop:
             del result["gains"]
         return result

@@ -22,6 +22,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Criterion
 
 MAX_BYTES = 100_000_000
+SAME_AREA = 1e-9  # Greatest difference between an area that a region states and that of its cells
 KIND = "a region.json of `vctune region`"
 
 Key = Literal[
@@ -125,6 +126,19 @@ class RegionDocument(Document):
                 raise ValueError(f"the edges of {name} do not rise")
         return self
 
+    @model_validator(mode="after")
+    def _cells_fill_the_plane(self) -> RegionDocument:
+        """Refuse cells that are not the whole plane or contradict the stated areas, as after a bad merge."""
+        listed, finest = dict.fromkeys((*self.areas, "all"), 0.0), (len(self.edges.x) - 1) ** 2
+        for x_low, x_high, y_low, y_high, kind, _ in self.cells:
+            for name in (kind, "all"):
+                listed[name] = listed.get(name, 0.0) + (x_high - x_low) * (y_high - y_low) / finest
+        for name, stated in {"all": 1.0, **self.areas}.items():
+            if abs(listed[name] - stated) > SAME_AREA:
+                what = "of the plane" if name == "all" else f"of it as {name}, and areas.{name} says {stated:.6g}"
+                raise ValueError(f"the cells list {listed[name]:.6g} {what}" + ", not all" * (name == "all"))
+        return self
+
 
 class RegionCheckRecord(Document):
     """The result of checking a region again: the shares that are still proved, and the lost cells and gain sets."""
@@ -144,4 +158,10 @@ def read_region(path: Path) -> RegionDocument:
     """Read a region file."""
     value = read_json(path, KIND, MAX_BYTES)
     remedy = "correct it, or find the region again"
-    return as_record(value, RegionDocument, str(path), kind=KIND, remedy=remedy)
+    return as_record(
+        value,
+        RegionDocument,
+        str(path),
+        kind=f"{KIND}; the gains of a design.json are in the gains.toml beside it",
+        remedy=remedy,
+    )

@@ -45,6 +45,7 @@ Code = Literal[
     "not-toml",
     "not-yaml",
     "nothing-free",
+    "nothing-proved",
     "other-document",
     "other-kind",
     "other-version",
