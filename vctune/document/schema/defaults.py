@@ -185,6 +185,7 @@ def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
         table.hold,
         display=table.display,
         units=table.units,
+        resolution=velocity.resolution,
         **_parts(table),
     )
 
@@ -198,7 +199,9 @@ def stated_parts(table: BaseModel) -> dict[str, Any]:
     """Return the parts that the table of a device states, by their keys, including parts without effect."""
     stated = {key: getattr(table, key, None) for key in PARTS}
     return {
-        key: PARTS[key].record(**part.model_dump(exclude_none=True)) for key, part in stated.items() if part is not None
+        key: PARTS[key].record(**part.model_dump(exclude_none=True, exclude={"resolution"}))
+        for key, part in stated.items()
+        if part is not None
     }
 
 
