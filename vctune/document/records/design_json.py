@@ -225,11 +225,6 @@ class DesignRecord(Document):
         return UNITS[self.problem.units]
 
     @property
-    def limp(self) -> bool:
-        """Whether the K_p of the design holds no static force."""
-        return self.felt is not None and self.felt.limp
-
-    @property
     def promise(self) -> str:
         """The proved claims about hands in words; empty if the design is not certified."""
         if self.certificate is None or self.status != "certified":
