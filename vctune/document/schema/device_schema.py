@@ -29,7 +29,7 @@ class VelocityTable(Table):
     filter_order: Order = Field(1, description="Number of low-passes of `filter_hz` in series, 1 or 2.")
     resolution: Positive | None = Field(
         None,
-        description="Resolution of the position that is differenced, m: one count of the encoder. The report states "
+        description="Resolution of the position that is differenced, m; one count of the encoder. The report states "
         "the force of a count; no claim depends on it. Default: not stated.",
     )
 
