@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from vctune.document.schema.device_schema import DeviceTable, ServoDeviceTable, UncertaintyTable, VelocityTable
+from vctune.document.schema.device_schema import DeviceTable, EncoderTable, ServoDeviceTable, UncertaintyTable
 from vctune.document.schema.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
 from vctune.document.schema.problem_schema import (
     OperatorTable,
@@ -173,7 +173,7 @@ def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
     if isinstance(table, ServoDeviceTable):
         # mass 1 and damping 0: the motion of a servo does not depend on them
         return Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **_parts(table))
-    velocity = table.velocity or VelocityTable()
+    velocity = table.velocity or EncoderTable()
     if velocity.source is None:
         default_source = "difference" if DISPLAYS[table.display].differences else "measured"
         table = table.model_copy(update={"velocity": velocity.model_copy(update={"source": default_source})})
