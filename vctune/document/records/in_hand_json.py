@@ -24,9 +24,9 @@ class InHandRecord(Part):
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield free motion, the stiffest wall and the force of a count."""
-        if self.mass_1hz is not None:
+        if self.mass_1hz is not None and self.damping_1hz is not None:
             value, unit = _weighed(self.mass_1hz, units)
-            felt, bare = f"{unit} and {text(self.damping_1hz, 2)} {units.damping} at 1 Hz", self.bare_mass_1hz
+            felt, bare = f"{unit} and {_short(self.damping_1hz)} {units.damping} at 1 Hz", self.bare_mass_1hz
             felt += "" if bare is None else f"; the bare device {' '.join(_weighed(bare, units))}"
             yield Row("feels like", value, felt)
         if self.felt_wall_10hz is not None and self.wall is not None:
@@ -41,4 +41,8 @@ class InHandRecord(Part):
 def _weighed(mass: float, units: Units) -> tuple[str, str]:
     """Return a mass and its unit, which is g for a light one."""
     light = units.mass == "kg" and abs(mass) < GRAMS
-    return text(1e3 * mass if light else mass, 2), "g" if light else units.mass
+    return _short(1e3 * mass if light else mass), "g" if light else units.mass
+
+
+def _short(value: float) -> str:
+    return f"{float(text(value, 2)):g}"
