@@ -191,13 +191,11 @@ def test_a_point_of_a_sweep_that_takes_too_long_is_undecided_and_tried_again_wit
     assert {row["status"] for row in last} == {"certified"}
 
 
-def test_a_region_without_time_for_its_picture_says_so(folder, ticks):
-    done = run("region", "device.toml", "--resolution", 0.125, "--time-limit", ENOUGH, cwd=folder)
-    assert (folder / "results/device/region.svg").exists() and "picture" not in done.stderr
+def test_a_region_draws_what_it_has(folder, ticks):
     ticks()
     done = run("region", "device.toml", "--resolution", 0.125, "--time-limit", 3, cwd=folder)
-    assert done.returncode == ExitCode.UNDECIDED and "there was no time for the picture" in done.stderr
-    assert not (folder / "results/device/region.svg").exists(), "it is of the earlier region"
+    assert done.returncode == ExitCode.UNDECIDED and "holds what was decided before the time limit" in done.stderr
+    assert "some undecided cells were not examined" in (folder / "results/device/region.svg").read_text()
 
 
 def test_of_a_box_of_devices_only_the_first_is_looked_at_without_time(monkeypatch, folder):

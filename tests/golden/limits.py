@@ -103,6 +103,10 @@ LIMITS = {
         DESKTOP + "[operator]\nmass = 0\ndamping = 0\nstiffness = 0\n[coupling]\ndamping = 0.1\nstiffness = {x!r}\n"
         + HANDS, greater=False,
     ),
+    "the stiffest spring of environments": Limit(
+        WHEEL + "[environment]\nmass = {{ min = 0.05, max = 5.0 }}\nstiffness = {{ max = {x!r} }}\n" + GAINS
+        + DRAG.replace("{x!r}", "0.1") + HANDS, greater=False, span=(1e3, 1e6),
+    ),
 }  # fmt: skip
 STEPS = 24
 """Halvings of the logarithm of the open number."""

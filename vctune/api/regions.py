@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from math import ceil, inf, log2
 from pathlib import Path
@@ -24,7 +23,7 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.output_files import write_together
 from vctune.model.gains import AnyCoupling
 from vctune.model.problem import Problem
-from vctune.running import OutOfTimeError, seconds_left, unlimited
+from vctune.running import seconds_left, unlimited
 from vctune.running import time_limit as limited
 from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
@@ -34,7 +33,6 @@ from vctune.study.region_record import Design, region_record
 REGION_FILE, PICTURE = "region.json", "region.svg"
 SOLVING = 0.5  # Greatest share of a time limit for solving the problem
 DRAWING = 1.5  # Seconds reserved for the picture of the cells, at most half of the remaining time
-LOADING = 0.5  # Seconds that loading the drawing packages may take
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,24 +158,12 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
     return file
 
 
-def write_region(found: AdmissibleGains, folder: Path) -> bool:
-    """Write region.json, and its picture if there is time to draw it."""
-    with unlimited():
-        text = json.dumps(found.record(), allow_nan=False) + "\n"
-    pictures: dict[Path, str] = {}
-    with suppress(OutOfTimeError):
-        pictures = _picture(found, folder)
-    place, picture = folder / REGION_FILE, folder / PICTURE
-    write_together({place: text, **pictures}, () if pictures else (picture,))
-    return bool(pictures)
-
-
-def _picture(result: AdmissibleGains, folder: Path) -> dict[Path, str]:
-    """Return the picture of a region. Raise OutOfTimeError if too little time is left to draw it."""
-    if seconds_left() < LOADING:
-        raise OutOfTimeError
+def write_region(found: AdmissibleGains, folder: Path) -> None:
+    """Write region.json and its picture, also of a search that the time limit has ended."""
     from vctune.report.region_figure import region_figure
     from vctune.report.style import svg
 
-    figure = region_figure(result.file.problem, result.region, result.designs, result.marked)
-    return {folder / PICTURE: svg(figure, Path(PICTURE).stem)}
+    with unlimited():
+        text = json.dumps(found.record(), allow_nan=False) + "\n"
+        figure = region_figure(found.file.problem, found.region, found.designs, found.marked)
+        write_together({folder / REGION_FILE: text, folder / PICTURE: svg(figure, Path(PICTURE).stem)})

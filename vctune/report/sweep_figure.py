@@ -11,10 +11,11 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
+from vctune.document.schema.number_units import heading
 from vctune.report.style import BLUE, RED, STYLE, canvas
 from vctune.study.study_table import Table
 
-WIDE = 10.0  # Positive values that span more than this ratio are drawn on a logarithmic axis
+WIDE = 10.0  # Errors that span more than this ratio are coloured by their logarithm
 COLOURS = "viridis_r"
 FEW = 40  # Greatest number of points with large markers
 
@@ -43,7 +44,7 @@ def _line(table: Table, axis: tuple[str, Floats]) -> Figure:
         axes.plot(x[~certified], floor, "x", color=RED, transform=at_floor, clip_on=False, label="no certified design")
     _ring_idle(axes, table, x, table.numbers["error"])
     _scale(axes, "x", x)
-    axes.set(xlabel=key, ylabel="transparency error")
+    axes.set(xlabel=_heading(table, key), ylabel="transparency error")
     axes.legend(loc="best")
     return figure
 
@@ -73,7 +74,7 @@ def _map(table: Table, across: tuple[str, Floats], up: tuple[str, Floats], *, gr
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     _scale(axes, "x", x)
     _scale(axes, "y", y)
-    axes.set(xlabel=x_key, ylabel=y_key)
+    axes.set(xlabel=_heading(table, x_key), ylabel=_heading(table, y_key))
     axes.grid(visible=not grid)
     return figure
 
@@ -90,9 +91,20 @@ def _frame() -> tuple[Figure, Axes]:
     return figure, figure.subplots()
 
 
+def _heading(table: Table, key: str) -> str:
+    return heading(key, table.units.get(key, ""))
+
+
 def _scale(axes: Axes, which: str, values: Floats) -> None:
-    if _wide(values):
+    """Space an axis as its points are: on a logarithmic scale if their ratios are more even than their differences."""
+    steps = np.unique(values)
+    if steps[0] > 0 and _uneven(np.log(steps)) < _uneven(steps):
         (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+
+
+def _uneven(values: Floats) -> float:
+    steps = np.diff(values)
+    return float(steps.std() / steps.mean())
 
 
 def _wide(values: Floats) -> bool:

@@ -178,7 +178,8 @@ def assumptions(problem: Problem) -> list[str]:
     ]
     lines = [
         f"The device {moves}, {within}: {'no dry friction, no backlash,' * (device.servo is None)} no saturated motor.",
-        f"The loop contains only these dynamics: {_stated(device)}. All other parts are ideal.",
+        f"The loop contains only these dynamics: {_stated(device)}. All other parts are ideal: no quantisation of the "
+        "encoder, no rounding.",
     ]
     if device.servo is not None:
         lines.append(

@@ -8,6 +8,8 @@ from html import escape, unescape
 from math import floor, inf, log10
 from typing import NamedTuple
 
+from vctune.document.records.part import NOTHING
+
 THIN = "\u202f"  # Thin space between a number and its unit
 DIGITS = 4  # Number of significant digits where a reader does not need to copy the number
 PLAIN = (0.1, 1e4)  # Sizes between which a number keeps its unit without a prefix
@@ -67,7 +69,7 @@ def _number(value: float | None, power: int, digits: int) -> str:
         return "none"
     if abs(value) == inf:
         return "∞" if value > 0 else "−∞"
-    scaled = float(f"{value / 10.0**power:.{digits}g}")
+    scaled = float(f"{value / 10.0**power:.{digits}g}") if abs(value) >= NOTHING else 0.0
     if scaled and not 1e-3 <= abs(scaled) < 1e6:
         mantissa, _, exponent = f"{scaled:.{digits - 1}e}".partition("e")
         return f"{float(mantissa):g} × 10{raised(int(exponent))}".replace("-", "−")

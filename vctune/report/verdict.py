@@ -60,6 +60,8 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
     """Return the verdict on a design."""
     kind, word, sentence = _verdict(record, problem)
     measure, found = _measure(record, problem), record.optimality
+    if record.felt and record.felt.limp and not record.idle:
+        measure += " Its K_p holds no static force: a steady push moves the handle on, also into a wall."
     if found is not None and found.gap is not None:
         measure += f" No other design lowers the {found.of} by more than {100 * found.gap:.3g} %."
     return Summary(kind, word, sentence, measure, _next(record, problem, kind))

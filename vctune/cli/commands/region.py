@@ -89,7 +89,7 @@ def region(
             found = find(file, x, y, given, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
             late = found.region.interrupted and not stopped()
             progress("drawing")
-            drawn = write_region(found, folder)
+            write_region(found, folder)
     interrupted = found.region.interrupted
     if interrupted:
         holds = f"{folder / REGION_FILE}: holds what was decided before"
@@ -97,18 +97,16 @@ def region(
             warn("time-limit", f"{holds} the time limit")
         else:
             warn("interrupted", f"{holds} the interrupt")
-    if not drawn:
-        warn("time-limit", "there was no time for the picture; a longer --time-limit leaves time to draw it")
     lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]
     if interrupted:
         lines[-1] += f"  {'out of time' if late else 'interrupted'}: the search did not examine the whole plane"
     lines.append(f"of the plane {x} by {y}")
-    steps = [f"open {folder / PICTURE}"] if drawn else []
+    steps = [f"open {folder / PICTURE}", *(["run it again with more time to decide more cells"] * interrupted)]
 
     def table() -> None:
         from vctune.cli.printing.design_table import print_lines
 
-        print_lines(lines, folder, [*steps, *(["run it again with more time to decide more cells"] * interrupted)])
+        print_lines(lines, folder, steps)
 
     answer(style, quiet, found.record, table)
     return ExitCode.UNDECIDED if interrupted else of_status(found.status)

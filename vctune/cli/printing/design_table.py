@@ -66,8 +66,9 @@ def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = ()) 
             console.print(text, soft_wrap=not on_terminal)
 
         idle = ", but it hardly uses its velocity loop" if record.idle else ""
+        limp = ", but its K_p holds no static force" if record.felt and record.felt.limp and not idle else ""
         colour = COLOURS["undecided" if idle else record.status]
-        say(f"[bold]{escape(printable(record.problem.name))}[/bold]: [bold {colour}]{record.status}{idle}[/]")
+        say(f"[bold]{escape(printable(record.problem.name))}[/bold]: [bold {colour}]{record.status}{idle}[/]{limp}")
         if record.promise:
             say(escape(record.promise))
         if record.reason:

@@ -16,6 +16,7 @@ from vctune.design.result import Solved
 from vctune.design.search.rounding import near
 from vctune.design.variables import Point, keys_for, point, ranges
 from vctune.design.verdict.contact_record import contact_record
+from vctune.design.verdict.in_hand_record import in_hand_record
 from vctune.design.verdict.judge import Judgement, judge
 from vctune.design.verdict.nlp_record import active, device_record, solver_record
 from vctune.document.file_doubts import file_doubts
@@ -253,8 +254,8 @@ def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
 
 @np.errstate(all="ignore")
 def _borne(problem: Problem, judgement: Judgement) -> dict[str, Part]:
-    """Return the records of a servo's contacts and of the environments beyond the box; empty for other problems."""
-    found: dict[str, Part | None] = {"contact": contact_record(problem, judgement)}
+    """Return the records of a servo's contacts and of what the hand feels."""
+    found = {"contact": contact_record(problem, judgement), "felt": in_hand_record(problem, judgement)}
     return {name: part for name, part in found.items() if part is not None}
 
 

@@ -22,13 +22,14 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 
 ACTIVE = 1e-5  # Multiplier above which the record lists a constraint as active
+DIGITS = 9  # Number of significant digits of multipliers, of which machines agree
 
 
 def active(solved: Solved) -> list[ActiveRecord]:
     """Return the active constraints of a design, with kind, frequency and multiplier, the greatest multiplier first."""
     if solved.polished is None or not solved.polished.solution.converged:
         return []
-    posed, multipliers = solved.polished.working_set, [float(m) for m in _priced(solved.polished)]
+    posed, multipliers = solved.polished.working_set, [float(f"{m:.{DIGITS}g}") for m in _priced(solved.polished)]
     rate = 1 / (2 * pi * solved.problem.device.sample_time)
     coupled = f"Re {solved.problem.device.kind.couples}"
     where: list[tuple[str, ConstraintPoint | None]] = [("Re Z_c >= safety_factor R", at) for at in posed.ratio]

@@ -121,7 +121,7 @@ def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDe
 
     changes = [(error2(at) / error2(here) - 1, sign) for sign, at in ((-1, less), (1, more))]
     change, sign = min((each for each in changes if abs(each[0]) < 2 * STEP * STEEPEST), default=(0.0, -1))
-    return Price(number.key, old, old * (1 + sign * BETTER), min(change / 2 * BETTER / STEP, 0.0))
+    return Price(number.key, old, old * (1 + sign * BETTER), round(min(change / 2 * BETTER / STEP, 0.0), 12))
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from vctune.document.records.gains_json import (
     SpringRecord,
     TransparencyRecord,
 )
+from vctune.document.records.in_hand_json import InHandRecord
 from vctune.document.records.part import Document, Number, Pair, Part, Row, Shown, how_shown, text
 from vctune.document.schema.number_units import unit_of
 from vctune.document.text.json import as_record, read_json
@@ -176,6 +177,7 @@ class DesignRecord(Document):
         "coupling": "coupling",
         "contact": "contact",
         "transparency": "transparency",
+        "felt": "in the hand",
         "certificate": "certificate",
         "uncertainty": "uncertainty",
         "optimality": "optimality",
@@ -196,6 +198,7 @@ class DesignRecord(Document):
     repairs: list[RepairRecord] | None = None
     prices: list[PriceRecord] | None = None
     contact: ContactRecord | None = None
+    felt: InHandRecord | None = None
     at_bound: list[str]
     warnings: list[str]
     solver: dict[str, Any] = Field(default_factory=dict)
@@ -251,7 +254,7 @@ class DesignRecord(Document):
                 hz = proved_hz if proved_hz is not None and _together(entry.hz, proved_hz) else entry.hz
                 at += [] if any(_together(hz, other) for other in at) else [hz]
         dearest = sorted(prices, key=lambda demand: -prices[demand])
-        texts = {demand: ", ".join(text(hz, 4) for hz in places[demand]) for demand in dearest}
+        texts = {demand: ", ".join(dict.fromkeys(text(hz, 4) for hz in places[demand])) for demand in dearest}
         shown = {demand: " and ".join(at.rsplit(", ", 1)) for demand, at in texts.items()}
         return [f"{demand} at {hz} Hz" if hz else demand for demand, hz in shown.items()]
 

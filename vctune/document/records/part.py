@@ -14,6 +14,8 @@ from vctune.model.display import DisplayName
 from vctune.model.hands import Hands
 from vctune.model.numbers.units import Units
 
+NOTHING = 1e-20  # Size below which a number is 0 in a text: no file states smaller ones
+
 
 @dataclass(frozen=True, slots=True)
 class Shown:
@@ -42,7 +44,9 @@ def text(value: Any, digits: int = 5) -> str:
     if isinstance(value, list):
         low, high = ("inf" if edge is None else text(edge, digits) for edge in value)
         return f"{low} to {high}"
-    return "none" if value is None else f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{0.0 if abs(value) < NOTHING else value:.{digits}g}"
+    return "none" if value is None else str(value)
 
 
 def _existing(value: Any) -> Any:

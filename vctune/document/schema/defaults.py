@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from vctune.document.schema.device_schema import DeviceTable, ServoDeviceTable, UncertaintyTable, VelocityTable
+from vctune.document.schema.device_schema import DeviceTable, EncoderTable, ServoDeviceTable, UncertaintyTable
 from vctune.document.schema.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
 from vctune.document.schema.problem_schema import (
     OperatorTable,
@@ -173,7 +173,7 @@ def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
     if isinstance(table, ServoDeviceTable):
         # mass 1 and damping 0: the motion of a servo does not depend on them
         return Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **_parts(table))
-    velocity = table.velocity or VelocityTable()
+    velocity = table.velocity or EncoderTable()
     if velocity.source is None:
         default_source = "difference" if DISPLAYS[table.display].differences else "measured"
         table = table.model_copy(update={"velocity": velocity.model_copy(update={"source": default_source})})
@@ -185,6 +185,7 @@ def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
         table.hold,
         display=table.display,
         units=table.units,
+        resolution=velocity.resolution,
         **_parts(table),
     )
 
@@ -198,7 +199,9 @@ def stated_parts(table: BaseModel) -> dict[str, Any]:
     """Return the parts that the table of a device states, by their keys, including parts without effect."""
     stated = {key: getattr(table, key, None) for key in PARTS}
     return {
-        key: PARTS[key].record(**part.model_dump(exclude_none=True)) for key, part in stated.items() if part is not None
+        key: PARTS[key].record(**part.model_dump(exclude_none=True, exclude={"resolution"}))
+        for key, part in stated.items()
+        if part is not None
     }
 
 

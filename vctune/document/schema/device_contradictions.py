@@ -27,6 +27,7 @@ def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:
     if sample_time and sample_time > 0 and isfinite(sample_time):
         yield from _rates(raw, sample_time)
     yield from _filters(device)
+    yield from _resolution(device)
     yield from _masses(raw)
     yield from _uncertain(raw, device)
     yield from _unmodelled(raw)
@@ -77,6 +78,14 @@ def _filters(device: dict[str, Any]) -> Iterator[Contradiction]:
                 ("device", part, number_of_part.order_key),
                 f"is of a low-pass; write {number_of_part.name} too, or leave it out",
             )
+
+
+def _resolution(device: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the resolution of a position whose difference is not the velocity."""
+    table = device.get("velocity")
+    usual = "difference" if device.get("display") == "impedance" else "measured"
+    if isinstance(table, dict) and "resolution" in table and table.get("from", usual) == "measured":
+        yield ("device", "velocity", "resolution"), 'is of a position that is differenced; write from = "difference"'
 
 
 def _masses(raw: dict[str, Any]) -> Iterator[Contradiction]:

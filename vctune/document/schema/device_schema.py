@@ -29,6 +29,16 @@ class VelocityTable(Table):
     filter_order: Order = Field(1, description="Number of low-passes of `filter_hz` in series, 1 or 2.")
 
 
+class EncoderTable(VelocityTable):
+    """How the firmware obtains the velocity of the motor."""
+
+    resolution: Positive | None = Field(
+        None,
+        description="Resolution of the position that is differenced, m; one count of the encoder. The report states "
+        "the force of a count; no claim depends on it. Default: not stated.",
+    )
+
+
 class ActuatorTable(Table):
     """The response of the motor's force to its command."""
 
@@ -118,7 +128,7 @@ class DeviceTable(Table):
         description="Delay between sampling and actuation, s, without the delay of the hold; at most 200 sample "
         "times, uncertainty included.",
     )
-    velocity: VelocityTable | None = Field(None, description="Default: measured without delay.")
+    velocity: EncoderTable | None = Field(None, description="Default: measured without delay.")
     actuator: ActuatorTable | None = Field(None, description="Default: the force follows the command without lag.")
     force_sensor: ForceSensorTable | None = Field(None, description="Default: the force is sensed without delay.")
     structure: StructureTable | None = Field(None, description="Default: rigid.")

@@ -16,7 +16,7 @@ QUANTITIES = {
     "stiffness": ("stiffness", "kp"),
     "integral_gain": ("ki",),
     "force": ("coulomb", "stiction", "limit", "force_noise"),
-    "position": ("zero", "from", "to", "position_resolution"),
+    "position": ("zero", "from", "to", "position_resolution", "resolution"),
     "speed": ("stribeck_velocity", "speed"),
     "time": ("sample_time", "delay"),
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz", "corner_hz"),

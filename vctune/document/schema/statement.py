@@ -76,6 +76,8 @@ def table_of(value: Any) -> dict[str, Any]:
     elif isinstance(value, Device) and value.servo is not None:
         table = {key: entry for key, entry in table.items() if key in SERVO_KEYS and entry != "linear"}
     elif isinstance(value, Device):
+        if "resolution" in table:
+            table.setdefault("velocity", {})["resolution"] = table.pop("resolution")
         absent = {"display": value.kind is ADMITTANCE, "units": value.units == "linear"}
         table = {key: entry for key, entry in table.items() if not absent.get(key)}
     for number in (

@@ -18,6 +18,8 @@ def problem_digest(problem: Problem) -> str:
     stated = asdict(replace(problem, name="", description="", experiments=()))
     if problem.hands_met is None:
         del stated["hands"]
+    if problem.device.resolution is None:
+        del stated["device"]["resolution"]
     return digest(stated)
 
 

@@ -1,0 +1,102 @@
+"""What a design says beside its verdict: what the hand feels, what K_p holds, what a count of the encoder does."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+from command import run
+from conftest import DEVICE, FIXED
+
+import vctune
+from vctune.report.sweep_figure import sweep_figure
+
+WALLS = "[environment]\nmass = { min = 0.05, max = 5.0 }\nstiffness = { max = 2000.0 }\nwalls = true\n"
+LAW = "[gains]\nvelocity = 115.0\nposition = {}\n[coupling]\ndamping = 40.0\nmass = 0.3\ndrag = 0.1\n"
+ENCODER = 'velocity = { from = "difference", resolution = 5e-6 }\n'
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Designs with walls: one with a spring in its loop and an encoder, one with next to none; and a free one."""
+    folder = tmp_path_factory.mktemp("said")
+    (folder / "firm.toml").write_text(DEVICE + ENCODER + WALLS + LAW.format(3000.0))
+    (folder / "limp.toml").write_text(DEVICE + WALLS + LAW.format(8e-6))
+    (folder / "free.toml").write_text(DEVICE)
+    done = run("solve", "firm.toml", "limp.toml", "free.toml", cwd=folder, report=True)
+    assert done.returncode == 0
+    return folder, done.stdout
+
+
+def page(folder, name):
+    return re.sub(r"<[^>]+>|\s", "", (folder / f"results/{name}/report.html").read_text())
+
+
+def test_a_design_whose_K_p_holds_nothing_says_so_beside_the_verdict(written):
+    folder, said = written
+    assert "\nlimp: certified, but its K_p holds no static force\n" in said and "firm: certified\n" in said
+    assert "holdsnostaticforce" in page(folder, "limp") and "holdsnostaticforce" not in page(folder, "firm")
+
+
+def test_stable_is_not_rendered(written):
+    """A coupling of 40 N s/m in a row with a wall of 2000 N/m is felt as a softer one."""
+    folder, said = written
+    wall = json.loads((folder / "results/firm/design.json").read_text())["felt"]
+    assert wall["wall"] == 2000.0 and 0 < wall["felt_wall_10hz"] < 1500.0
+    assert "N/m of the wall of 2000 N/m at 10 Hz: stable, but not rendered to 10 %" in said
+    assert said.count("stiffest wall felt") == 2
+
+
+def test_what_the_hand_feels_is_told(written):
+    """With all of its mass in the coupling's."""
+    assert re.search(r"feels like +0.3 +kg and [0-9.]+ N s/m at 1 Hz; the bare device 0.4 kg", written[1])
+
+
+def test_the_force_of_a_count_is_resolution_over_T_times_K_v(written):
+    folder, said = written
+    assert re.search(r"count of the encoder +0\.575 +N", said) and said.count("count of the encoder") == 1
+    assert "countoftheencoder" in page(folder, "firm") and "noquantisationoftheencoder" in page(folder, "free")
+    digest = vctune.read_problem(folder / "limp.toml").sha256
+    assert digest == "ee9d4aaecdd9d8cc6e45957e407dbcfdef6e7fee6c6ca6969b7166eb00ac5042"
+    (folder / "measured.toml").write_text(DEVICE + "velocity = { resolution = 5e-6 }\n")
+    done = run("solve", "measured.toml", cwd=folder)
+    assert done.returncode == 2 and "device.velocity.resolution: is of a position that is differenced" in done.stderr
+    stated = vctune.problem(vctune.read_problem(folder / "firm.toml").problem).problem
+    assert stated.device.resolution == 5e-6
+
+
+def test_numbers_below_any_meaning_are_0_or_absent(written, tmp_path):
+    folder, _ = written
+    record = json.loads((folder / "results/free/design.json").read_text())
+    record["active"] += [record["active"][0] | {"hz": hz} for hz in (0.0, 1.608e-32)]
+    (tmp_path / "design.json").write_text(json.dumps(record))
+    assert run("report", "design.json", cwd=tmp_path).returncode == 0
+    text = (tmp_path / "report.html").read_text()
+    assert "1.608" not in text and "e-32" not in text and not re.search(r"\b0(, | and )0 Hz", text)
+
+
+def test_multipliers_are_those_of_every_machine(written):
+    record = json.loads((written[0] / "results/free/design.json").read_text())
+    assert record["active"] and all(float(f"{row['multiplier']:.9g}") == row["multiplier"] for row in record["active"])
+
+
+def test_a_number_of_operator_is_that_number_and_a_default_is_what_the_schema_says():
+    schema = json.loads(run("schema", "problem", cwd=".").stdout)["$defs"]
+    hands = vctune.problem({"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}}).problem.hands
+    for name, key in schema["OperatorTable"]["properties"].items():
+        low, high = map(float, re.search(r"Default { min = (\S+), max = (\S+) }", key["description"]).groups())
+        assert hands.ranges[name] == (low, high)
+    fixed = vctune.problem(
+        {"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}, "operator": {"stiffness": 500.0}}
+    ).problem.hands
+    assert fixed.ranges["stiffness"] == (500.0, 500.0)
+    assert schema["EnvironmentTable"]["properties"]["rule"]["enum"] == ["backward", "trapezoid", "explicit"]
+
+
+def test_the_picture_of_a_sweep_has_units_and_the_spacing_of_its_points(tmp_path):
+    (tmp_path / "x.toml").write_text(DEVICE + FIXED.format(160.0) + "[stability]\ncriterion = 'passive'\n")
+    for values, scale in (([1.0, 11.0, 21.0], "linear"), ([1.0, 2.0, 4.0], "log")):
+        found = vctune.sweep(tmp_path / "x.toml", {"device.damping": values}).table
+        axes = sweep_figure(found, grid=True).axes[0]
+        assert axes.get_xscale() == scale and axes.get_xlabel() == "device.damping [N s/m]"
