@@ -16,11 +16,11 @@ from matplotlib.figure import Figure
 
 import vctune
 from vctune.analysis.margins import loop_margins
+from vctune.analysis.sampled_loop import spectral_radius
 from vctune.document.reading import parse_problem
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
-from vctune.proof.claims.sampled_poles import spectral_radius
 
 SEVEN = 7  # which combinations of parts are taken: coprime to how many there are
 

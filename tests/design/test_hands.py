@@ -25,7 +25,7 @@ from vctune.document.text.errors import InputError
 from vctune.model import gains as model
 from vctune.model.hands import Hand as HeldHand
 from vctune.model.hands import Hands
-from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.outcome import Outcome, Verdict
 
 FOLDER = ROOT / "tests/reference/hands"
 EXPECTED = json.loads((FOLDER / "expected.json").read_text())

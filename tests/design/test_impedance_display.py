@@ -42,7 +42,7 @@ from vctune.proof.certificate import certify
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import device_box
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.outcome import Verdict
 from vctune.report.page import report_files
 from vctune.simulation.mechanics.scene_stability import fastest_mode
 from vctune.simulation.scene import designed_scene

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from conftest import ROOT, for_passive_hands, mostly_slow
 
+from vctune.analysis.sampled_loop import spectral_radius as proved_radius
 from vctune.bench.evaluator import Case, case_of, error, required, sensitivity, spectral_radius, stability_ratio
 from vctune.design.nlp.ipopt import numbers_of
 from vctune.design.nlp.ipopt import solve as ipopt
@@ -24,8 +25,7 @@ from vctune.design.variables import coordinates, design_of, point
 from vctune.design.verdict.design_record import design_record, warnings
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
-from vctune.proof.claims.sampled_poles import spectral_radius as proved_radius
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.outcome import Verdict
 
 REFERENCE = json.loads((ROOT / "tests/reference/expected.json").read_text())
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"

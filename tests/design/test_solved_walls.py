@@ -24,7 +24,7 @@ from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 from vctune.model.problem import Problem
 from vctune.model.worlds import World, Worlds
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.outcome import Verdict
 
 BOX = {"mass": {"min": 0.02, "max": 5.0}, "stiffness": {"max": 2000.0}}
 STIFF = Gains(167.34044, 1e5), Coupling(97.0, 0.0417, 0.99)

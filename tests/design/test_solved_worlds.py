@@ -26,7 +26,7 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem, Range
 from vctune.model.worlds import World, Worlds
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.outcome import Verdict
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "worlds"
 EXPECTED = json.loads((REFERENCE / "expected.json").read_text())

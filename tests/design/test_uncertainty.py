@@ -35,8 +35,8 @@ from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import device_box
 from vctune.proof.enclosures.intervals import Enclosure
-from vctune.proof.engine.interval import Verdict
-from vctune.proof.prover import positive
+from vctune.proof.outcome import Verdict
+from vctune.proof.prover import Effort, positive
 from vctune.proof.prover import prove as prove_boxes
 
 WIDE = "[uncertainty]\nmass = 0.1\ndamping = 0.5\ndelay = 0.2\n"
@@ -127,7 +127,7 @@ def test_boxes_find_a_least_value_at_a_vertex_or_inside(tilt, centre, slope, spa
         return tilt * (omega - 2.0) + slope * m + (m - centre) * (m - centre) + (spare - least)
 
     boxes = over_band(["device.mass"], np.array([[1.0]]), np.array([[2.0]]), band_of(1.0, 4.0, 1.4))
-    found = prove_boxes(positive(margin, {}), boxes, 1, halved=[True, True], max_halvings=80, max_boxes=100_000)
+    found = prove_boxes(positive(margin, {}), boxes, 1, Effort(max_halvings=80, max_boxes=100_000))
     assert found.proved[0] == (spare > 0)
     if spare < 0:
         omega, mass = found.failing[:, 0]

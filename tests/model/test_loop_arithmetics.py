@@ -39,8 +39,7 @@ from vctune.proof.claims.margins_of_claims import (
     low_margin,
     model_curve,
 )
-from vctune.proof.claims.sampled_poles import exact_plant
-from vctune.proof.enclosures.arb_balls import BALLS, as_series, ball, box
+from vctune.proof.enclosures.arb_balls import BALLS, as_series, ball, box, exact_plant
 from vctune.proof.enclosures.intervals import ENCLOSURES, PHI_ERROR, Enclosure, between, decimal
 
 Formula = Callable[[Device, Gains, Coupling, Number, Arithmetic], Number]

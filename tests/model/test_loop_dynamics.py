@@ -19,12 +19,13 @@ from device_oracle import (
     response_at,
     velocity_estimate,
 )
-from device_pairs import loop, real_of
+from device_pairs import loop
 from firmware import Device as Sampled
 from firmware import spectral_radius
 from random_devices import frequencies
 
 from vctune.analysis.sampled_loop import sensitivity_of
+from vctune.analysis.sampled_loop import spectral_radius as proved_radius
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.loop.impedances import G_hh_abs2, tracking_abs2
@@ -32,7 +33,6 @@ from vctune.model.loop.limits import low_frequency_limit
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
-from vctune.proof.claims.sampled_poles import spectral_radius as proved_radius
 
 FURTHER = Digits(400)
 """For what is left at 1e-60 of the sampling rate."""
@@ -201,13 +201,6 @@ SLOW_PARTS = Device(
     structure=Structure(0.1, 120.0, 0.02),
 )  # fmt: skip
 """Parts of ordinary speed at 50 kHz: eight poles lie within 0.04 of 1."""
-
-
-def test_spectral_radius_of_poles_that_lie_close_together():
-    gains = Gains(50.0, 1000.0)
-    true = spectral_radius(real_of(SLOW_PARTS), gains)
-    assert true < 1
-    assert relative(proved_radius(SLOW_PARTS, gains), true) < 1e-9
 
 
 def test_low_frequency_limits():

@@ -7,17 +7,18 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from vctune.analysis.sampled_loop import spectral_radius
 from vctune.analysis.stability import clearly_stable, makes_no_turn, unit_circle
 from vctune.bench import evaluator
 from vctune.bench.evaluator import Case
 from vctune.model.device import Device
-from vctune.model.gains import Gains
+from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Demands
 from vctune.model.sampled.characteristic import characteristic_polynomial
 from vctune.model.sampled.velocity_loop import return_difference, sampled_plant, split_delay
-from vctune.proof.claims.model_poles import prove_model_poles
-from vctune.proof.claims.sampled_poles import prove_sampled_poles, spectral_radius
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.claims.loop_claims import model_turns, of_design, stable_loop
+from vctune.proof.claims.margins_of_claims import Design
 
 
 @st.composite
@@ -41,7 +42,7 @@ def assert_agrees_with_the_matrix_exponential(case):
     radius = evaluator.spectral_radius(case)
     assert spectral_radius(device, gains) == pytest.approx(radius, rel=1e-6)
     assume(abs(radius - 1) > 1e-6)
-    assert prove_sampled_poles(device, gains).verdict is (Verdict.PROVED if radius < 1 else Verdict.REFUTED)
+    assert stable_loop(device, gains, model=False) is (radius < 1)
 
 
 @settings(max_examples=50, deadline=None)
@@ -88,8 +89,7 @@ def assert_proved_where_clear(case, hold):
     device, gains = Device(case.mass, case.damping, case.sample_time, case.delay, hold), Gains(case.K_v, case.K_p)
     estimate = clearly_stable(device, gains)
     assume(estimate is not None)
-    verdicts = {prove(device, gains).verdict for prove in (prove_sampled_poles, prove_model_poles)}
-    assert estimate == (verdicts == {Verdict.PROVED})
+    assert estimate == stable_loop(device, gains, model=True)
 
 
 @settings(max_examples=50, deadline=None)
@@ -108,7 +108,7 @@ def test_what_is_clearly_stable_is_proved_so_and_what_clearly_is_not_is_not_for_
 def test_too_much_integral_action_is_not_taken_for_stable_without_damping():
     """With tau K_p > K_v the argument of F starts beyond -pi, which looks like just below pi."""
     device, gains = Device(280.0, 0.0, 1.0, 5.0, "zoh"), Gains(32.0, 9.7)
-    assert prove_sampled_poles(device, gains).verdict is Verdict.REFUTED
+    assert stable_loop(device, gains, model=False) is False
     assert clearly_stable(device, gains) is False
 
 
@@ -129,8 +129,8 @@ def test_velocity_loop_without_delay_is_stable_up_to_its_closed_form_gain():
     device = Device(0.4, 2.0, 1e-3, 0.0, "zoh")
     a = np.exp(-2.0 * 1e-3 / 0.4)
     limit = 2.0 * (1 + a) / (1 - a)
-    assert prove_sampled_poles(device, Gains(limit * (1 - 1e-9), 0.0)).verdict is Verdict.PROVED
-    assert prove_sampled_poles(device, Gains(limit * (1 + 1e-9), 0.0)).verdict is Verdict.REFUTED
+    assert stable_loop(device, Gains(limit * (1 - 1e-9), 0.0), model=False) is True
+    assert stable_loop(device, Gains(limit * (1 + 1e-9), 0.0), model=False) is False
 
 
 def test_no_position_in_the_loop_without_position_gain():
@@ -151,15 +151,20 @@ def test_poles_of_the_frequency_model(case, hold):
     """Routh-Hurwitz for "lag" without delay; for the rest: stable well below the phase limit, unstable well above."""
     m, b, T = case.mass, case.damping, case.sample_time
     device, gains = Device(m, b, T, case.delay, hold), Gains(case.K_v, case.K_p)
-    verdict = prove_model_poles(device, gains).verdict
+    stable = (
+        model_turns(
+            of_design(Design(device, gains, Coupling(1.0, 1.0, 0.0)), Demands(device, (0.0, 1.0), 1.0, 2.0))
+        ).number[0]
+        == 0
+    )
     if hold == "lag" and case.delay == 0:
         excess = (m + b * T / 2) * (b + case.K_v) - case.K_p * m * T / 2
         assume(abs(excess) > 1e-9 * m * case.K_v)
-        assert verdict is (Verdict.PROVED if excess > 0 else Verdict.REFUTED)
+        assert stable == (excess > 0)
     elif case.K_p == 0 and b == 0:
         phase = case.K_v / m * device.loop_lag
         assume(hold == "zoh" or case.delay > 0)
         if phase < 0.5:
-            assert verdict is Verdict.PROVED
+            assert stable
         if phase > 4:
-            assert verdict is Verdict.REFUTED
+            assert not stable

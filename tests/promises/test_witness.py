@@ -15,7 +15,7 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.outcome import Verdict
 
 PAIRS = 1000
 

@@ -7,8 +7,8 @@ from math import pi
 import numpy as np
 import pytest
 
-from vctune.proof.engine import bands as band_edges
-from vctune.proof.engine.bands import EDGE_DIGITS, edge_in_hertz, extend_band
+from vctune.proof import proved_band as band_edges
+from vctune.proof.proved_band import EDGE_DIGITS, edge_in_hertz, extend_band
 
 
 @pytest.mark.parametrize("side", [1, -1], ids=["upper", "lower"])

@@ -13,7 +13,7 @@ from mpmath import mp, mpf
 from vctune.design.bound import quadratics
 from vctune.design.bound.design_boxes import K_P, K_V
 from vctune.design.bound.quadratics import less, lower, upper
-from vctune.proof.claims import damping
+from vctune.proof.claims import cells as damping
 from vctune.proof.enclosures.intervals import Enclosure
 from vctune.proof.enclosures.taylor import HIGHER_ERROR, Taylor
 from vctune.proof.enclosures.taylor_functions import TAYLOR

@@ -21,7 +21,7 @@ from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Demands
 from vctune.proof.boxes import Cells, band_of, over_cells
 from vctune.proof.certificate import certify
-from vctune.proof.claims.many_designs import prove
+from vctune.proof.claims.cells import proved_cells as prove
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.intervals import (
     ENCLOSURES,
@@ -33,8 +33,8 @@ from vctune.proof.enclosures.intervals import (
     decimal,
     raised,
 )
-from vctune.proof.engine.interval import Verdict
-from vctune.proof.prover import positive
+from vctune.proof.outcome import Verdict
+from vctune.proof.prover import Effort, positive
 from vctune.proof.prover import prove as prove_boxes
 
 ordinary = st.floats(-1e6, 1e6, allow_subnormal=False)
@@ -188,7 +188,7 @@ def test_arrays_prove_what_arb_proves(name, spread):
     values[1, ::5] = 0.0
     band, limit = (problem.stability.band.min, problem.stability.band.max), problem.stability.max_sensitivity
     demands = Demands(problem.device, band, 1.0, limit)
-    proved = prove(demands, Cells(values, values)).proved
+    proved = prove(demands, Cells(values, values))
     for found, v in zip(proved, values.T.tolist(), strict=True):
         verdict = certify(Design(problem.device, Gains(*v[:2]), Coupling(*v[2:])), demands).verdict
         assert found == (verdict is Verdict.PROVED)
@@ -211,7 +211,7 @@ def test_arrays_prove_what_arb_proves_at_the_ends_of_the_axis(hold, delay, band,
     values = np.array([[40.0], [4000.0], [25000.0], [6.0], [drag]]) * np.exp(rng.normal(0, 1, (5, 60)))
     values[1, ::2] = 0.0
     demands = Demands(device, band, 1.0, 2.0)
-    proved = prove(demands, Cells(values, values)).proved
+    proved = prove(demands, Cells(values, values))
     assert 0 < proved.sum() < 60
     for found, v in zip(proved, values.T.tolist(), strict=True):
         verdict = certify(Design(device, Gains(*v[:2]), Coupling(*v[2:])), demands).verdict
@@ -231,7 +231,7 @@ def test_a_claim_over_a_cell_holds_at_each_of_its_points():
         return away * away + 0.01 - v[KEYS[1]]
 
     boxes, only_frequency = over_cells(cells, band_of(1.0, 4.0, 1.2)), [True, *[False] * 5]
-    found = prove_boxes(positive(margin, {}), boxes, 4, halved=only_frequency, max_halvings=20, max_boxes=4000)
+    found = prove_boxes(positive(margin, {}), boxes, 4, Effort(20, 4000), halved=only_frequency)
     assert found.proved.tolist() == [True, False, True, False]
     assert np.isnan(found.failing[:, [0, 2]]).all() and np.isnan(found.open[:, [0, 2]]).all()
     for failing in found.failing[:, np.isfinite(found.failing[0])].T:

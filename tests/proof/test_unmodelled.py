@@ -21,7 +21,7 @@ from vctune.design.solve import solve
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
 from vctune.model.gains import Coupling, Gains
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.outcome import Verdict
 
 FACTOR, BAND = 1.05, (0.5, 100.0)
 DEMANDS = (

@@ -333,7 +333,7 @@ def test_length_of_a_run_does_not_depend_on_the_chunk():
 
 def test_sampled_loop_without_a_hand_is_the_designs():
     """With a hand that hardly holds, the fastest mode is the larger of the loop's and the free coupling's."""
-    from vctune.proof.claims.sampled_poles import spectral_radius
+    from vctune.analysis.sampled_loop import spectral_radius
 
     ghost = replace(HAND, mass=0.0, damping=1e-9, stiffness=1e-9)
     scene = designed_scene(DEVICE, GAINS, Coupling(1e6, 1e-6, 1e3), experiment(NOTHING, ghost))

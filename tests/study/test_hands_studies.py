@@ -41,11 +41,10 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.boxes import Cells
 from vctune.proof.certificate import certify
 from vctune.proof.claims.array_claims import claims_of
-from vctune.proof.claims.damping import admissible_damping
-from vctune.proof.claims.many_designs import lower_bound_at, prove
+from vctune.proof.claims.cells import admissible_damping, lower_bound_at, proved_cells
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.arb_balls import BALLS, ball, device_ball
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.outcome import Verdict
 from vctune.study.plane import plane
 from vctune.study.region import Kind, easiest, free_damping, region
 from vctune.study.region_estimate import COUPLING_DAMPING, estimate
@@ -179,7 +178,7 @@ def test_a_cell_of_a_late_device_with_room_is_proved(K_v, K_p, b_c):
     The other is too wide for |S| as a whole.
     """
     low, high = (np.array([[K_v[k]], [K_p[k]], [b_c], [4e5], [6.08]]) for k in (0, 1))
-    assert prove(pose(posed(LATE)).demands, Cells(low, high)).proved.all()
+    assert proved_cells(pose(posed(LATE)).demands, Cells(low, high)).all()
 
 
 @pytest.mark.slow
@@ -241,10 +240,10 @@ def test_only_the_demands_of_the_criterion_count():
     problem = posed(PLANES["light grip"][0])
     best = Cells(*[np.array([[200.0], [9e4], [9.0], [0.0095], [2.0]])] * 2)
     hands = pose(problem).demands
-    assert prove(hands, best).proved.all()
+    assert proved_cells(hands, best).all()
     for criterion in ("passive", "both"):
         demands = pose(replace(problem, stability=replace(problem.stability, criterion=criterion))).demands
-        assert not prove(demands, best).proved.any()
+        assert not proved_cells(demands, best).any()
 
 
 @pytest.mark.parametrize(
@@ -255,7 +254,7 @@ def test_next_to_no_integrator_drag_decides_in_a_hand_without_stiffness(K_p, dra
     """F vanishes there at theta = 0. Hands as stiff as K_p ask for b/4 = 0.5 N s/m and more."""
     low = np.array([[1.7e-3], [0.0], [6.08], [400.0], [drag]])
     high = np.array([[2.3e-3], [K_p], [6.08], [400.0], [drag]])
-    assert prove(pose(posed(LATE)).demands, Cells(low, high)).proved.all() == held
+    assert proved_cells(pose(posed(LATE)).demands, Cells(low, high)).all() == held
 
 
 def test_what_a_cell_asks_for_in_a_hand_is_no_more_than_its_designs_ask_for():

@@ -19,7 +19,7 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.keys import KEYS
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.outcome import Verdict
 from vctune.study.plane import plane
 from vctune.study.region import Kind, free_damping, region
 

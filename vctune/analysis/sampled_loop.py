@@ -12,6 +12,7 @@ from vctune.analysis.extrema import Floats
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.characteristic import characteristic_polynomial
 from vctune.model.sampled.velocity_loop import (
     ReturnDifference,
     SampledPlant,
@@ -67,3 +68,8 @@ def loop_gain(device: Device, gains: Gains, omega: Floats) -> Complex:
     """Return L = K_v G_v + K_p G_x at omega > 0, so that S = 1/(1 + L)."""
     G_v, G_x = pulse_transfer(device, omega, position=bool(np.any(gains.position)))
     return gains.velocity * G_v + gains.position * G_x
+
+
+def spectral_radius(device: Device, gains: Gains) -> float:
+    """Return the greatest modulus of the sampled loop's poles; a multiple pole has half of a double's digits."""
+    return float(np.abs(np.roots(characteristic_polynomial(plant_of(device), gains))).max())

@@ -4,30 +4,25 @@ section 1; document/README.md, section 3."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf, pi
 
-import numpy as np
 from flint import ctx
 
 from vctune.model.device import Device
 from vctune.model.numbers.units import hertz
 from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
-from vctune.proof.boxes import Cells
-from vctune.proof.claims.every_device import widest_band_for_all
-from vctune.proof.claims.llewellyn.conditions import widest_band
-from vctune.proof.claims.many_designs import ON_ARRAYS, prove
+from vctune.proof.claims.loop_claims import widest_band
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked
 from vctune.proof.claims.whole_samples import beside_whole_sample
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.arb_balls import PRECISION
-from vctune.proof.engine.bands import edge_in_hertz
-from vctune.proof.engine.interval import Outcome, Verdict, worst_verdict
-from vctune.proof.provers import PROVERS, Question, prove_passive
+from vctune.proof.outcome import Outcome, Verdict, worst_verdict
+from vctune.proof.proved_band import edge_in_hertz
+from vctune.proof.provers import PROVERS, Question
 from vctune.running import OutOfTimeError, check_time, report_progress, reporting_progress
 
 STABILITY = claims_about("poles", "unmodelled")  # Identifiers of the claims that the loop is stable
@@ -105,12 +100,9 @@ class Certificate:
         conditions = self.without_factor or self.outcomes.get("passive")
         if conditions is None or conditions.verdict is not Verdict.PROVED:
             return None
-        robust = Question(self.design, replace(self.demands, factor=1.0, max_sensitivity=inf), self.box).robust
         try:
-            if robust is not None:
-                return widest_band_for_all(robust)
             with ctx.workprec(PRECISION):
-                return widest_band(self.design, *self.demands.band)
+                return widest_band(self.design, self.demands, self.box)
         except OutOfTimeError:
             return self.demands.band
 
@@ -166,7 +158,7 @@ def _certificate(question: Question) -> Certificate:
             outcomes[claim] = _in_time(partial(PROVERS[claim], question, outcomes))
         missed = demands.factor > 1 and demands.passive and outcomes["passive"].verdict is not Verdict.PROVED
         less = replace(question, demands=replace(demands, factor=1.0))
-        without_factor = _in_time(partial(prove_passive, less)) if missed else None
+        without_factor = _in_time(partial(PROVERS["passive"], less, outcomes)) if missed else None
     return Certificate(design=design, demands=demands, outcomes=outcomes, without_factor=without_factor, box=box)
 
 
@@ -209,16 +201,3 @@ def _in_time(proof: Callable[[], Outcome]) -> Outcome:
         return proof()
     except OutOfTimeError:
         return Outcome(Verdict.UNDECIDED, 0, cut=True)
-
-
-def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
-    """Prove that several designs of one device meet their constraints, as `certify` does for one."""
-    found: list[Certificate | None] = [None] * len(designs)
-    if designs and box is None and claims_asked(demands) == list(ON_ARRAYS):
-        values = np.array([astuple(design.gains) + astuple(design.coupling) for design in designs]).T
-        with suppress(OutOfTimeError):
-            proofs = prove(demands, Cells(values, values))
-            for index, (proved, boxes) in enumerate(zip(proofs.proved, proofs.boxes.T.tolist(), strict=True)):
-                outcomes = {claim: Outcome(Verdict.PROVED, n) for claim, n in zip(ON_ARRAYS, boxes, strict=True)}
-                found[index] = Certificate(designs[index], demands, outcomes) if proved else None
-    return [certificate or certify(design, demands, box) for design, certificate in zip(designs, found, strict=True)]

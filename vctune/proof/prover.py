@@ -16,7 +16,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 from vctune.proof.boxes import CHUNK, FREQUENCY, Boxes, Integers, Values, in_chunks, joined
 from vctune.proof.enclosures.box_minimum import LowerBound, least_over_boxes
-from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
+from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, selected
 from vctune.proof.enclosures.taylor import Taylor, stacked, variables
 from vctune.running import check_time, report_progress
 
@@ -61,6 +61,15 @@ Test = Callable[[Boxes], Decided]
 
 
 @dataclass(frozen=True, slots=True)
+class Effort:
+    """How long a proof goes on."""
+
+    max_halvings: int  # greatest number of halvings of a box
+    max_boxes: int  # number of boxes of an owner after which it stays open
+    few: int = FEW  # number of boxes up to which the halves are halved again before they are evaluated
+
+
+@dataclass(frozen=True, slots=True)
 class Proofs:
     """The result of a claim for each owner."""
 
@@ -76,22 +85,20 @@ class Proofs:
 def prove(
     test: Test,
     boxes: Boxes,
-    owners: int = 1,
-    *,
-    max_halvings: int,
-    max_boxes: int,
-    halved: Sequence[bool] | None = None,
+    owners: int,
+    effort: Effort,
     measure: Callable[[Boxes], Floats] | None = None,
-    few: int = FEW,
+    *,
+    halved: Sequence[bool] | None = None,
     only_whole: bool = False,
 ) -> Proofs:
     """Test boxes and halve those that stay undecided, until each owner is proved or fails, or the effort ends."""
-    names, shape, most = boxes.names, (len(boxes.names), owners), min(max_boxes, _MOST.get())
+    names, shape, most = boxes.names, (len(boxes.names), owners), min(effort.max_boxes, _MOST.get())
     may = np.ones(len(names), bool) if halved is None else np.asarray(halved)
     failing, open_ = np.full(shape, np.nan), np.full(shape, np.nan)
     count, total = np.zeros(owners, np.intp), np.zeros(owners)
     first = float(len(boxes))
-    for again in range(max_halvings + 1):
+    for again in range(effort.max_halvings + 1):
         if not len(boxes):
             break
         report_progress(partial(_stage, count.sum(), len(boxes) / first))
@@ -101,7 +108,7 @@ def prove(
         if measure is not None and decided.proved.any():
             np.add.at(total, boxes.owner[decided.proved], measure(boxes.subset(decided.proved)))
         blurred = _blurred(decided, may) | ~np.any(boxes.low < boxes.high, axis=0)
-        hopeful = np.isnan(failing[0]) & (count < most) & (again < max_halvings)
+        hopeful = np.isnan(failing[0]) & (count < most) & (again < effort.max_halvings)
         left = ~decided.proved
         goes_on = left & ~blurred & hopeful[boxes.owner]
         stays = left & ~goes_on
@@ -109,7 +116,7 @@ def prove(
         if only_whole:
             goes_on &= np.isnan(open_[0, boxes.owner])
         kept = boxes.subset(goes_on)
-        boxes = _halved(kept, decided.cost[:, goes_on], may, few)
+        boxes = _halved(kept, decided.cost[:, goes_on], may, effort.few)
         first *= len(boxes) / max(len(kept), 1)
     proved = np.isnan(open_[0]) & np.isnan(failing[0])
     return Proofs(names, proved, failing=failing, open=open_, boxes=count, total=total)
@@ -185,12 +192,18 @@ def misses_zero(curve: Curve, fixed: Values, near: Margin | None = None) -> Test
     return decided if near is None else by_place
 
 
-def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
-    """Return the function that measures how far a curve turns around 0 over a box's frequencies."""
+def turned_angles(curve: Curve, fixed: Values, limit: Margin | None = None) -> Callable[[Boxes], Floats]:
+    """Return the function that measures how far a curve turns around 0 over a box's frequencies.
+
+    A curve that has no formula at frequency 0 has there its real limit.
+    """
 
     def turn(boxes: Boxes) -> Floats:
-        rows = boxes.rows()
+        rows, zero = boxes.rows(), boxes.low[0] == 0
         start, stop = (curve(Enclosure(edge[0]), boxes.named(rows, fixed)) for edge in (boxes.low, boxes.high))
+        if limit is not None:
+            known = limit(Enclosure(boxes.low[0]), boxes.named(rows, fixed))
+            start = Pair(selected(zero, known, start.re), selected(zero, Enclosure(0.0), start.im))
         cross = start.re * stop.im - start.im * stop.re
         dot = start.re * stop.re + start.im * stop.im
         sided = cross.positive() | cross.negative() | dot.positive()

@@ -19,8 +19,7 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.proof.boxes import Cells
-from vctune.proof.claims.damping import no_damping
-from vctune.proof.claims.many_designs import Places, prove, refuted
+from vctune.proof.claims.cells import Places, no_damping, proved_cells, refuted
 from vctune.proof.enclosures.intervals import Flags
 from vctune.running import OutOfTimeError, out_of_time
 from vctune.study.plane import Plane, Squares, halved
@@ -136,7 +135,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     with_b_c = with_damping(cells, estimated.damping) if free else cells
     hopeful = np.flatnonzero(~np.isnan(estimated.damping))
     for problem in problems:
-        hopeful = hopeful[prove(pose(problem).demands, with_b_c.subset(hopeful)).proved]
+        hopeful = hopeful[proved_cells(pose(problem).demands, with_b_c.subset(hopeful))]
     kinds[hopeful] = Kind.FEASIBLE
     for problem, hardest in zip(problems, estimated.places, strict=True):
         undecided = np.flatnonzero(kinds == Kind.UNDECIDED)

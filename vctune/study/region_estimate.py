@@ -23,8 +23,7 @@ from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import offered
 from vctune.proof.boxes import Cells, Integers
-from vctune.proof.claims.damping import admissible_damping
-from vctune.proof.claims.many_designs import Places
+from vctune.proof.claims.cells import Places, admissible_damping
 from vctune.proof.claims.margins_of_claims import inwards
 from vctune.proof.enclosures.intervals import TINY, Flags
 

@@ -10,7 +10,8 @@ from vctune.design.bound.design_boxes import K_P, DesignBoxes
 from vctune.design.prepared import Posed
 from vctune.model.problem import Demands
 from vctune.proof.boxes import Cells
-from vctune.proof.claims.encirclements import by_integrator, encirclements, encirclements_in_hand
+from vctune.proof.claims.cells import by_integrator, pole_turns
+from vctune.proof.claims.loop_claims import of_cells
 from vctune.proof.enclosures.intervals import Flags, Floats
 
 
@@ -59,9 +60,6 @@ def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> Stability:
 
 def _turns(demands: Demands, cells: Cells) -> tuple[Floats, int]:
     """Return the winding number around 0 of the curve of each loop (nan if undecided), and the number of boxes."""
-    found = encirclements(demands, cells)
-    boxes = int(found.boxes.sum() + found.throughout.sum())
-    if demands.hands is None:
-        return found.number, boxes
-    in_hand, taken = encirclements_in_hand(demands, cells)
-    return np.vstack((found.number, in_hand)), boxes + int(taken.sum())
+    found = pole_turns(of_cells(demands, cells), in_hand=True)
+    numbers = np.reshape([each.number for each in found], (len(found), len(cells)))
+    return numbers, sum(int(each.boxes.sum()) for each in found)

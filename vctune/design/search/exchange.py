@@ -32,9 +32,7 @@ from vctune.design.variables import CORNER, Coordinate, Point, coordinates, desi
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.problem import Problem
-from vctune.proof.claims.model_poles import prove_model_poles
-from vctune.proof.claims.sampled_poles import prove_sampled_poles
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.claims.loop_claims import stable_loop
 from vctune.running import OutOfTimeError, check_time
 
 # Factors of K_p, or of both gains, that the search tries until the loops of a start are stable (`stable`)
@@ -66,7 +64,7 @@ def _loop_stable(device: Device, gains: Gains) -> bool:
     estimate = clearly_stable(device, gains)
     if estimate is not None:
         return estimate
-    return all(prove(device, gains).verdict is Verdict.PROVED for prove in (prove_sampled_poles, prove_model_poles))
+    return stable_loop(device, gains, model=True) is True
 
 
 def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, outside: Gains) -> bool:

@@ -31,7 +31,7 @@ from vctune.model.transparency import Terms
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.registry import CLAIMS, IN_HANDS
 from vctune.proof.claims.whole_samples import NEXT_TO
-from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.outcome import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
 # The search polishes a start if its estimated error, divided by the error of the best optimum, is at most this ratio

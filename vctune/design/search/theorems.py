@@ -12,7 +12,7 @@ from vctune.model.loop.limits import EndLimit, high_frequency_limit, lags, low_f
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
-from vctune.proof.claims.llewellyn.polynomials import is_rational
+from vctune.proof.claims.loop_claims import is_rational
 
 LEAST_POSITION = 5e-324  # The smallest positive double, for K_p
 

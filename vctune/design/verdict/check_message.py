@@ -15,7 +15,7 @@ from vctune.document.text import toml
 from vctune.model.numbers.keys import SYMBOLS
 from vctune.model.numbers.units import UNITS
 from vctune.proof.certificate import certify
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.outcome import Verdict
 from vctune.proof.prover import boxes_at_most
 from vctune.running import OutOfTimeError
 

@@ -19,7 +19,7 @@ from vctune.model.problem import Problem
 from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.outcome import Verdict
 from vctune.running import unlimited
 
 RESERVE = 1e-3  # Relative distance between the stiffest contact in double precision and the contact that vctune proves

@@ -11,6 +11,7 @@ import numpy as np
 
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import loop_margins, unstable_poles
+from vctune.analysis.sampled_loop import spectral_radius
 from vctune.analysis.worlds.binding import binding_world
 from vctune.design.result import Solved
 from vctune.design.search.rounding import near
@@ -55,9 +56,8 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import finite_hertz, hertz
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import IN_HANDS, claims_about
-from vctune.proof.claims.sampled_poles import spectral_radius
 from vctune.proof.claims.whole_samples import delay_in_samples
-from vctune.proof.engine.interval import Verdict, worst_verdict
+from vctune.proof.outcome import Verdict, worst_verdict
 from vctune.running import out_of_time, unlimited
 from vctune.version import versions
 
@@ -71,7 +71,7 @@ from vctune.document.records.design_json import UncertaintyRecord
 from vctune.document.records.rows_json import FeltRecord
 from vctune.model.device import Device
 from vctune.proof.claims.registry import CLAIMS, ClaimId
-from vctune.proof.engine.interval import Outcome
+from vctune.proof.outcome import Outcome
 
 
 def uncertainty_record(problem: Problem, judgement: Judgement) -> UncertaintyRecord:

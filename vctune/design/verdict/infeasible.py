@@ -10,6 +10,7 @@ import numpy as np
 from vctune.analysis.demands import demand_grid, ratio_minima, response, sampled_span, sensitivity_maxima
 from vctune.analysis.extrema import local_minima
 from vctune.analysis.in_hands import least_ratios
+from vctune.analysis.sampled_loop import spectral_radius
 from vctune.design.prepared import Prepared
 from vctune.design.search.scan import ScanResult
 from vctune.design.variables import design_of, point
@@ -19,7 +20,6 @@ from vctune.model.numbers.keys import QUANTITIES
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
 from vctune.model.servo import LATENCY_PARTS, latency
-from vctune.proof.claims.sampled_poles import spectral_radius
 
 # Beginning of the reason
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}

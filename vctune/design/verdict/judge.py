@@ -35,10 +35,10 @@ from vctune.model.hands import Hand
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.units import UNITS, Units, hertz
 from vctune.model.problem import Demands, Problem
-from vctune.proof.certificate import Certificate, certify, certify_all
+from vctune.proof.certificate import Certificate, certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import CLAIMS
-from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.outcome import Outcome, Verdict
 from vctune.running import in_time, seconds_left, time_limit, unlimited
 
 
@@ -246,7 +246,7 @@ def judge_all(
         each = zip(designs, corners or [None] * len(designs), strict=True)
         return [judge_posed(posed if known is None else with_corner(posed, known), *law) for law, known in each]
     with time_limit(PROVING * seconds_left()):
-        certificates = certify_all([Design(problem.device, *design) for design in designs], posed.demands, posed.box)
+        certificates = [certify(Design(problem.device, *design), posed.demands, posed.box) for design in designs]
     return [_judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)]
 
 

@@ -12,7 +12,7 @@ from vctune.model.problem import Problem
 from vctune.model.worlds import Worlds
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError
 
 SOFTEST, STIFFEST = 1.0, 1e7  # N/m, or N m/rad

@@ -27,9 +27,7 @@ from vctune.document.text import toml
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.keys import SYMBOLS
 from vctune.model.problem import Problem
-from vctune.proof.claims.model_poles import prove_model_poles
-from vctune.proof.claims.sampled_poles import prove_sampled_poles
-from vctune.proof.engine.interval import Verdict
+from vctune.proof.claims.loop_claims import stable_loop
 from vctune.proof.prover import boxes_at_most
 from vctune.running import OutOfTimeError, check_time, out_of_time
 
@@ -74,9 +72,7 @@ def _seems_admissible_on(problem: Problem, gains: Gains, coupling: AnyCoupling) 
         return False
     if any(worst.ratio < least for worst in least_ratios(problem, gains, coupling)):
         return False
-    stable = (prove_sampled_poles, prove_model_poles) if problem.passive else (prove_sampled_poles,)
-    proofs = (prove(loop, gains) for loop in problem.device.loops for prove in stable)
-    return all(proof.verdict is Verdict.PROVED for proof in proofs)
+    return all(stable_loop(loop, gains, model=problem.passive) for loop in problem.device.loops)
 
 
 def _judged(problem: Problem) -> Judgement | None:

@@ -49,6 +49,7 @@ from vctune.proof.claims.margins_of_claims import (
     hand_curve,
     hand_margin,
     high_margin,
+    limp_hand_curve,
     limp_hand_margin,
     limp_margins_in_worlds,
     limp_strip_of_walls,
@@ -97,6 +98,8 @@ class Claims:
     above_bound: Margin  # margin in theta, `OFFSET` and `SLOPE`
     any_hand: tuple[Margin, Margin]
     required_in_hands: Margin  # the least feasible Re Z_c in a hand, N s/m, as a function of theta
+    poles_in_limp_hand: Curve  # the same curve without the pole of a free position; `limp_hand`: margin near theta = 0
+    limp_hand: Margin
     poles_in_hand: Curve  # curve, as a function of a hand and theta, that must not turn around 0
     required: Margin  # the least feasible Re Z_c, N s/m, where the resistance is positive in the whole box
     sensitivity_any_position: Margin  # margin, valid also near theta = 0
@@ -157,6 +160,8 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         any_hand=any_hand_margins(demands, uncertain, delays_of(demands.device)),
         required_in_hands=required_in_hands,
         poles_in_hand=lambda theta, v: hand_curve(in_hand(v), gains_of(v), theta, OPS),
+        poles_in_limp_hand=lambda theta, v: limp_hand_curve(in_hand(v), gains_of(v), theta, OPS)[0],
+        limp_hand=lambda theta, v: limp_hand_curve(in_hand(v), gains_of(v), theta, OPS)[1],
         required=required,
         sensitivity_any_position=lambda theta, v: sensitivity_sufficient_margin(
             plant(v), gains_of(v), theta, limit, OPS

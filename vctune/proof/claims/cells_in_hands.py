@@ -14,14 +14,13 @@ from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
 from vctune.proof.boxes import Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands
 from vctune.proof.claims.array_claims import SHARES, claims_of, limp_hands_margins
+from vctune.proof.claims.loop_claims import STEP
 from vctune.proof.claims.margins_of_claims import HALF_TURN
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
-from vctune.proof.engine.bands import CELL_HALVINGS, STEP
-from vctune.proof.prover import Margin, Test, positive, prove
+from vctune.proof.prover import Effort, Margin, Test, positive, prove
 
-# Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells that
-# the prover treats together, so that their boxes fit into memory
-MAX_HALVINGS, MAX_BOXES, TOGETHER = 4 * CELL_HALVINGS, 30_000, 128
+EFFORT = Effort(max_halvings=80, max_boxes=30_000, few=0)
+TOGETHER = 128  # Number of cells that the prover treats together, so that their boxes fit into memory
 # Greatest K_p T^2/m, as a share of the width of the first interval of angles, for which the prover treats a cell
 # separately near theta = 0
 AT_REST = 0.1
@@ -123,13 +122,5 @@ def _with_shares(boxes: Boxes) -> Boxes:
 
 
 def _prove(test: Test, boxes: Boxes, owners: int, *, whole_hands: bool = False) -> Flags:
-    return prove(
-        test,
-        boxes,
-        owners,
-        halved=[not whole_hands or name not in HAND for name in boxes.names],
-        max_halvings=MAX_HALVINGS,
-        max_boxes=MAX_BOXES,
-        only_whole=True,
-        few=0,
-    ).proved
+    halved = [not whole_hands or name not in HAND for name in boxes.names]
+    return prove(test, boxes, owners, EFFORT, halved=halved, only_whole=True).proved

@@ -19,7 +19,7 @@ from vctune.proof.boxes import FREQUENCY, Boxes, Cells, Values, band_of, first_b
 from vctune.proof.claims.array_claims import OFFSET, SLOPE, bounded_in_any_hand, bounded_in_hands
 from vctune.proof.claims.margins_of_claims import HALF_TURN
 from vctune.proof.enclosures.intervals import Floats, decimal
-from vctune.proof.prover import Proofs, positive, prove
+from vctune.proof.prover import Effort, Proofs, positive, prove
 
 STEP = 1.05  # Ratio of the edges of a piece
 # Shares of each range of the hands at which the code evaluates R before it proves a piece
@@ -114,4 +114,4 @@ def _proved(device: Device, hands: Hands | None, gains: Gains, pieces: Floats, m
     fixed: Values = dict(zip(KEYS[:2], map(decimal, astuple(gains)), strict=True))
     test = positive(bounded_in_any_hand(device) if hands is None else bounded_in_hands(device), fixed)
     halved = [name not in (OFFSET, SLOPE) for name in names]
-    return prove(test, boxes, n, halved=halved, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, few=0)
+    return prove(test, boxes, n, Effort(MAX_HALVINGS, max_boxes, few=0), halved=halved)

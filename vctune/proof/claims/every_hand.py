@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
-from math import nextafter, pi
+from math import isnan, nextafter, pi
 
 import numpy as np
 from flint import arb
 
-from vctune.model.device import Device
-from vctune.model.gains import Gains
 from vctune.model.hand_arrays import stacked
 from vctune.model.hands import MASS, STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
@@ -32,16 +30,15 @@ from vctune.proof.claims.array_claims import (
 from vctune.proof.claims.delay_parts import DELAY_ROWS, Ends, Part, parts_of, row_of
 from vctune.proof.claims.in_hands.any_spring import left_by_any_spring
 from vctune.proof.claims.in_hands.crossing import refuted_by_one
+from vctune.proof.claims.loop_claims import hand_turns, in_rad_per_s, of_design
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
     LoopDelay,
     any_hand_margin,
-    hand_curve,
     hand_margin,
     margins_in_worlds,
 )
-from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.claims.whole_samples import NEXT_TO
 from vctune.proof.claims.worlds.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.device_box import (
@@ -49,11 +46,10 @@ from vctune.proof.device_box import (
     DeviceBox,
     felt_with_hand,
 )
-from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
+from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
 from vctune.proof.enclosures.intervals import Floats, decimal_or_inf
-from vctune.proof.engine.interval import Outcome, Verdict
-from vctune.proof.engine.winding import turned_angle
-from vctune.proof.prover import Test, positive, prove
+from vctune.proof.outcome import Outcome, Verdict
+from vctune.proof.prover import Effort, Test, positive, prove
 
 STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an uncertain mass
 EASY_BOXES = 10_000  # Number of boxes after which the prover looks for boxes that it can prove for every stiffness
@@ -90,9 +86,12 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
     """Prove the loop stable in the hand at the centre of the box, with one of the required environments."""
     assert demands.hands is not None
-    middle = demands.hands.middle
-    stable = prove_poles_in(design.device, middle, design.gains)
-    return stable if stable.verdict is Verdict.PROVED else replace(stable, hand=middle)
+    found = hand_turns(of_design(design, demands))
+    number, boxes, theta = float(found.number[0]), int(found.boxes[0]), float(found.point[0, 0])
+    if number == 0:
+        return Outcome(Verdict.PROVED, boxes)
+    verdict, witness = (Verdict.UNDECIDED, theta) if isnan(number) else (Verdict.REFUTED, None)
+    return in_rad_per_s(Outcome(verdict, boxes, witness, hand=demands.hands.middle), design.device)
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,12 +207,7 @@ def _decided(
             first, count = asked.left_by_any_spring(part, fixed, first)
             boxes += count
         for test in tests(part, fixed):
-            found = prove(
-                part.within(test),
-                first,
-                max_halvings=MAX_HALVINGS,
-                max_boxes=max_boxes,
-            )
+            found = prove(part.within(test), first, 1, Effort(MAX_HALVINGS, max_boxes))
             boxes += int(found.boxes[0])
             if not found.proved[0]:
                 point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
@@ -283,16 +277,6 @@ def _in_doubt(
         Verdict.REFUTED if refuted else Verdict.UNDECIDED, boxes, theta, device if uncertain else None, hand
     )
     return in_rad_per_s(outcome, device)
-
-
-def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
-    """Prove that the sampled loop is stable in one hand while the environment is at rest."""
-    plant = plant_in_hand(device_ball(device), hand.mapped(ball), delays_of(device), BALLS)
-    law = gains_ball(gains)
-    outcome, angle = turned_angle(lambda theta: hand_curve(plant, law, theta, BALLS), 0.0, HALF_TURN)
-    if outcome.verdict is not Verdict.PROVED:
-        return in_rad_per_s(outcome, device)
-    return Outcome(Verdict.PROVED if abs(angle) < pi / 2 else Verdict.REFUTED, outcome.boxes)
 
 
 def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float, share: float = 1.0) -> bool:

@@ -107,8 +107,10 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
     im_D_v, re_D_v = device.mass + omega_im_C * (v * v), re_D * v
     product = (re_C_over_v * re_C_over_v + omega_im_C * omega_im_C) * (re_D_v * re_D_v + im_D_v * im_D_v)
     excess = ops.sqrt(product) - (re_C * re_D + omega_im_C * im_D_v)
-    mass2, damping_v = coupling.mass * coupling.mass, coupling.damping * v
-    re_Z_c = coupling.drag + coupling.damping * mass2 / (damping_v * damping_v + mass2)
+    re_Z_c = coupling.drag
+    if not coupling.rigid:
+        mass2, damping_v = coupling.mass * coupling.mass, coupling.damping * v
+        re_Z_c = re_Z_c + coupling.damping * mass2 / (damping_v * damping_v + mass2)
     if device.operator is None:
         return 2 * re_D * re_Z_c - factor * excess
     b_h = device.operator.damping
@@ -201,10 +203,18 @@ def any_hand_margin(
 def hand_curve(plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic) -> Pair:
     """Return F of the loop in a hand, rotated to be real at both ends. The curve of a stable loop makes no turn around
     0."""
-    loop, sine, half_poles = loop_in_hand(plant, theta, ops), ops.sin(theta / 2), plant.poles / 2
-    F = loop.closed(gains)
-    turned = Pair(ops.cos(theta * half_poles), -ops.sin(theta * half_poles))
-    return Pair(F.even, sine * F.odd) * turned
+    F = loop_in_hand(plant, theta, ops).closed(gains)
+    return Pair(F.even, ops.sin(theta / 2) * F.odd) * _turned(plant.poles, theta, ops)
+
+
+def limp_hand_curve(plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Pair, Number]:
+    """Return `hand_curve` without the pole at z = 1 of a free position, and a margin where the curve misses 0."""
+    F = loop_in_hand(plant, theta, ops).closed(gains)
+    return Pair(F.odd, -F.even / ops.sin(theta / 2)) * _turned(plant.poles - 1, theta, ops), F.odd
+
+
+def _turned(poles: int, theta: Number, ops: Arithmetic) -> Pair:
+    return Pair(ops.cos(theta * (poles / 2)), -ops.sin(theta * (poles / 2)))
 
 
 def resistance_apart(device: Device) -> bool:

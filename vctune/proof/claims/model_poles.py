@@ -4,17 +4,9 @@ from __future__ import annotations
 
 from math import pi, sqrt
 
-from flint import arb
-
 from vctune.model.device import Device
-from vctune.model.gains import Gains
-from vctune.model.loop.device_response import device_response, mechanism
+from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic
-from vctune.model.numbers.pair import Pair
-from vctune.proof.claims.margins_of_claims import model_curve
-from vctune.proof.enclosures.arb_balls import BALLS, device_ball, gains_ball
-from vctune.proof.engine.interval import Outcome, Verdict
-from vctune.proof.engine.winding import turned_angle
 
 # Relative allowance for rounding errors, which are about 1e-12, in the frequency that `curve_end` returns and in an
 # angle
@@ -22,22 +14,6 @@ NEAR = 1e-6
 # Greatest difference, rad, between the argument at `curve_end` and its limit, at which the prover accepts the loop as
 # stable
 ROOM = 2.0
-
-
-def prove_model_poles(device: Device, gains: Gains) -> Outcome:
-    """Prove that the zeros of D, the poles of G_hh, lie in the open left half plane."""
-    exact, law = device_ball(device.modelled), gains_ball(gains)
-    if not gains.closed:
-        return Outcome(Verdict.PROVED if device.damping > 0 else Verdict.REFUTED, 1)
-
-    def curve(omega: arb) -> Pair:
-        return model_curve(device_response(exact, omega, BALLS), law, BALLS)
-
-    outcome, angle = turned_angle(curve, 0.0, curve_end(device, gains.velocity, gains.position))
-    if outcome.verdict is not Verdict.PROVED:
-        return outcome
-    goal = final_angle(device, integral=gains.position > 0)
-    return outcome if abs(angle - goal) < ROOM else Outcome(Verdict.REFUTED, outcome.boxes)
 
 
 def final_angle(device: Device, *, integral: bool) -> float:

@@ -12,6 +12,7 @@ from flint import acb, arb, arb_series
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate, sinc_curvature_series
+from vctune.model.sampled.velocity_loop import SampledPlant, sampled_plant, split_delay
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.intervals import ENCLOSURES, SWELL, TINY, UNIT, Enclosure
 
@@ -144,6 +145,12 @@ def box(low: float, high: float) -> arb:
 def device_ball(device: Device) -> Device:
     """Return the device with its decimals enclosed."""
     return device.converted(ball)
+
+
+def exact_plant(device: Device) -> SampledPlant:
+    """Return the sampled plant of a device with its decimals enclosed."""
+    whole, fraction = split_delay(device.delay, device.sample_time)
+    return sampled_plant(device_ball(device), whole, BALLS, fractional=fraction > 0)
 
 
 def gains_ball(gains: Gains) -> Gains:

@@ -22,7 +22,7 @@ from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.margins_of_claims import Design, margins_in_worlds
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
 from vctune.proof.enclosures.intervals import Floats
-from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.outcome import Outcome, Verdict
 
 ZOOMS = 14  # rounds of hands that are tried, each around the worst of the last and half as far apart
 COARSE, BESIDE = 4, np.linspace(0.97, 1.03, 200)  # rounds over all angles; then those beside the last crossing

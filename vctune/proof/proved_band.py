@@ -1,4 +1,4 @@
-"""Tests of many cells over a band of frequencies. A test that fails halves the interval."""
+"""Extend a proved band of frequencies, with edges of few digits."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ from collections.abc import Callable
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from math import pi, sqrt
 
-from vctune.proof.boxes import Boxes, Cells, band_of, over_cells
-from vctune.proof.enclosures.intervals import Floats
-from vctune.proof.prover import Proofs, Test, prove
 from vctune.running import OutOfTimeError
 
+LOWEST_EDGE = 1e-18  # Lowest frequency, relative to the edge of the required band, to which a proof is extended
 FINEST_STEP = 1e-6  # Relative step at which the extension of a proved band ends
 EDGE_DIGITS = 5  # Number of digits of an edge in Hz outside the required band
 BEYOND = 1e-12  # Relative amount by which an edge in rad/s lies outside the edge in hertz
@@ -55,36 +53,3 @@ def _rounded(hertz: Decimal, away: int) -> tuple[Decimal, Decimal]:
     """Return a frequency rounded inwards to `EDGE_DIGITS` digits, and the value of its last digit's place."""
     place = Decimal(1).scaleb(hertz.adjusted() - EDGE_DIGITS + 1)
     return hertz.quantize(place, ROUND_FLOOR if away > 0 else ROUND_CEILING), place
-
-
-STEP = 1.4  # Ratio of the edges of the first intervals
-HALVINGS = 24  # Greatest number of halvings of an interval of frequency for a single design
-CELL_HALVINGS = 10  # Greatest number of halvings for a cell
-MAX_BOXES = 4_000  # Number of boxes for one claim after which the prover leaves a cell open
-
-
-def cells_over_band(
-    test: Test,
-    cells: Cells,
-    low: float,
-    high: float,
-    measure: Callable[[Boxes], Floats] | None = None,
-    *,
-    in_parts: bool = False,
-) -> Proofs:
-    """Prove a test for cells over a band, beginning with intervals of the ratio `STEP`."""
-    return prove(
-        test,
-        over_cells(cells, band_of(low, high, STEP)),
-        len(cells),
-        halved=[True] * (1 + len(cells.keys)) if in_parts else halved_rows(cells, 1),
-        max_halvings=CELL_HALVINGS if cells.extended else HALVINGS,
-        max_boxes=MAX_BOXES,
-        measure=measure,
-        few=0,
-    )
-
-
-def halved_rows(cells: Cells, rows: int) -> tuple[bool, ...]:
-    """Return which rows of boxes the prover may halve: all except the rows of the cell."""
-    return (*[True] * rows, *[False] * len(cells.keys))

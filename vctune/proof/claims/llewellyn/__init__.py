@@ -1,1 +1,0 @@
-"""Llewellyn's conditions on a band of frequencies, and their proof for one design."""

@@ -1,0 +1,430 @@
+"""Prove what does not depend on a box of hands: Llewellyn's conditions, |S|, the unmodelled dynamics and the poles.
+
+One design, one design for every device of a box, and cells of designs are the same proof with other rows
+(proof/README.md, sections 3 to 8).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, replace
+from functools import partial
+from math import floor, inf, pi
+from operator import attrgetter
+
+import numpy as np
+from flint import arb
+
+from vctune.model.device import Device
+from vctune.model.gains import Gains
+from vctune.model.hands import NEGLIGIBLE
+from vctune.model.numbers.arithmetic import FLOATS, Number
+from vctune.model.numbers.keys import KEYS, keys_of
+from vctune.model.problem import Demands
+from vctune.proof.boxes import Boxes, Cells, Integers, Values, band_of, joined, over_band
+from vctune.proof.claims.array_claims import Claims, claims_of
+from vctune.proof.claims.margins_of_claims import (
+    HALF_TURN,
+    Design,
+    conditions_margin,
+    outwards,
+    resistance_apart,
+    resistance_margin,
+    sensitivity_margin,
+    unmodelled_margin,
+)
+from vctune.proof.claims.model_poles import NEAR, curve_end, final_angle
+from vctune.proof.device_box import DeviceBox
+from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, exact_plant, gains_ball
+from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, between, decimal, decimal_or_inf
+from vctune.proof.outcome import Outcome, Verdict
+from vctune.proof.proved_band import LOWEST_EDGE, extend_band
+from vctune.proof.prover import Curve, Effort, Margin, Test, misses_zero, positive, prove, turned_angles
+
+STEP = 1.4  # Ratio of the edges of the first intervals of frequency
+DESIGN = Effort(max_halvings=80, max_boxes=400_000)  # twenty halvings in each of four rows
+POLES = Effort(max_halvings=80, max_boxes=40_000)
+EXTENSION = Effort(max_halvings=80, max_boxes=2_000)  # one step beyond the band
+CELL = Effort(max_halvings=10, max_boxes=4_000, few=0)  # the verdict on a cell must not depend on the other cells
+POINT = Effort(max_halvings=24, max_boxes=4_000, few=0)
+TRIES = 400  # Number of frequencies, each a fourth of the last, tried where the proof fails at the band's low end
+
+
+@dataclass(frozen=True, slots=True)
+class Covered:
+    """The devices and designs that a proof covers: rows of numbers for n owners, and the numbers that all have."""
+
+    demands: Demands  # constraints on each device
+    names: tuple[str, ...]  # names of the rows
+    low: Floats  # ends of the rows, shape (rows, n)
+    high: Floats
+    fixed: Values  # the other numbers of the design by name
+    box: DeviceBox | None = None  # box whose uncertain parameters are the rows
+
+    @property
+    def owners(self) -> int:
+        """The number of owners."""
+        return int(self.low.shape[1])
+
+    @property
+    def extended(self) -> bool:
+        """Whether an owner has more than one device or design."""
+        return bool(np.any(self.low < self.high))
+
+    @property
+    def integral(self) -> bool:
+        """Whether K_p > 0, for all owners or for none."""
+        return bool(self.high[1].any()) if KEYS[1] in self.names else bool(self.fixed[KEYS[1]].mid != 0)
+
+    @property
+    def claims(self) -> Claims:
+        """The claims as functions of a frequency and of the numbers by name."""
+        if self.box is None:
+            return claims_of(self.demands)
+        return claims_of(replace(self.demands, device=self.box.low), self.box.uncertain)
+
+    def effort(self, of_design: Effort = DESIGN) -> Effort:
+        """Return how long a proof goes on."""
+        return (CELL if self.extended else POINT) if KEYS[0] in self.names else of_design
+
+    def subset(self, at: Integers) -> Covered:
+        """Return some of the owners."""
+        return replace(self, low=self.low[:, at], high=self.high[:, at])
+
+    def centres(self) -> Covered:
+        """Return the centre of each owner; of a box of devices the nominal one."""
+        if self.box is not None:
+            return Covered(self.demands, (), np.empty((0, 1)), np.empty((0, 1)), self.fixed)
+        middle = 0.5 * (self.low + self.high)
+        return replace(self, low=middle, high=middle)
+
+    def loops(self) -> list[Covered]:
+        """Return the same owners for each velocity loop that must be stable: without a hand and in the operator's."""
+        devices = self.demands.device.loops
+        boxes = self.box.loops if self.box is not None else (None,) * len(devices)
+        each = zip(devices, boxes, strict=True)
+        return [replace(self, demands=replace(self.demands, device=device), box=box) for device, box in each]
+
+    def over(self, low: float, high: float) -> Boxes:
+        """Return the first boxes of each owner over a band."""
+        return over_band(self.names, self.low, self.high, band_of(low, high, STEP))
+
+    def around_circle(self) -> Boxes:
+        """Return the first boxes over all theta = omega T, for each number of whole samples in a box's delays."""
+        if "device.delay" not in self.names:
+            return self.over(0.0, HALF_TURN)
+        row, T, parts = self.names.index("device.delay"), self.demands.device.sample_time, []
+        for whole in range(floor(self.low[row, 0] / T), floor(self.high[row, 0] / T) + 1):
+            least, most = self.low.copy(), self.high.copy()
+            least[row], most[row] = np.maximum(least[row], whole * T), np.minimum(most[row], (whole + 1) * T)
+            if least[row, 0] <= most[row, 0]:
+                parts.append(over_band(self.names, least, most, band_of(0.0, HALF_TURN, STEP), whole))
+        return joined(*parts)
+
+
+def of_design(design: Design, demands: Demands, box: DeviceBox | None = None) -> Covered:
+    """Return a design with its own device, or with every device of a box."""
+    numbers = (*astuple(design.gains), *astuple(design.coupling))
+    fixed = dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
+    demands = replace(demands, device=design.device)
+    if box is None or not box.uncertain:
+        return Covered(demands, (), np.empty((0, 1)), np.empty((0, 1)), fixed)
+    low, high = (np.array([[end.number(key)] for key in box.uncertain], float) for end in (box.low, box.high))
+    return Covered(demands, tuple(f"device.{key}" for key in box.uncertain), low, high, fixed, box)
+
+
+def of_cells(demands: Demands, cells: Cells) -> Covered:
+    """Return cells of designs of one device; either all have an integrator or none has."""
+    return Covered(demands, cells.keys, cells.low, cells.high, {})
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Whether a claim holds for each of n owners."""
+
+    proved: Flags
+    point: Floats  # frequency and rows of a place where the claim fails or is open, shape (1 + rows, n)
+    boxes: Integers
+
+
+def held(covered: Covered, effort: Effort, parts: list[tuple[Test, Boxes]]) -> Held:
+    """Prove a claim by the tests of its parts, all of which must hold."""
+    n = covered.owners
+    proved, point, boxes = np.ones(n, bool), np.full((1 + len(covered.names), n), np.nan), np.zeros(n, np.intp)
+    for test, first in parts:
+        found = prove(test, first, n, effort)
+        lost = proved & ~found.proved
+        point[:, lost] = np.where(np.isnan(found.failing), found.open, found.failing)[:, lost]
+        proved, boxes = proved & found.proved, boxes + found.boxes
+    return Held(proved, point, boxes)
+
+
+def conditions(covered: Covered, low: float, high: float, effort: Effort | None = None) -> Held:
+    """Prove Re G_hh > 0 and Re Z_c >= factor R on a band, in the hand of the least operator."""
+    claims, device, fixed = covered.claims, covered.demands.device, covered.fixed
+    beyond = max(1 / device.sample_time, low)
+    band = covered.over(low, beyond if high == inf else high)
+    parts = [(positive(claims.conditions, fixed, claims.conditions_near_zero), band)]
+    if covered.box is not None and covered.box.nominal.unmodelled is not None:
+        parts += [(positive(margin, fixed), band) for margin in claims.clamped]
+    if resistance_apart(device):
+        parts.append((positive(claims.resistance, fixed), band))
+    effort = effort or covered.effort()
+    found = held(covered, effort, parts)
+    if high == inf:  # as a function of 1/omega
+        above = held(
+            covered, effort, [(positive(claims.conditions_near_infinity, fixed), covered.over(0.0, 1 / beyond))]
+        )
+        above.point[0] = 1 / np.maximum(above.point[0], 1e-300)
+        point = np.where(found.proved, above.point, found.point)
+        found = Held(found.proved & above.proved, point, found.boxes + above.boxes)
+    return found
+
+
+def sensitivity(covered: Covered) -> Held:
+    """Prove |S| < max_sensitivity of the sampled loop at every frequency."""
+    claims = covered.claims
+
+    def either(theta: Number, v: Values) -> tuple[Number, Number]:
+        return claims.sensitivity(theta, v), claims.sensitivity_any_position(theta, v)
+
+    test = positive(claims.sensitivity, covered.fixed, either if KEYS[1] in covered.names else None)
+    return held(covered, covered.effort(), [(test, covered.around_circle())])
+
+
+@dataclass(frozen=True, slots=True)
+class Turns:
+    """How often a curve turns around 0 for every device and design of each of n owners; nan where this is open."""
+
+    number: Floats
+    same: Flags  # whether the curve misses 0 throughout, so that the number is the same
+    point: Floats  # frequency and rows of a place where this is open, shape (1 + rows, n)
+    boxes: Integers
+
+
+def turns(
+    covered: Covered,
+    curve: Callable[[Claims], Curve],
+    over: Callable[[Covered], Boxes],
+    turn: float,
+    goal: float = 0.0,
+    near: Callable[[Claims], Margin] | None = None,
+    limit: Callable[[Claims], Margin] | None = None,
+) -> Turns:
+    """Count the turns of a curve at the centre of each owner, and prove that it misses 0 throughout."""
+    n, fixed, effort = covered.owners, covered.fixed, covered.effort(POLES)
+    same = Held(np.ones(n, bool), np.full((1 + len(covered.names), n), np.nan), np.zeros(n, np.intp))
+    if covered.extended:
+        claims = covered.claims
+        test = misses_zero(curve(claims), fixed, near and near(claims))
+        same = held(covered, effort, [(test, over(covered))])
+    at, number = np.flatnonzero(same.proved), np.full(n, np.nan)
+    points = covered.subset(at).centres()
+    there = curve(points.claims)
+    missed = misses_zero(there, fixed, near and near(points.claims))
+    found = prove(
+        missed, over(points), len(at), points.effort(POLES), turned_angles(there, fixed, limit and limit(points.claims))
+    )
+    number[at] = np.where(found.proved, np.round((goal - found.total) / turn), np.nan)
+    same.boxes[at] += found.boxes
+    lost = at[~found.proved]
+    same.point[: len(found.open), lost] = found.open[:, ~found.proved]
+    return Turns(number, same.proved, same.point, same.boxes)
+
+
+def model_turns(loop: Covered) -> Turns:
+    """Count the poles of the frequency model in the right half plane, for one of the loops."""
+    end = _curve_end(loop)
+    goal = final_angle(loop.demands.device, integral=loop.integral)
+    curve, near = attrgetter("model_poles"), attrgetter("model_any_position")
+    return turns(loop, curve, lambda c: c.over(0.0, end), 2 * pi, goal, near)
+
+
+def sampled_turns(loop: Covered) -> Turns:
+    """Count the poles of the exact sampled loop outside the unit circle, for one of the loops.
+
+    The curve begins at F(1) > 0 and ends on the real axis.
+    """
+    curve, near = attrgetter("sampled_poles"), attrgetter("sampled_any_position")
+    return turns(loop, curve, Covered.around_circle, pi, near=near)
+
+
+def hand_turns(covered: Covered) -> Turns:
+    """Count the unstable poles of the loop in the middle hand of the box, while the environment is at rest."""
+    hands, kind = covered.demands.hands, covered.demands.device.kind
+    assert hands is not None
+    middle, curve, limit = hands.middle, attrgetter("poles_in_hand"), None
+    if hands.high.stiffness <= NEGLIGIBLE and kind.own_loop and not (kind.senses_force and covered.integral):
+        # Without stiffness one pole is at z = 1. With a little it is inside if none of the others is outside; doubles do
+        # not show so little.
+        middle = replace(middle, stiffness=0.0)
+        curve, limit = attrgetter("poles_in_limp_hand"), attrgetter("limp_hand")
+    there = replace(covered, fixed={**covered.fixed, **middle.mapped(decimal).by_key})
+    return turns(there, curve, Covered.around_circle, pi, near=limit, limit=limit)
+
+
+def _curve_end(loop: Covered) -> float:
+    """Return a frequency above which the frequency model's curve cannot turn around 0."""
+    if loop.box is None:
+        device, ops = loop.demands.device, FLOATS
+    else:
+        ends = zip(loop.box.uncertain, map(between, loop.low[:, 0], loop.high[:, 0]), strict=True)
+        device, ops = loop.box.nominal.converted(decimal).with_numbers(dict(ends)), ENCLOSURES
+    if KEYS[0] in loop.names:
+        K_v, K_p = (float(row.max(initial=0.0)) for row in loop.high[:2])
+    else:
+        K_v, K_p = (float(loop.fixed[key].mid) for key in KEYS[:2])
+    return (1 + NEAR) * max(curve_end(device, K_v, K_p, ops), NEAR / ops.magnitude(device.sample_time))
+
+
+def stable_loop(device: Device, gains: Gains, *, model: bool) -> bool | None:
+    """Return whether the sampled loop, and with `model` the frequency model, is stable; None if undecided."""
+    fixed = dict(zip(KEYS, map(decimal, astuple(gains)), strict=False))
+    empty = np.empty((0, 1))
+    loop = Covered(Demands(device.modelled, (0.0, inf), 1.0, inf), (), empty, empty, fixed)
+    numbers = [sampled_turns(loop).number[0], *([model_turns(loop).number[0]] if model else [])]
+    return None if np.isnan(numbers).any() else not any(numbers)
+
+
+# A function that returns the frequency, rad/s or rad, at which a claim certainly fails for a device
+Failure = Callable[[Device, float], float | None]
+
+
+def prove_conditions(design: Design, demands: Demands, box: DeviceBox | None) -> Outcome:
+    """Prove Llewellyn's conditions on the band for every device of the box."""
+    low, high = outwards(demands.band)
+    if not design.gains.closed and (box is None or box.nominal.unmodelled is None):
+        return _without_loop(design, low)
+    covered = of_design(design, demands, box)
+    failure = partial(_conditions_fail, design, demands)
+    return _outcome(covered, conditions(covered, low, high), failure)
+
+
+def prove_sensitivity(design: Design, demands: Demands, box: DeviceBox | None) -> Outcome:
+    """Prove |S| < max_sensitivity of the sampled loop for every device of the box."""
+    covered = of_design(design, demands, box)
+
+    def failure(device: Device, theta: float) -> float | None:
+        limit = ball(demands.max_sensitivity)
+        margin = sensitivity_margin(exact_plant(device), gains_ball(design.gains), arb(theta), limit, BALLS)
+        return theta if margin < 0 else None
+
+    return in_rad_per_s(_outcome(covered, sensitivity(covered), failure), design.device)
+
+
+def prove_unmodelled(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
+    """Prove |1 - S| r < 1 of the sampled loop for every device, where r is the radius of the unmodelled dynamics."""
+    assert box.nominal.unmodelled is not None
+    radii, covered = box.nominal.unmodelled.radii, of_design(design, demands, box.modelled)
+    claims = claims_of(replace(demands, device=box.nominal), box.modelled.uncertain)
+
+    def failure(device: Device, theta: float) -> float | None:
+        radius = BALLS.interpolated(arb(theta / (2 * pi * device.sample_time)), radii)
+        margin = unmodelled_margin(exact_plant(device), gains_ball(design.gains), arb(theta), radius, BALLS)
+        return theta if margin < 0 else None
+
+    found = held(covered, DESIGN, [(positive(claims.unmodelled, covered.fixed), covered.around_circle())])
+    return in_rad_per_s(_outcome(covered, found, failure), design.device)
+
+
+def prove_model_poles(design: Design, demands: Demands, box: DeviceBox | None) -> Outcome:
+    """Prove that no pole of the frequency model lies in the closed right half plane, for every device of the box."""
+    if not design.gains.closed:
+        return Outcome(Verdict.PROVED if design.device.damping > 0 else Verdict.REFUTED, 1)
+    return _poles(design, demands, box, model_turns)
+
+
+def prove_sampled_poles(design: Design, demands: Demands, box: DeviceBox | None) -> Outcome:
+    """Prove that the spectral radius of the exact sampled loop is below 1, for every device of the box."""
+    return in_rad_per_s(_poles(design, demands, box, sampled_turns), design.device)
+
+
+def _poles(design: Design, demands: Demands, box: DeviceBox | None, counted: Callable[[Covered], Turns]) -> Outcome:
+    boxes, corners = 0, box.modelled.corners() if box is not None else []
+    for loop in of_design(design, demands, box).loops():
+        found = counted(loop)
+        boxes += int(found.boxes[0])
+        if found.number[0] == 0:
+            continue
+        if np.isfinite(found.number[0]):
+            return Outcome(Verdict.REFUTED, boxes)
+        doubtful = _device(loop, found.point[:, 0])
+        for device in (doubtful, *corners) if not found.same[0] else ():
+            one = counted(of_design(replace(design, device=device), demands))
+            boxes += int(one.boxes[0])
+            if np.isfinite(one.number[0]) and one.number[0] != 0:
+                return Outcome(Verdict.REFUTED, boxes, None, device)
+        return Outcome(Verdict.UNDECIDED, boxes, float(found.point[0, 0]), doubtful if loop.box is not None else None)
+    return Outcome(Verdict.PROVED, boxes)
+
+
+def _outcome(covered: Covered, found: Held, failure: Failure) -> Outcome:
+    """Return the outcome of a claim about one design: where it is open, ball arithmetic decides at that place."""
+    boxes, box = int(found.boxes[0]), covered.box
+    if found.proved[0]:
+        return Outcome(Verdict.PROVED, boxes)
+    place, doubtful = float(found.point[0, 0]), _device(covered, found.point[:, 0])
+    for device in (doubtful, *(box.modelled.corners() if box is not None else ())):
+        if (witness := failure(device, place)) is not None:
+            return Outcome(Verdict.REFUTED, boxes, witness, device if box is not None else None)
+    return Outcome(Verdict.UNDECIDED, boxes, place, doubtful if box is not None else None)
+
+
+def _device(covered: Covered, point: Floats) -> Device:
+    """Return the device at a point of the rows."""
+    if covered.box is None:
+        return covered.demands.device
+    within = np.clip(point[1:], covered.low[:, 0], covered.high[:, 0]).tolist()
+    return covered.box.device(dict(zip(covered.box.uncertain, within, strict=True)))
+
+
+def _without_loop(design: Design, low: float) -> Outcome:
+    """Return the outcome of the conditions without feedback, where R = 0: damping and Re Z_c must be positive."""
+    coupling = design.series
+    resistive = coupling.drag > 0 or (0 < coupling.damping < inf and coupling.mass > 0)
+    holds = design.device.least_damping > 0 and resistive
+    return Outcome(Verdict.PROVED, 1) if holds else Outcome(Verdict.UNDECIDED, 1, low)
+
+
+def _conditions_fail(design: Design, demands: Demands, device: Device, omega: float) -> float | None:
+    """Return where the conditions certainly fail: at a frequency or towards an endless end of the band; else None."""
+    exact, factor = design_ball(replace(design, device=device)), arb(repr(demands.factor))
+
+    def fails(omega: float) -> bool:
+        if conditions_margin(exact, arb(omega), factor, BALLS) < 0:
+            return True
+        return bool(resistance_apart(device) and resistance_margin(exact, arb(omega), BALLS) < 0)
+
+    (low, high), tried = demands.band, [omega]
+    if low == 0 and omega < 1 / device.sample_time:
+        tried += [min(high, 1.0) * 0.25**k for k in range(TRIES)]
+    if high == inf and omega > 1 / device.sample_time:
+        tried += [max(low, 1.0) * 4.0**k for k in range(TRIES)]
+    return next((each for each in tried if each > 0 and fails(each)), None)
+
+
+def in_rad_per_s(outcome: Outcome, device: Device) -> Outcome:
+    """Return an outcome with its witness theta = omega T converted to omega."""
+    witness = outcome.witness / device.sample_time if outcome.witness is not None else None
+    return replace(outcome, witness=witness)
+
+
+def is_rational(device: Device) -> bool:
+    """Return whether a device has a model at every frequency: whether it is ideal, with hold "lag" and no delay."""
+    return device.ideal and device.hold == "lag" and device.delay == 0
+
+
+def widest_band(design: Design, demands: Demands, box: DeviceBox | None) -> tuple[float, float]:
+    """Return the widest band around a proved band on which Re Z_c >= R is proved for every device, rad/s."""
+    covered, (low, high) = of_design(design, replace(demands, factor=1.0), box), demands.band
+    if not design.gains.closed and covered.box is None:
+        return 0.0, inf if is_rational(design.device) else pi / design.device.sample_time
+
+    def holds(low: float, high: float) -> bool:
+        return bool(conditions(covered, low, high, EXTENSION).proved[0])
+
+    endless = is_rational(design.device)
+    first = 0.0 if low == 0 or holds(0.0, low) else extend_band(holds, low, low * LOWEST_EDGE)
+    if high == inf or (endless and holds(high, inf)):
+        return first, inf
+    return first, extend_band(holds, high, high / LOWEST_EDGE if endless else pi / design.device.sample_time)
