@@ -53,7 +53,6 @@ from vctune.proof.claims.margins_of_claims import (
     limp_hand_margin,
     limp_margins_in_worlds,
     limp_strip_of_walls,
-    loop_gain_margin,
     low_margin,
     margins_in_worlds,
     model_curve,
@@ -107,8 +106,6 @@ class Claims:
     sampled_poles: Curve
     model_any_position: Margin  # margins; where they are positive, the curve is not 0 for any K_p > 0
     sampled_any_position: Margin
-    sampled_any_phase: Margin  # margins in theta for any number of whole samples of delay
-    sensitivity_any_phase: Margin
 
 
 def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
@@ -170,8 +167,6 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         sampled_poles=sampled_curve,
         model_any_position=lambda omega, v: along_drive(at(omega, v), gains_of(v)),
         sampled_any_position=lambda theta, v: across_position(plant(v), gains_of(v), theta, OPS)[0],
-        sampled_any_phase=lambda theta, v: loop_gain_margin(plant(v), gains_of(v), theta, Enclosure(1.0), OPS),
-        sensitivity_any_phase=lambda theta, v: loop_gain_margin(plant(v), gains_of(v), theta, 1 - 1 / limit, OPS),
     )
 
 

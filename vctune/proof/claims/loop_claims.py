@@ -255,8 +255,8 @@ def hand_turns(covered: Covered) -> Turns:
     assert hands is not None
     middle, curve, limit = hands.middle, attrgetter("poles_in_hand"), None
     if hands.high.stiffness <= NEGLIGIBLE and kind.own_loop and not (kind.senses_force and covered.integral):
-        # Without stiffness one pole is at z = 1. With a little, which doubles do not show, it is inside if no other pole
-        # is outside.
+        # Without stiffness one pole is at z = 1. With a little, which doubles do not show, it is inside if no other is
+        # outside.
         middle = replace(middle, stiffness=0.0)
         curve, limit = attrgetter("poles_in_limp_hand"), attrgetter("limp_hand")
     there = replace(covered, fixed={**covered.fixed, **middle.mapped(decimal).by_key})

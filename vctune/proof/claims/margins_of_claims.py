@@ -130,13 +130,6 @@ def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number,
     return (parts.open + loop).abs2() - radius * radius * loop.abs2()
 
 
-def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return limit^2 |F_0|^2 - |F - F_0|^2. Where it is positive, |L| < limit and |S| < 1/(1 - limit) for any phase."""
-    parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
-    loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
-    return limit * limit * parts.open.abs2() - loop.abs2()
-
-
 def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14)."""
     required = required_in_hand(loop_in_hand(plant, theta, ops), design.gains)
