@@ -41,7 +41,7 @@ FAULTS = {
     "an interpolated command is a held one": (
         "model/sampled/servo_plant.py", 'interpolated = servo.command == "position"', "interpolated = False"),
     "undecided is read as proved": (
-        "proof/engine/interval.py", "(Verdict.REFUTED, Verdict.UNDECIDED, Verdict.PROVED)",
+        "proof/outcome.py", "(Verdict.REFUTED, Verdict.UNDECIDED, Verdict.PROVED)",
         "(Verdict.REFUTED, Verdict.PROVED, Verdict.UNDECIDED)"),
     "the last claim is dropped": (
         "proof/certificate.py", "asked = claims_asked(demands, box)\n", "asked = claims_asked(demands, box)[:-1]\n"),
@@ -72,7 +72,7 @@ FAULTS = {
         "analysis/loops_in_hands.py", "return Hand(*(number.ravel() for number in each))",
         "return Hand(*(number.ravel()[:1] for number in each))"),
     "an unstable loop is taken for a stable one": (
-        "proof/claims/sampled_poles.py", "Verdict.REFUTED", "Verdict.PROVED"),
+        "proof/claims/loop_claims.py", "return Outcome(Verdict.REFUTED, boxes)\n", "return Outcome(Verdict.PROVED, boxes)\n"),
     "a number of [operator] is the least of a range": (
         "document/schema/defaults.py", "    if isinstance(value, float):\n        return Range(value, value)",
         "    if isinstance(value, float):\n        return Range(value, max(value, high))"),

@@ -20,7 +20,7 @@ from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.servo_in_hand import blur_of, demand_of, seen_of_servo
 from vctune.model.sampled.servo_plant import sensed_delay, servo_plant
 from vctune.model.servo import latency
-from vctune.proof.claims.whole_samples import sensed_force_jumps
+from vctune.proof.claims.delays import sensed_force_jumps
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, ball
 
 HERTZ = (1e-3, 0.1, 1, 5, 10, 20, 60)

@@ -13,7 +13,7 @@ from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands, Problem
 from vctune.model.transparency import TERMS, TermName, Terms
 from vctune.model.worlds import Worlds
-from vctune.proof.claims.whole_samples import beside_whole_sample, next_to_whole_samples, reaching_whole_sample
+from vctune.proof.claims.delays import beside_whole_sample, next_to_whole_samples, reaching_whole_sample
 from vctune.proof.device_box import DeviceBox, device_box, in_longer_hands, moved_as_one
 
 

@@ -29,8 +29,8 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem, Range
 from vctune.model.transparency import Terms
 from vctune.model.worlds import WorldsMet
+from vctune.proof.claims.delays import NEXT_TO
 from vctune.proof.claims.registry import CLAIMS, IN_HANDS
-from vctune.proof.claims.whole_samples import NEXT_TO
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 

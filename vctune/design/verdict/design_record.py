@@ -55,8 +55,8 @@ from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import finite_hertz, hertz
 from vctune.model.problem import Problem
+from vctune.proof.claims.delays import delay_in_samples
 from vctune.proof.claims.registry import IN_HANDS, claims_about
-from vctune.proof.claims.whole_samples import delay_in_samples
 from vctune.proof.outcome import Verdict, worst_verdict
 from vctune.running import out_of_time, unlimited
 from vctune.version import versions

@@ -15,7 +15,7 @@ from vctune.design.verdict.judge import Status
 from vctune.model.device import Device
 from vctune.model.hands import Hand, Hands
 from vctune.model.problem import Problem
-from vctune.proof.claims.whole_samples import kept_at_whole_sample, sensed_force_jumps
+from vctune.proof.claims.delays import kept_at_whole_sample, sensed_force_jumps
 from vctune.running import OutOfTimeError, check_time
 
 PRICES = "the prices of the device's numbers"  # Name of a stage that a time limit may cut short

@@ -62,11 +62,11 @@ from vctune.proof.claims.margins_of_claims import (
     strip_of_walls,
     unmodelled_margin,
 )
-from vctune.proof.claims.worlds.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
+from vctune.proof.claims.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
 from vctune.proof.enclosures.intervals import Enclosure, decimal
+from vctune.proof.enclosures.sharing import shared
 from vctune.proof.enclosures.taylor_functions import TAYLOR as OPS
-from vctune.proof.engine.sharing import shared
 from vctune.proof.prover import Curve, Margin
 
 # The names of the rows for the shares of rho (model/README.md, section 14)

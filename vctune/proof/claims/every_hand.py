@@ -19,6 +19,7 @@ from vctune.model.sampled.worlds.loop_in_walls import LEADS
 from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
 from vctune.model.worlds import WorldsMet
 from vctune.proof.boxes import SAMPLES_BEFORE, Boxes, Values, band_of, over_band
+from vctune.proof.claims.any_spring import left_by_any_spring
 from vctune.proof.claims.array_claims import (
     AT_REST,
     SHARES,
@@ -27,9 +28,8 @@ from vctune.proof.claims.array_claims import (
     hands_margins,
     limp_hands_margins,
 )
-from vctune.proof.claims.delay_parts import DELAY_ROWS, Ends, Part, parts_of, row_of
-from vctune.proof.claims.in_hands.any_spring import left_by_any_spring
-from vctune.proof.claims.in_hands.crossing import refuted_by_one
+from vctune.proof.claims.crossing import refuted_by_one
+from vctune.proof.claims.delays import DELAY_ROWS, NEXT_TO, Ends, Part, parts_of, row_of
 from vctune.proof.claims.loop_claims import hand_turns, in_rad_per_s, of_design
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
@@ -39,8 +39,7 @@ from vctune.proof.claims.margins_of_claims import (
     hand_margin,
     margins_in_worlds,
 )
-from vctune.proof.claims.whole_samples import NEXT_TO
-from vctune.proof.claims.worlds.walls import COUPLING_SHARE, fails_with_a_wall
+from vctune.proof.claims.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.device_box import (
     MOST_AT_ONCE,
     DeviceBox,

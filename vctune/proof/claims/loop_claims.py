@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 from functools import partial
-from math import floor, inf, pi
+from math import floor, inf, pi, sqrt
 from operator import attrgetter
 
 import numpy as np
@@ -18,7 +18,8 @@ from flint import arb
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import NEGLIGIBLE
-from vctune.model.numbers.arithmetic import FLOATS, Number
+from vctune.model.loop.device_response import mechanism
+from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.keys import KEYS, keys_of
 from vctune.model.problem import Demands
 from vctune.proof.boxes import Boxes, Cells, Integers, Values, band_of, joined, over_band
@@ -33,7 +34,6 @@ from vctune.proof.claims.margins_of_claims import (
     sensitivity_margin,
     unmodelled_margin,
 )
-from vctune.proof.claims.model_poles import NEAR, curve_end, final_angle
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, exact_plant, gains_ball
 from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, between, decimal, decimal_or_inf
@@ -48,6 +48,13 @@ EXTENSION = Effort(max_halvings=80, max_boxes=2_000)  # one step beyond the band
 CELL = Effort(max_halvings=10, max_boxes=4_000, few=0)  # the verdict on a cell must not depend on the other cells
 POINT = Effort(max_halvings=24, max_boxes=4_000, few=0)
 TRIES = 400  # Number of frequencies, each a fourth of the last, tried where the proof fails at the band's low end
+
+# Relative allowance for rounding errors, which are about 1e-12, in the frequency that `curve_end` returns and in an
+# angle
+NEAR = 1e-6
+# Greatest difference, rad, between the argument at `curve_end` and its limit, at which the prover accepts the loop as
+# stable
+ROOM = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,6 +254,24 @@ def sampled_turns(loop: Covered) -> Turns:
     """
     curve, near = attrgetter("sampled_poles"), attrgetter("sampled_any_position")
     return turns(loop, curve, Covered.around_circle, pi, near=near)
+
+
+def final_angle(device: Device, *, integral: bool) -> float:
+    """Return the limit of the argument of `model_curve` for omega -> inf if all poles are stable."""
+    return pi / 2 * (1 + integral + (2 if device.structure is not None else 0))
+
+
+def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) -> float:
+    """Return a frequency beyond which the argument of `model_curve` stays within `ROOM` of its limit."""
+    size = ops.magnitude
+    if device.structure is None:
+        return 4 * max(size(K_v / device.mass), sqrt(size(K_p / device.mass)))
+    parts = mechanism(device, device.structure, ops)
+    motor, handle = parts.motor, parts.handle
+    held = 0.0 if parts.damping is None else size(parts.damping / handle)
+    rates = size(K_v / motor), 4 / 3 * size(parts.viscosity / motor), size(parts.viscosity / handle), held
+    squares = size(K_p / motor), 4 / 3 * size(parts.stiffness / motor), size(parts.stiffness / handle)
+    return (1 + NEAR) * max(*(8 * rate for rate in rates), *(sqrt(8 * square) for square in squares))
 
 
 def hand_turns(covered: Covered) -> Turns:

@@ -162,7 +162,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "Re M (1/P + 1/(k_2 - k_1)) > 0 up to Nyquist; not with walls that move or one-sided dampers"
             ),
             quantity="in_hand",
-            margin="proof.claims.worlds.walls.walls_margins",
+            margin="proof.claims.walls.walls_margins",
             witness="a frequency up to Nyquist and a hand of `[operator]`",
             label="every hand with every wall of the box",
             explain=(

@@ -10,7 +10,7 @@ from vctune.model.device import Device
 from vctune.model.hands import HAND, MASS, STIFFNESS
 from vctune.proof.boxes import Boxes, Values
 from vctune.proof.claims.array_claims import LEAST_DAMPING
-from vctune.proof.claims.delay_parts import Part, row_of
+from vctune.proof.claims.delays import Part, row_of
 from vctune.proof.enclosures.box_minimum import least_over_boxes
 from vctune.proof.enclosures.intervals import UNIT, Enclosure, Flags
 from vctune.proof.enclosures.taylor import variables

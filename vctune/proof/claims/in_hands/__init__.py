@@ -1,1 +1,0 @@
-"""Boxes of hands for the claims in every hand: along a resonance, and next to rest."""

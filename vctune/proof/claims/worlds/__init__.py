@@ -1,1 +1,0 @@
-"""Claims about boxes of environments: walls, one member of a box, and many boxes at once."""

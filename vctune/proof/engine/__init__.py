@@ -1,1 +1,0 @@
-"""The prover: it halves intervals and boxes until each is decided."""
