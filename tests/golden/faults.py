@@ -72,7 +72,8 @@ FAULTS = {
         "analysis/loops_in_hands.py", "return Hand(*(number.ravel() for number in each))",
         "return Hand(*(number.ravel()[:1] for number in each))"),
     "an unstable loop is taken for a stable one": (
-        "proof/claims/loop_claims.py", "return Outcome(Verdict.REFUTED, boxes)\n", "return Outcome(Verdict.PROVED, boxes)\n"),
+        "proof/claims/loop_claims.py", "return Outcome(Verdict.REFUTED, boxes)\n",
+        "return Outcome(Verdict.PROVED, boxes)\n"),
     "a number of [operator] is the least of a range": (
         "document/schema/defaults.py", "    if isinstance(value, float):\n        return Range(value, value)",
         "    if isinstance(value, float):\n        return Range(value, max(value, high))"),

@@ -226,6 +226,8 @@ def turns(
         test = misses_zero(curve(claims), fixed, near and near(claims))
         same = held(covered, effort, [(test, over(covered))])
     at, number = np.flatnonzero(same.proved), np.full(n, np.nan)
+    if not len(at):
+        return Turns(number, same.proved, same.point, same.boxes)
     points = covered.subset(at).centres()
     there = curve(points.claims)
     missed = misses_zero(there, fixed, near and near(points.claims))
