@@ -18,14 +18,14 @@ def test_an_edge_is_proved_and_has_the_greatest_decimals_that_are(side, monkeypa
     for _ in range(300):
         true = 10 ** rng.uniform(-6, 6)
 
-        def holds(low, high, true=true):
-            assert low < high
-            return high <= true if side > 0 else low >= true
+        def proved(edges, true=true):
+            ends = np.sort([edges[:-1], edges[1:]], axis=0)
+            return ends[1] <= true if side > 0 else ends[0] >= true
 
         found = set()
         for share, step in ((0.3, 1e-6), (0.97, 1e-6), (0.9999999, 1e-6), (0.5, 1e-8)):
             monkeypatch.setattr(band_edges, "FINEST_STEP", step)
-            edge = extend_band(holds, true * share**side, true * 1000.0**side)
+            edge = extend_band(proved, true * share**side, true * 1000.0**side)
             assert side * (true - edge) >= 0
             if share < 0.99:
                 found.add(edge_in_hertz(edge, upper=side > 0))
@@ -37,8 +37,20 @@ def test_an_edge_is_proved_and_has_the_greatest_decimals_that_are(side, monkeypa
 def test_an_edge_that_is_decimal_is_kept_and_a_goal_is_reached():
     for hertz in (0.5, 102.75, 12345.0, 3e-7):
         upper, lower = 2 * pi * hertz * (1 + 1e-9), 2 * pi * hertz * (1 - 1e-9)
-        assert edge_in_hertz(extend_band(lambda _, high, most=upper: high <= most, hertz, 1e9), upper=True) == hertz
-        assert edge_in_hertz(extend_band(lambda low, _, least=lower: low >= least, 1e6, 1e-9), upper=False) == hertz
-    assert extend_band(lambda low, high: True, 3.0, 777.7) == 777.7
-    assert extend_band(lambda low, high: False, 3.0, 777.7) == 3.0
-    assert extend_band(lambda low, high: high <= 777.69, 3.0, 777.7) <= 777.69
+        assert (
+            edge_in_hertz(
+                extend_band(lambda edges, most=upper: (edges[:-1] <= most) & (edges[1:] <= most), hertz, 1e9),
+                upper=True,
+            )
+            == hertz
+        )
+        assert (
+            edge_in_hertz(
+                extend_band(lambda edges, least=lower: (edges[:-1] >= least) & (edges[1:] >= least), 1e6, 1e-9),
+                upper=False,
+            )
+            == hertz
+        )
+    assert extend_band(lambda edges: edges[1:] > 0, 3.0, 777.7) == 777.7
+    assert extend_band(lambda edges: edges[1:] < 0, 3.0, 777.7) == 3.0
+    assert extend_band(lambda edges: edges[1:] <= 777.69, 3.0, 777.7) <= 777.69

@@ -4,30 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
-from math import pi, sqrt
+from math import pi
 
-from vctune.running import OutOfTimeError
+import numpy as np
+
+from vctune.proof.enclosures.intervals import Flags, Floats
 
 LOWEST_EDGE = 1e-18  # Lowest frequency, relative to the edge of the required band, to which a proof is extended
 FINEST_STEP = 1e-6  # Relative step at which the extension of a proved band ends
+PIECES = 64  # Number of intervals that are proved together
 EDGE_DIGITS = 5  # Number of digits of an edge in Hz outside the required band
 BEYOND = 1e-12  # Relative amount by which an edge in rad/s lies outside the edge in hertz
 
 
-def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
-    """Return the farthest point from an edge towards a goal up to which a proof holds."""
-    down, start = goal < edge, edge
-    step, held = 4.0, True  # a ratio of frequencies; a second success squares it, a failure takes its square root
-    try:
-        while step - 1 > FINEST_STEP and edge != goal:
-            ahead = max(goal, edge / step) if down else min(goal, edge * step)
-            if holds(min(edge, ahead), max(edge, ahead)):
-                edge, step, held = ahead, min(step * step, 16.0) if held else step, True
-            else:
-                step, held = sqrt(step), False
-        return goal if edge == goal else _decimal_edge(holds, edge, start, goal)
-    except OutOfTimeError:
-        return edge
+def extend_band(proved: Callable[[Floats], Flags], edge: float, goal: float) -> float:
+    """Return the farthest point from an edge towards a goal up to which a proof holds.
+
+    `proved` tells on which of the intervals between neighbouring frequencies the proof holds.
+    """
+    start, end = edge, goal
+    while abs(end / edge - 1) > FINEST_STEP:
+        edges = np.geomspace(edge, end, PIECES + 1)
+        edges[0], edges[-1] = edge, end
+        held = int(np.argmin([*proved(edges), False]))
+        if held == PIECES and end == goal:
+            return goal
+        edge, end = float(edges[held]), float(edges[min(held + 1, PIECES)])
+    return _decimal_edge(lambda low, high: bool(proved(np.array([low, high]))[0]), edge, start, goal)
 
 
 def _decimal_edge(holds: Callable[[float, float], bool], edge: float, start: float, goal: float) -> float:

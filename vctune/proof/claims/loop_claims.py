@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from math import floor, inf, pi, sqrt
 from operator import attrgetter
 
@@ -22,7 +22,7 @@ from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.keys import KEYS, keys_of
 from vctune.model.problem import Demands
-from vctune.proof.boxes import Boxes, Cells, Integers, Values, band_of, joined, over_band
+from vctune.proof.boxes import FREQUENCY, Boxes, Cells, Integers, Values, band_of, first_boxes, joined, over_band
 from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
@@ -44,7 +44,7 @@ from vctune.proof.prover import Curve, Effort, Margin, Test, misses_zero, positi
 STEP = 1.4  # Ratio of the edges of the first intervals of frequency
 DESIGN = Effort(max_halvings=80, max_boxes=400_000)  # twenty halvings in each of four rows
 POLES = Effort(max_halvings=80, max_boxes=40_000)
-EXTENSION = Effort(max_halvings=80, max_boxes=2_000)  # one step beyond the band
+EXTENSION = Effort(max_halvings=80, max_boxes=2_000, few=0)  # one step beyond the band
 CELL = Effort(max_halvings=10, max_boxes=4_000, few=0)  # the verdict on a cell must not depend on the other cells
 POINT = Effort(max_halvings=24, max_boxes=4_000, few=0)
 TRIES = 400  # Number of frequencies, each a fourth of the last, tried where the proof fails at the band's low end
@@ -168,24 +168,26 @@ def held(covered: Covered, effort: Effort, parts: list[tuple[Test, Boxes]]) -> H
 
 def conditions(covered: Covered, low: float, high: float, effort: Effort | None = None) -> Held:
     """Prove Re G_hh > 0 and Re Z_c >= factor R on a band, in the hand of the least operator."""
-    claims, device, fixed = covered.claims, covered.demands.device, covered.fixed
-    beyond = max(1 / device.sample_time, low)
-    band = covered.over(low, beyond if high == inf else high)
-    parts = [(positive(claims.conditions, fixed, claims.conditions_near_zero), band)]
-    if covered.box is not None and covered.box.nominal.unmodelled is not None:
-        parts += [(positive(margin, fixed), band) for margin in claims.clamped]
-    if resistance_apart(device):
-        parts.append((positive(claims.resistance, fixed), band))
-    effort = effort or covered.effort()
-    found = held(covered, effort, parts)
+    effort, beyond = effort or covered.effort(), max(1 / covered.demands.device.sample_time, low)
+    found = _conditions(covered, covered.over(low, beyond if high == inf else high), effort)
     if high == inf:  # as a function of 1/omega
-        above = held(
-            covered, effort, [(positive(claims.conditions_near_infinity, fixed), covered.over(0.0, 1 / beyond))]
-        )
+        test = positive(covered.claims.conditions_near_infinity, covered.fixed)
+        above = held(covered, effort, [(test, covered.over(0.0, 1 / beyond))])
         above.point[0] = 1 / np.maximum(above.point[0], 1e-300)
         point = np.where(found.proved, above.point, found.point)
         found = Held(found.proved & above.proved, point, found.boxes + above.boxes)
     return found
+
+
+def _conditions(covered: Covered, band: Boxes, effort: Effort) -> Held:
+    """Prove the conditions on the boxes of a band."""
+    claims, fixed = covered.claims, covered.fixed
+    parts = [(positive(claims.conditions, fixed, claims.conditions_near_zero), band)]
+    if covered.box is not None and covered.box.nominal.unmodelled is not None:
+        parts += [(positive(margin, fixed), band) for margin in claims.clamped]
+    if resistance_apart(covered.demands.device):
+        parts.append((positive(claims.resistance, fixed), band))
+    return held(covered, effort, parts)
 
 
 def sensitivity(covered: Covered) -> Held:
@@ -441,6 +443,7 @@ def is_rational(device: Device) -> bool:
     return device.ideal and device.hold == "lag" and device.delay == 0
 
 
+@lru_cache(maxsize=64)
 def widest_band(design: Design, demands: Demands, box: DeviceBox | None) -> tuple[float, float]:
     """Return the widest band around a proved band on which Re Z_c >= R is proved for every device, rad/s."""
     covered, (low, high) = of_design(design, replace(demands, factor=1.0), box), demands.band
@@ -450,8 +453,15 @@ def widest_band(design: Design, demands: Demands, box: DeviceBox | None) -> tupl
     def holds(low: float, high: float) -> bool:
         return bool(conditions(covered, low, high, EXTENSION).proved[0])
 
+    def proved(edges: Floats) -> Flags:
+        ends, n = np.sort([edges[:-1], edges[1:]], axis=0), len(edges) - 1
+        many = replace(covered, low=np.repeat(covered.low, n, axis=1), high=np.repeat(covered.high, n, axis=1))
+        low, high = (np.vstack((edge, row)) for edge, row in zip(ends, (many.low, many.high), strict=True))
+        boxes = first_boxes((FREQUENCY, *covered.names), low, high, np.arange(n), np.zeros(n, np.intp))
+        return _conditions(many, boxes, EXTENSION).proved
+
     endless = is_rational(design.device)
-    first = 0.0 if low == 0 or holds(0.0, low) else extend_band(holds, low, low * LOWEST_EDGE)
+    first = 0.0 if low == 0 or holds(0.0, low) else extend_band(proved, low, low * LOWEST_EDGE)
     if high == inf or (endless and holds(high, inf)):
         return first, inf
-    return first, extend_band(holds, high, high / LOWEST_EDGE if endless else pi / design.device.sample_time)
+    return first, extend_band(proved, high, high / LOWEST_EDGE if endless else pi / design.device.sample_time)
