@@ -30,7 +30,7 @@ NEAR_ZERO = 1e-3  # Least divisor in the relative width of a row, as a share of 
 FREQUENCY_FIRST = 64.0  # Weight of the frequency's relative width where one of several margins has no bound
 WIDER = 0.1  # Exponent of a row's relative width in the weight of the row's cost
 BLUR = 2.0  # Greatest ratio of the uncertainty from the rows that must not be halved to that from the other rows
-FEW = 128  # Number of boxes up to which an array of boxes takes about as long as one box
+FEW = 64  # Number of boxes up to which an array of boxes takes about as long as one box
 
 _MOST: ContextVar[float] = ContextVar("most boxes", default=np.inf)
 

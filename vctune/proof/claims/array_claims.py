@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from math import inf
 
 import numpy as np
@@ -108,6 +108,7 @@ class Claims:
     sampled_any_position: Margin
 
 
+@lru_cache(maxsize=64)
 def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
     """Return each claim about a device as a function of a frequency and of values by name (proof/README.md, section
     7)."""

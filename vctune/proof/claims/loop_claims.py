@@ -225,14 +225,14 @@ def turns(
     same = Held(np.ones(n, bool), np.full((1 + len(covered.names), n), np.nan), np.zeros(n, np.intp))
     if covered.extended:
         claims = covered.claims
-        test = misses_zero(curve(claims), fixed, near and near(claims))
+        test = misses_zero(curve(claims), fixed, near(claims) if near and KEYS[1] in covered.names else None)
         same = held(covered, effort, [(test, over(covered))])
     at, number = np.flatnonzero(same.proved), np.full(n, np.nan)
     if not len(at):
         return Turns(number, same.proved, same.point, same.boxes)
     points = covered.subset(at).centres()
     there = curve(points.claims)
-    missed = misses_zero(there, fixed, near and near(points.claims))
+    missed = misses_zero(there, fixed, limit and limit(points.claims))
     found = prove(
         missed, over(points), len(at), points.effort(POLES), turned_angles(there, fixed, limit and limit(points.claims))
     )
@@ -289,7 +289,7 @@ def hand_turns(covered: Covered) -> Turns:
         middle = replace(middle, stiffness=0.0)
         curve, limit = attrgetter("poles_in_limp_hand"), attrgetter("limp_hand")
     there = replace(covered, fixed={**covered.fixed, **middle.mapped(decimal).by_key})
-    return turns(there, curve, Covered.around_circle, pi, near=limit, limit=limit)
+    return turns(there, curve, Covered.around_circle, pi, limit=limit)
 
 
 def _curve_end(loop: Covered) -> float:
