@@ -1,5 +1,4 @@
-"""The claims of a certificate as functions of a frequency and a design, on enclosures and jets. See proof/README.md,
-section 7."""
+"""The margins and curves of the claims as functions of a frequency and of numbers by name, for boxes of both."""
 
 from __future__ import annotations
 
@@ -110,8 +109,7 @@ class Claims:
 
 @lru_cache(maxsize=64)
 def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
-    """Return each claim about a device as a function of a frequency and of values by name (proof/README.md, section
-    7)."""
+    """Return each claim about a device as a function of a frequency and of values by name."""
     device, plant = _devices(demands.device, uncertain)
     factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
 

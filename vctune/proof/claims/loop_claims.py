@@ -1,7 +1,7 @@
 """Prove what does not depend on a box of hands: Llewellyn's conditions, |S|, the unmodelled dynamics and the poles.
 
 One design, one design for every device of a box, and cells of designs are the same proof with other rows
-(proof/README.md, sections 3 to 8).
+(proof/README.md, sections 4 to 9).
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 """Single numbers as Arb balls of 128 bits. Every ball contains the true value; if it excludes 0, the sign is proved.
-See proof/README.md, section 2."""
+See proof/README.md, section 7."""
 
 from __future__ import annotations
 
