@@ -224,3 +224,11 @@ def test_what_is_solved_for_a_differenced_velocity_passes_its_check(held):
     solved = solve(found.file)
     checked = check(found.file.problem, solved.judgement.gains, solved.judgement.coupling)
     assert checked.result is CheckVerdict.PASSED
+
+
+def test_a_force_that_no_noise_explains_is_refused(moved, tmp_path):
+    """A force of the position that is no spring, as of a pendulum that turns over, pulls the mass out of its box."""
+    pull = moved["command_N"].std() * np.sin(moved["position_m"] / moved["position_m"].std() * 3.0)
+    Log(moved | {"command_N": moved["command_N"] + pull}, "").write(tmp_path)
+    done = run("identify", "log.csv", "--no-report", cwd=tmp_path)
+    assert done.returncode == 2 and "[log-unexplained]" in done.stderr

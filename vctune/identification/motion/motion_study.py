@@ -23,6 +23,8 @@ from vctune.model.parts import Actuator
 
 # Greatest relative residual of the force with which the study accepts a mass with friction as the explanation of a log
 MAX_RESIDUAL_SHARE = 0.6
+# The same for a residual whose power is more than so many times that of the encoder's noise, which explains no more
+GREATEST_SHARE, OF_NOISE = 0.25, 10.0
 # Relative residual of the force above which the study tests whether the user swapped two columns
 SUSPICIOUS_SHARE = 0.05
 # Difference between the directions, in standard deviations, above which each direction gets its own parameters
@@ -194,7 +196,8 @@ def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, del
     mass_text = f"the {units.mass_name} comes out as {mass:.3g} {units.mass}"
     swapped_share = _residual_if_swapped(signals, delays) if residual_share > SUSPICIOUS_SHARE else None
     swapped = swapped_share is not None and swapped_share < 0.3 * residual_share
-    if residual_share > MAX_RESIDUAL_SHARE or swapped:
+    beyond_noise = not delays and residual_share > GREATEST_SHARE and _chi2(signals, fit) > OF_NOISE
+    if residual_share > MAX_RESIDUAL_SHARE or swapped or beyond_noise:
         hint = f"; is {units.translated('a force')} missing (a hand's), or is one of another axis?"
         hint = ": are the two columns swapped?" if swapped else hint
         position = f"{units.mass_name} and friction of {headers['position']}"
