@@ -393,6 +393,8 @@ def _outcome(covered: Covered, found: Held, failure: Failure) -> Outcome:
     if found.proved[0]:
         return Outcome(Verdict.PROVED, boxes)
     place, doubtful = float(found.point[0, 0]), _device(covered, found.point[:, 0])
+    if (witness := failure(covered.demands.device, place)) is not None:
+        return Outcome(Verdict.REFUTED, boxes, witness)
     for device in (doubtful, *(box.modelled.corners() if box is not None else ())):
         if (witness := failure(device, place)) is not None:
             return Outcome(Verdict.REFUTED, boxes, witness, device if box is not None else None)
