@@ -115,4 +115,8 @@ def test_units_do_not_matter(seed):
     here, there = solve(problem), solve(problem.in_units(*UNITS))
     assert here.status is there.status
     assert there.judgement.error == pytest.approx(here.judgement.error, rel=1e-6)
-    assert there.judgement.certificate.boxes == pytest.approx(here.judgement.certificate.boxes, rel=0.2)
+    verdicts, same = (
+        {claim: outcome.verdict for claim, outcome in each.judgement.certificate.outcomes.items()}
+        for each in (here, there)
+    )
+    assert verdicts == same

@@ -168,19 +168,17 @@ def positive(margin: Margin, fixed: Values, near: Margin | None = None, rows: Se
 
 
 def misses_zero(curve: Curve, fixed: Values, near: Margin | None = None) -> Test:
-    """Return the test that a curve misses 0: its component along its value at the middle of the box is positive.
+    """Return the test that a curve misses 0: its component in some direction is positive.
 
     In boxes from frequency 0, a positive margin `near` suffices.
     """
 
     def decided(boxes: Boxes, *also: Margin) -> Decided:
         check_time()
-        middle = curve(*_named(boxes, [_middle(row) for row in boxes.rows()], fixed))
-        size = np.hypot(*(np.asarray(part.mid) for part in (middle.re, middle.im)))
-        re, im = middle.re.mid / size, middle.im.mid / size
         numbers = variables(boxes.rows(), boxes.varied())
         named = _named(boxes, numbers, fixed)
         value = curve(*named)
+        re, im = _away_from_zero(value)
         margins = [value.re * re + value.im * im, *(margin(*named) for margin in also)]
         return _nearest_of(_polynomials(margins, numbers[0]), boxes)
 
@@ -300,8 +298,20 @@ def _named(boxes: Boxes, rows: Sequence[Number], fixed: Values) -> tuple[Number,
     return rows[0], boxes.named(rows, fixed)
 
 
-def _middle(row: Number) -> Number:
-    return Enclosure(row.mid) if isinstance(row, Enclosure) else row
+def _away_from_zero(value: Pair) -> Floats:
+    """Return the direction in which the linear part of a curve has the greatest lower bound, shape (2, n).
+
+    It is that of the curve's middle, or it is across the curve's slope in one of the rows.
+    """
+    re, im = (part.coefficients[: 1 + part.row_count] for part in (value.re, value.im))
+    middle, slopes = np.stack((re[0], im[0])), np.stack((re[1:], im[1:]))
+    across = np.stack((-slopes[1], slopes[0])) * np.sign(slopes[0] * im[0] - slopes[1] * re[0])
+    directions = np.concatenate((middle[:, None], across), axis=1)
+    directions = directions / np.hypot(*directions)
+    along = (directions * middle[:, None]).sum(axis=0)
+    spread = np.abs(np.einsum("din,dkn->ikn", directions, slopes)).sum(axis=1)
+    best = np.argmax(np.nan_to_num(along - spread, nan=-np.inf), axis=0)
+    return np.asarray(directions[:, best, np.arange(best.size)])
 
 
 def _polynomials(found: Number | Sequence[Number], like: Any) -> list[Taylor]:
