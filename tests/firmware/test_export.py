@@ -17,7 +17,9 @@ from vctune.document.reading import read_gains, read_problem
 from vctune.exit_codes import ExitCode
 from vctune.firmware.firmware import NOTHING, certified, firmware, rounded
 from vctune.model.gains import Coupling, Gains
-from vctune.simulation.firmware.coefficient_values import coupling_coefficients, coupling_of
+from vctune.simulation.coefficients import coupling_coefficients, coupling_of
+from vctune.simulation.controller import Measurement, at_rest, control, controller_of
+from vctune.simulation.operations import FLOATS
 from vctune.simulation.scene import designed_law
 
 EXPERIMENTS = """
@@ -286,13 +288,11 @@ operator = { to = 0.001, speed = 0.05, cycles = 1 }
 
 def test_a_limit_that_does_not_act_changes_nothing():
     """To the last bit, also where the position part alone asks for more than it: the certified loop is linear."""
-    from vctune.simulation.firmware.controller import Measurement, State, control
-    from vctune.simulation.firmware.operations import FLOATS
-
     device = read_problem(ROOT / "problems/friction-wheel.toml").problem.device
     free = designed_law(device, Gains(150.0, 6000.0), Coupling(160.0, 0.35, 0.5), NOTHING)
     limited = replace(free, limit=30.0)
-    states = [State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)] * 2
+    laws = [controller_of(law) for law in (free, limited)]
+    states = [at_rest(law, 0.0, 0.0) for law in laws]
     rng, beyond = np.random.default_rng(5), 0
     for _ in range(500):
         position, force = float(rng.normal(0.0, 3e-3)), float(rng.normal(0.0, 1.0))
@@ -300,7 +300,7 @@ def test_a_limit_that_does_not_act_changes_nothing():
         ahead = states[0].reference + 1e-3 * states[0].desired - position
         seen = Measurement(position, states[0].desired + 40 * ahead, force)
         (states[0], one), (states[1], other) = (
-            control(law, state, seen, FLOATS) for law, state in zip((free, limited), states, strict=True)
+            control(law, state, seen, FLOATS) for law, state in zip(laws, states, strict=True)
         )
         assert (states[0], one) == (states[1], other)
         assert abs(one.given) < 30.0
@@ -310,13 +310,10 @@ def test_a_limit_that_does_not_act_changes_nothing():
 
 def test_behind_a_limit_the_position_error_stays_within_reach():
     """What the limit can hold: the position part alone never asks for more, and is back as soon as the hand lets go."""
-    from vctune.simulation.firmware.controller import Measurement, State, control
-    from vctune.simulation.firmware.operations import FLOATS
-
     gains, limit = Gains(150.0, 6000.0), 2.0
     device = read_problem(ROOT / "problems/friction-wheel.toml").problem.device
-    law = replace(designed_law(device, gains, Coupling(160.0, 0.35, 0.5), NOTHING), limit=limit)
-    state = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    law = controller_of(replace(designed_law(device, gains, Coupling(160.0, 0.35, 0.5), NOTHING), limit=limit))
+    state = at_rest(law, 0.0, 0.0)
     for _ in range(500):  # the hand pushes with 20 N against a handle that is stuck
         state, command = control(law, state, Measurement(0.0, 0.0, 20.0), FLOATS)
         assert abs(state.reference) <= limit / gains.position * (1 + 1e-12)

@@ -17,7 +17,7 @@ from vctune import export, write_export
 from vctune.document.text.toml_writing import toml_text
 from vctune.firmware.vectors import default_experiments
 from vctune.model.gains import Coupling
-from vctune.simulation.firmware.coefficient_values import coupling_coefficients, coupling_of
+from vctune.simulation.coefficients import coupling_coefficients, coupling_of
 
 EXPERIMENTS = [
     {
