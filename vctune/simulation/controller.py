@@ -203,10 +203,11 @@ def _rendered(c: Controller, state: State, drive: Number, middle: Number, ops: O
         return _late_or_explicit(c, state, drive, middle)
     pushed = drive + e.inertance * state.desired + e.inertia_carry * state.inertia
     total = c.resistance + e.inertance
-    free = pushed / total  # v_e without spring and damper
     offset = e.stiffness * (middle - e.zero)
-    met = (pushed - offset) / (total + e.slope)
-    desired = ops.where(offset + e.slope * free < e.least_contact, free, met)
+    desired = (pushed - offset) / (total + e.slope)
+    if e.least_contact > -inf:  # only a wall is left, and a loop with only a spring has no total
+        free = pushed / total  # v_e without spring and damper
+        desired = ops.where(offset + e.slope * free < e.least_contact, free, desired)
     contact = ops.maximum(e.least_contact, offset + e.slope * desired)
     inertia = e.inertance * (desired - state.desired) - e.inertia_carry * state.inertia
     return desired, contact + inertia, inertia, state.ahead, ()
