@@ -16,16 +16,18 @@ from vctune.model.experiment import Environment, Friction, Operator
 from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, Structure, VelocityEstimate
-from vctune.simulation.firmware.controller import Law
-from vctune.simulation.mechanics.intended_motion import intended_motion
-from vctune.simulation.mechanics.step import SAMPLES_PER_CALL, build, columns
-from vctune.simulation.mechanics.step_inputs import (
+from vctune.simulation.controller import Law
+from vctune.simulation.motion import intended_motion
+from vctune.simulation.sample import (
     INPUT_NAMES,
     INTENDED,
     INTENDED_VELOCITY,
     NEXT_INTENDED,
     NEXT_INTENDED_VELOCITY,
     NOISE,
+    SAMPLES_PER_CALL,
+    build,
+    columns,
 )
 from vctune.simulation.scene import Scene
 

@@ -20,10 +20,10 @@ from scipy.interpolate import CubicHermiteSpline
 
 from vctune.model.device import Device
 from vctune.model.experiment import Friction, Operator
-from vctune.simulation.firmware.controller import Measurement, State, control
-from vctune.simulation.firmware.operations import FLOATS
-from vctune.simulation.mechanics.intended_motion import intended_motion
-from vctune.simulation.scene import Scene
+from vctune.simulation.controller import Measurement, at_rest, control, controller_of
+from vctune.simulation.motion import intended_motion
+from vctune.simulation.operations import FLOATS
+from vctune.simulation.scene import Scene, equilibrium
 
 SIZE = 9
 """Motor x and v, bend, handle's v, drive and its rate, sensed and its rate, bristles: all of them always there."""
@@ -114,7 +114,7 @@ def stiffly(body: Body, y: np.ndarray, command: float, push: CubicHermiteSpline,
 
 
 def simulate(scene: Scene, samples: int) -> dict[str, np.ndarray]:
-    """Return what a run records, from rest where the motion starts and no force acts."""
+    """Return what a run records, from the equilibrium in which it starts."""
     device, hand = scene.device, scene.operator
     body, solver = Body(device, hand, scene.friction), stiffly if scene.friction else exactly
     T, delay = Fraction(str(device.sample_time)), Fraction(str(device.delay))
@@ -122,9 +122,10 @@ def simulate(scene: Scene, samples: int) -> dict[str, np.ndarray]:
     path = intended_motion(hand, device.sample_time, 0, samples + 1)
     wanted = CubicHermiteSpline(np.arange(samples + 2) * device.sample_time, path.position, path.velocity)
     push = Pushed(wanted, hand)
-    y, command, now, felt = np.zeros(SIZE), 0.0, Fraction(0), {}
-    y[0] = hand.start
-    state = State(hand.start, 0.0, 0.0, 0.0, hand.start, 0.0, 0.0)
+    begin, c = equilibrium(scene), controller_of(scene.law)
+    y, command, now, felt = np.zeros(SIZE), begin.motor, Fraction(0), {}
+    y[[0, 2, 4, 6]] = begin.position, begin.bend, begin.motor, begin.hand
+    state = at_rest(c, begin.position, begin.reference)
     events = [(k * T - late, 0, k, 0.0) for k in range(samples)] + [(k * T, 1, k, 0.0) for k in range(samples)]
     heapq.heapify(events)
     out: dict[str, list[float]] = {name: [] for name in RECORDED}
@@ -134,9 +135,9 @@ def simulate(scene: Scene, samples: int) -> dict[str, np.ndarray]:
             y, now = solver(body, y, command, push, float(now), float(time - now)), time
         _, force, read = body.rates(y, command, float(push(float(now))))
         if kind == 0:  # the sensor looks for sample k
-            felt[k] = read if time >= 0 else 0.0
+            felt[k] = read if time >= 0 else begin.hand
         elif kind == 1:
-            state, given = control(scene.law, state, Measurement(y[0], y[1], felt[k]), FLOATS)
+            state, given = control(c, state, Measurement(y[0], y[1], felt[k]), FLOATS)
             heapq.heappush(events, (time + delay, 2, k, given.given))
             for name, number in zip(RECORDED, (*body.handle(y), force, given.given, y[0], y[1]), strict=True):
                 out[name].append(number)

@@ -44,8 +44,8 @@ from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import device_box
 from vctune.proof.outcome import Verdict
 from vctune.report.page import report_files
-from vctune.simulation.mechanics.scene_stability import fastest_mode
 from vctune.simulation.scene import designed_scene
+from vctune.simulation.stability import fastest_mode
 
 B, T = 0.8, 1e-3
 

@@ -23,7 +23,7 @@ from vctune.design.verdict.repair import repair_of
 from vctune.document.reading import read_problem
 from vctune.document.ros import TUNED, Admittance, read_admittances
 from vctune.exit_codes import ExitCode
-from vctune.simulation.firmware.coefficient_values import coupling_coefficients
+from vctune.simulation.coefficients import coupling_coefficients
 
 ARM = """[device]
 mass = 10.0

@@ -18,9 +18,9 @@ from vctune.document.reading import read_gains, read_problem
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Problem
-from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode
 from vctune.simulation.run import run
 from vctune.simulation.scene import Scene, designed_scene
+from vctune.simulation.stability import Mode, fastest_mode
 
 DESIGNS = (
     "friction-wheel",

@@ -24,7 +24,7 @@ from vctune.report.region_figure import BAD, GOOD, OPEN
 from vctune.report.simulation_figure import simulation_figure
 from vctune.report.style import GREY, PAPER, svg
 from vctune.report.verdict import doubt
-from vctune.simulation.mechanics.intended_motion import stroke_time
+from vctune.simulation.motion import stroke_time
 from vctune.simulation.simulation_record import CURVE_POINTS, simulation_record
 from vctune.simulation.two_runs import simulate
 

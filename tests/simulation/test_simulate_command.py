@@ -15,8 +15,8 @@ from conftest import ROOT, for_passive_hands, mostly_slow
 
 from vctune.exit_codes import ExitCode
 from vctune.model.experiment import Environment, Operator
-from vctune.simulation.mechanics.intended_motion import intended_motion, sample_count
 from vctune.simulation.metrics import metrics
+from vctune.simulation.motion import intended_motion, sample_count
 from vctune.simulation.run import Traces
 
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"

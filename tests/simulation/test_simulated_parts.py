@@ -19,7 +19,6 @@ from arithmetic import DOUBLES
 from command import run as vctune
 from command import strict
 from conftest import for_passive_hands, mostly_slow
-from integrators import midpoint
 from sampled_device_oracle import coupling_at, seen_at
 from scipy.integrate import trapezoid
 from test_coupled import Certified, growing, outside, scenes
@@ -34,17 +33,16 @@ from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS as FLOATS_OF_THE_MODEL
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 from vctune.proof.claims.loop_claims import stable_loop
-from vctune.simulation.firmware.controller import Measurement, State, control
-from vctune.simulation.firmware.operations import FLOATS
-from vctune.simulation.mechanics.assembly import GIVEN, Assembly, assembly
-from vctune.simulation.mechanics.assembly_friction import AssemblyState, assembly_step, assembly_steps, friction_step
-from vctune.simulation.mechanics.scene_stability import STANDING, fastest_mode, loop_matrix
-from vctune.simulation.mechanics.step import COLUMNS, SAMPLES_PER_CALL, build
-from vctune.simulation.mechanics.step_inputs import INPUT_NAMES
-from vctune.simulation.mechanics.stretches import fixed_steps
+from vctune.simulation import sample
+from vctune.simulation.controller import Measurement, at_rest, control, controller_of
+from vctune.simulation.friction import Sliding, friction_step, slide
 from vctune.simulation.metrics import metrics
+from vctune.simulation.operations import FLOATS
+from vctune.simulation.plant import GIVEN, plant
 from vctune.simulation.run import run
+from vctune.simulation.sample import COLUMNS, INPUT_NAMES, SAMPLES_PER_CALL, build
 from vctune.simulation.scene import Scene, baseline_scene, designed_scene
+from vctune.simulation.stability import STANDING, fastest_mode, loop_matrix
 
 IDEAL = Device(0.4, 2.0, 1e-3)
 EVERYTHING = Device(
@@ -89,10 +87,9 @@ def scene_of(device, environment=SPRING, operator=HAND, friction=None, **changes
     return designed_scene(device, GAINS, COUPLING, experiment(environment, operator, friction, **changes))
 
 
-def assembled(device, operator=HAND) -> Assembly:
-    moving = assembly(scene_of(device, operator=operator))
-    assert moving is not None
-    return moving
+def in_steps(monkeypatch, count):
+    """Integrate friction in so many steps a sample."""
+    monkeypatch.setattr(sample, "steps_per_sample", lambda scene, friction: count)
 
 
 # the loop
@@ -227,9 +224,9 @@ def test_a_wall_of_any_stiffness_is_the_environment_at_rest():
 # in time
 
 
-def differs(scene: Scene, samples: int, **options) -> dict[str, float]:
+def differs(scene: Scene, samples: int) -> dict[str, float]:
     """Return by how much a run differs from the events, as a share of each trace's greatest value."""
-    expected, traces = parts_in_time.simulate(scene, samples), run(scene, **options)
+    expected, traces = parts_in_time.simulate(scene, samples), run(scene)
     gaps = {}
     for name, values in expected.items():
         found = getattr(traces, name)
@@ -253,32 +250,29 @@ def test_linear_scene_is_the_exact_response_from_event_to_event(device, hand_mas
 @pytest.mark.slow
 @pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES)
 @pytest.mark.parametrize("hand_mass", [0.0, 0.05])
-def test_friction_is_that_of_a_stiff_solver(device, hand_mass):
+def test_friction_is_that_of_a_stiff_solver(device, hand_mass, monkeypatch):
     """LSODA at 1e-10 between events; the default steps and four times as many."""
     scene = scene_of(device, operator=replace(HAND, mass=hand_mass), friction=LUGRE)
-    few, many = differs(scene, 60), differs(scene, 60, stretch=midpoint(400))
-    assert max(few.values()) < 1e-4
-    assert max(many.values()) < 1e-6
+    assert max(differs(scene, 60).values()) < 1e-4
+    in_steps(monkeypatch, 400)
+    assert max(differs(scene, 60).values()) < 1e-6
 
 
 @pytest.mark.parametrize("name", mostly_slow(DEVICES, ["velocity", "flexible", "everything"]))
 @pytest.mark.parametrize("hand_mass", [0.0, 0.05])
 def test_order_of_friction_on_a_smooth_case(name, hand_mass):
     """Sliding one way; differences of halved steps fall by 4."""
-    moving = assembly(scene_of(DEVICES[name], operator=replace(HAND, mass=hand_mass)))
-    if moving is None:
-        pytest.skip("moves as one mass: `friction.slide_step`")
-    friction, n = replace(LUGRE, stiffness=2e3, stiction=0.3, damping=5.0), moving.size
+    moving = plant(DEVICES[name], replace(HAND, mass=hand_mass))
+    friction, n = replace(LUGRE, stiffness=2e3, stiction=0.3, damping=5.0), len(moving.states)
     start = np.zeros(n + len(GIVEN))
     for state in {"velocity", "handle_velocity"} & set(moving.states):
         start[moving.states.index(state)] = 0.2
     start[n:] = 1.0, 0.0, 2.0, 20.0, 30.0, -400.0
 
     def end(count):
-        over = friction_step(moving, 0.02 / count)
-        last = assembly_steps(
-            lambda *to: assembly_step(over, friction, *to, FLOATS), AssemblyState([*start], 1e-5), count
-        )
+        h = 0.02 / count
+        change = moving.change(h)
+        last = slide(lambda at: friction_step(change, h, friction, at, FLOATS), Sliding(start, 1e-5, start[1]), count)
         return np.array([*(np.array(last.values) / moving.units)[:n], last.z])
 
     gaps = [np.abs(b - a).max() for a, b in itertools.pairwise(end(400 * 2**k) for k in range(4))]
@@ -288,13 +282,12 @@ def test_order_of_friction_on_a_smooth_case(name, hand_mass):
 
 @pytest.mark.parametrize("steps", [1, 7])
 @pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES)
-def test_nearly_no_friction_is_none(device, steps):
-    """The rest is exact whatever the steps; a device that moves as one mass has the step of second order."""
+def test_nearly_no_friction_is_none(device, steps, monkeypatch):
+    """The rest is exact whatever the steps."""
+    in_steps(monkeypatch, steps)
     faint = replace(LUGRE, coulomb=1e-9, stiction=1e-9, stiffness=1e-9, damping=0.0)
-    with_it = run(scene_of(device, friction=faint), stretch=midpoint(steps))
-    exact = run(scene_of(device))
-    allowed = 1e-7 if assembly(scene_of(device)) is not None else 1e-2 / steps**2
-    assert np.abs(with_it.force - exact.force).max() < allowed
+    with_it, exact = run(scene_of(device, friction=faint)), run(scene_of(device))
+    assert np.abs(with_it.force - exact.force).max() < 1e-7
 
 
 @pytest.mark.parametrize("h", [1e-5, 1e-3, 0.1])
@@ -305,9 +298,9 @@ def test_no_step_creates_energy_in_a_free_slide(h, stiffness):
     parts_of = (EVERYTHING, replace(IDEAL, structure=EVERYTHING.structure))
     for damped, hand_mass in itertools.product(parts_of, (0.0, 0.3)):
         device, hand = replace(damped, damping=0.0), replace(HAND, mass=hand_mass, damping=0.0)
-        moving, parts = assembled(device, hand), mechanism(device, device.structure, FLOATS_OF_THE_MODEL)
-        over, at = friction_step(moving, h), AssemblyState([0.0] * (moving.size + len(GIVEN)), 1e-4)
-        at.values[:4] = 0.0, 0.3, 1e-3, -0.2
+        moving, parts = plant(device, hand), mechanism(device, device.structure, FLOATS_OF_THE_MODEL)
+        change = moving.change(h)
+        at = Sliding([0.0, 0.3, 1e-3, -0.2, *[0.0] * (len(change) - 4)], 1e-4, 0.3)
 
         def energy(at, parts=parts, hand=hand):
             x, v, bend, handle_v = at.values[:4]
@@ -315,10 +308,9 @@ def test_no_step_creates_energy_in_a_free_slide(h, stiffness):
             return (kinetic + parts.stiffness * bend**2 + hand.stiffness * (x + bend) ** 2 + stiffness * at.z**2) / 2
 
         first = before = energy(at)
-        foreseen = at.v
         for _ in range(300):
-            at, w = assembly_step(over, friction, at, foreseen, FLOATS)
-            foreseen, after = 2 * at.v - w, energy(at)
+            at = friction_step(change, h, friction, at, FLOATS)
+            after = energy(at)
             assert after <= before + 1e-11 * first
             before = after
 
@@ -367,7 +359,7 @@ def test_a_fast_part_is_its_lag_and_a_stiff_handle_is_rigid(part, friction):
         assert gaps[0] / gaps[1] == pytest.approx(10 ** (1 + order), rel=0.3)
 
 
-def test_what_is_too_fast_to_matter_does_not():
+def test_what_is_too_fast_to_matter_does_not(monkeypatch):
     """A million times the sampling rate. With friction, a hand's mass feels the friction's mean over the last step."""
     fast = Device(
         0.4, 2.0, 1e-3, 0.3e-3, "zoh", None, None, Actuator(1e9, 2), ForceSensor(1e9, 2), Structure(0.1, 1e6, 0.5)
@@ -375,14 +367,14 @@ def test_what_is_too_fast_to_matter_does_not():
     ideal, light = replace(IDEAL, delay=0.3e-3), replace(HAND, mass=0.0)
 
     def gap(**changes):
-        stretch = changes.pop("stretch", fixed_steps)
-        one, other = (run(scene_of(device, **changes), stretch=stretch).force for device in (fast, ideal))
+        one, other = (run(scene_of(device, **changes)).force for device in (fast, ideal))
         return np.abs(one - other).max()
 
     assert gap() < 1e-7
     assert gap(friction=LUGRE, operator=light) < 1e-4
     assert gap(friction=LUGRE) < 2e-3
-    assert gap(friction=LUGRE, stretch=midpoint(256)) < 2e-4
+    in_steps(monkeypatch, 256)
+    assert gap(friction=LUGRE) < 2e-4
 
 
 def test_a_fast_low_pass_in_the_firmware_is_none():
@@ -445,11 +437,12 @@ def test_the_firmware_sees_the_motor_and_the_hand_the_handle():
     scene = scene_of(device, friction=LUGRE, sensors=Sensors(1e-5, 0.0, 0))
     traces = run(scene)
     assert traces.motor_position is not None and traces.motor_velocity is not None
-    state = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    c = controller_of(scene.law)
+    state = at_rest(c, 0.0, 0.0)
     for k, motor in enumerate(traces.motor):
         felt = traces.force[k - 2] if k >= 2 else 0.0
         seen = Measurement(traces.motor_position[k], traces.motor_velocity[k], felt)
-        state, command = control(scene.law, state, seen, FLOATS)
+        state, command = control(c, state, seen, FLOATS)
         assert command.given == pytest.approx(motor, rel=1e-9, abs=1e-9)
     bend = traces.position - traces.motor_position
     assert 1e-5 < np.abs(bend).max() < 1e-3

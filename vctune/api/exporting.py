@@ -22,11 +22,11 @@ from vctune.document.records.printed_json import ExportRecord
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake, printable
 from vctune.document.text.output_files import Content, make_folder, write_together
+from vctune.firmware.c_text import Precision as Precision
 from vctune.firmware.firmware import Firmware, certified, firmware
 from vctune.firmware.preamble import statement
 from vctune.firmware.ros2 import RosAxis, ros2_files, ros2_firmware
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.simulation.firmware.stepped import Precision as Precision
 
 Files = Mapping[str, Content]  # Contents of files, by name
 FOLDER = "firmware"  # Name of the folder for exported files, inside the design's folder

@@ -1,18 +1,15 @@
-"""Write equations as C, with the same operations in the same order."""
+"""Write numbers and comments of C."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from math import inf
+from typing import Literal
 
 import numpy as np
 
 from vctune.document.text.errors import printable
-from vctune.simulation.firmware.expression import Operation, Symbol, Term
-from vctune.simulation.firmware.stepped import Precision
 
-BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}  # Precedence of each operator
-HOLDING = BINDING | {"choice": 0}  # Precedence of an operation that is an operand of another operation
+Precision = Literal["double", "single"]
 
 
 def literal(number: float, precision: Precision) -> str:
@@ -25,51 +22,6 @@ def literal(number: float, precision: Precision) -> str:
     return text if precision == "double" else f"{text}f"
 
 
-def code(term: Term, names: Mapping[Symbol, str], precision: Precision) -> str:
-    """Return a term as C."""
-
-    def called(operator: str, operands: list[str]) -> str:
-        if operator == "choice":
-            above, limit, yes, no = operands
-            return f"({above} > {limit}) ? {yes} : {no}"
-        return f"vctune_{operator}({', '.join(operands)})"
-
-    return _written(term, names.__getitem__, lambda number: literal(number, precision), called)
-
-
-def plain(term: Term) -> str:
-    """Return a term as text that most languages can read: names, `before.NAME`, numbers, + - * /, minimum, maximum,
-    choice."""
-
-    def name(symbol: Symbol) -> str:
-        return f"before.{symbol.name}" if symbol.before else symbol.name
-
-    return _written(term, name, repr, lambda operator, operands: f"{operator}({', '.join(operands)})")
-
-
-def _written(
-    term: Term,
-    name: Callable[[Symbol], str],
-    number: Callable[[float], str],
-    called: Callable[[str, list[str]], str],
-) -> str:
-    """Return a term as text. An operand gets parentheses if it binds less tightly than its operator."""
-    if isinstance(term, Symbol):
-        return name(term)
-    if not isinstance(term, Operation):
-        assert isinstance(term, float | int), "a symbol, an operation or a number"
-        return number(float(term))
-    operands = [_written(operand, name, number, called) for operand in term.operands]
-    if term.operator not in BINDING:
-        return called(term.operator, operands)
-    precedence = BINDING[term.operator]
-    if term.operator == "negative":
-        return f"-{_bracketed(operands[0], term.operands[0], precedence)}"
-    # + side: a right operand of the same precedence needs parentheses, because operators associate to the left
-    left, right = (_bracketed(operands[side], term.operands[side], precedence + side) for side in (0, 1))
-    return f"{left} {term.operator} {right}"
-
-
 def comment(text: str, width: int = 110) -> list[str]:
     """Return a text as lines for a comment in C, in ASCII. The text cannot begin or end a comment."""
     lines, line = [], ""
@@ -80,10 +32,3 @@ def comment(text: str, width: int = 110) -> list[str]:
             line = ""
         line = f"{line} {word}" if line else word
     return [*lines, line] if line else lines
-
-
-def _bracketed(text: str, term: Term, binding: int) -> str:
-    """Return an operand, in parentheses if it binds less tightly than the operator around it. 9 stands for operands
-    that never need parentheses."""
-    precedence = HOLDING.get(term.operator, 9) if isinstance(term, Operation) else 9
-    return f"({text})" if precedence < binding else text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from math import log, pi
+from typing import Any
 
 import numpy as np
 
@@ -13,15 +14,14 @@ from vctune.design.verdict.judge import Judgement, Status, judge_all
 from vctune.document.reading import ProblemFile
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.text.digest import digest
-from vctune.model.device import Commanded, Device
+from vctune.firmware.c_text import Precision
+from vctune.model.device import Device
 from vctune.model.experiment import Environment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.problem import Problem
-from vctune.simulation.firmware.coefficient_values import coupling_of
-from vctune.simulation.firmware.controller import coefficients_of
-from vctune.simulation.firmware.equations import Parts
-from vctune.simulation.firmware.stepped import Precision, exported_parts
+from vctune.simulation.coefficients import coupling_of
+from vctune.simulation.controller import Controller, controller_of
 from vctune.simulation.scene import designed_law
 
 # An environment without mass, damping and stiffness, because the constants of a firmware do not depend on it
@@ -36,9 +36,9 @@ class Firmware:
     device: Device  # device of the problem, before the sample time and the filter are rounded
     gains: Gains  # the design before rounding
     coupling: AnyCoupling
-    parts: Parts
+    controller: Controller  # the controller without environment and limit, in its own precision
     precision: Precision  # precision of the firmware's arithmetic
-    coefficients: dict[str, float]
+    coefficients: dict[str, float]  # constants of the controller, in order, as rounded to its precision
     problem_sha256: str  # digest of the problem, and digest of problem, gains and coupling together
     design_sha256: str
 
@@ -68,12 +68,14 @@ def firmware(
 ) -> Firmware:
     """Return a design as firmware, after proving it with the constants that the firmware will have."""
     device = file.problem.device
-    law = designed_law(device, gains, coupling, NOTHING)
-    coefficients = controller_coefficients(coefficients_of(law), law.command)
+    controller = controller_of(designed_law(device, gains, coupling, NOTHING))
+    coefficients = {name: getattr(controller, name) for name in constants_of(controller)}
     problem, design = file.problem, (gains, coupling)
     if precision == "single":
         coefficients = {name: float(np.float32(number)) for name, number in coefficients.items()}
         problem, design = rounded(file.problem, coefficients)
+        numbers: dict[str, Any] = {name: np.float32(number) for name, number in coefficients.items()}
+        controller = replace(controller, **numbers)
     judgement = judged(problem, design, corner)
     record = record_of(file, Solved(problem=problem, judgement=judgement))
     return Firmware(
@@ -81,7 +83,7 @@ def firmware(
         device=device,
         gains=gains,
         coupling=coupling,
-        parts=exported_parts(law),
+        controller=controller,
         precision=precision,
         coefficients=coefficients,
         problem_sha256=file.sha256,
@@ -95,16 +97,14 @@ def judged(problem: Problem, design: tuple[Gains, AnyCoupling], corner: float | 
     return judge_all(problem, [design], [corner])[0]
 
 
-def controller_coefficients(coefficients: dict[str, float], command: Commanded) -> dict[str, float]:
-    """Return the coefficients that a firmware has as constants."""
-    of_law: tuple[str, ...] = ("velocity_gain", "position_gain")
-    of_coupling: tuple[str, ...] = ("coupling_step", "coupling_decay")
-    if "coupling_stiffness" in coefficients:
-        of_law, of_coupling = ("velocity_gain",), ("coupling_stiffness", "coupling_damping")
-    constant = ("sample_time", "half_sample_time", *of_law, *of_coupling, "resistance", "smoothing")
-    if command != "force":
-        constant = ("sample_time", "half_sample_time", *of_coupling, "resistance")
-    return {name: coefficients[name] for name in constant}
+def constants_of(controller: Controller) -> tuple[str, ...]:
+    """Return the names of the coefficients that are constants of the C code."""
+    if controller.command != "force":
+        return ("sample_time", "half_sample_time", "coupling_step", "coupling_decay", "resistance")
+    own = ["position_gain", "coupling_step", "coupling_decay"]
+    if controller.spring:
+        own = ["coupling_stiffness", "coupling_damping"]
+    return ("sample_time", "half_sample_time", "velocity_gain", *own, "resistance", "smoothing")
 
 
 def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, AnyCoupling]]:

@@ -59,7 +59,7 @@ def assumptions(firmware: Firmware) -> list[str]:
             "and the rounding of each operation.",
             *_left_to_caller(device, units),
         ]
-    sampled = "" if firmware.parts.spring else f"; the {units.force_name} is sampled just before"
+    sampled = "" if firmware.controller.spring else f"; the {units.force_name} is sampled just before"
     return [
         f"Assumed: {built}; the command acts {device.delay!r} s after the "
         f"sample and is held{sampled}; {rendered}. The "

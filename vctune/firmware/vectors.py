@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 import numpy as np
 
 from vctune.document.reading import ProblemFile
-from vctune.firmware.c_source import names_and_numbers, rendered_template
+from vctune.firmware.c_source import COMMANDED, rendered_template, variables
 from vctune.firmware.c_text import comment
 from vctune.firmware.firmware import Firmware, certified
 from vctune.firmware.preamble import not_proved, statement
@@ -18,10 +19,9 @@ from vctune.model.experiment import Environment, Experiment, Operator, Sensors, 
 from vctune.model.numbers.arithmetic import Floats
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
-from vctune.simulation.firmware.controller import encoded
-from vctune.simulation.firmware.equations import COMMANDS, Parts
-from vctune.simulation.firmware.operations import FLOATS
-from vctune.simulation.firmware.stepped import Start, SteppedFirmware
+from vctune.simulation.coefficients import rendering
+from vctune.simulation.controller import Controller, Measurement, at_rest, control, controller_of, encoded
+from vctune.simulation.operations import FLOATS
 from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
 
@@ -31,8 +31,8 @@ ALLOWED_ULP = 0  # Permitted difference in double precision, in units in the las
 def replay_files(firmware: Firmware, simulated: list[Replay]) -> dict[str, str]:
     """Return the texts of vectors.csv, replay.c and Makefile."""
     given: dict[str, Any] = {
-        **names_and_numbers(firmware),
-        "experiments": [experiment_line(one, firmware.parts) for one in simulated],
+        **variables(firmware),
+        "experiments": [experiment_line(one, firmware.controller) for one in simulated],
         "ulp": ALLOWED_ULP,
         "hash_top": commented(statement(firmware)),
     }
@@ -41,7 +41,7 @@ def replay_files(firmware: Firmware, simulated: list[Replay]) -> dict[str, str]:
         given |= {"measured": f"{measured:.3g}", "allowed": f"{2 * measured:.3g}"}
     written = {name: rendered_template(name, given) for name in ("replay.c", "Makefile")}
     doubt = "" if certified(firmware) else commented([not_proved(firmware)]) + "\n"
-    return {"vectors.csv": doubt + vectors_text(simulated, firmware.units, firmware.parts.command), **written}
+    return {"vectors.csv": doubt + vectors_text(simulated, firmware.units, firmware.controller.command), **written}
 
 
 def commented(texts: list[str]) -> str:
@@ -94,9 +94,10 @@ def _replay(replays: Firmware, experiment: Experiment, progress: Callable[[str],
     begin = equilibrium(scene)
     position = traces.position if traces.motor_position is None else traces.motor_position
     velocity = traces.velocity if traces.motor_velocity is None else traces.motor_velocity
-    read = [encoded(scene.law, float(sample), FLOATS) for sample in position]
+    c = controller_of(scene.law)
+    read = [encoded(c, float(sample), FLOATS) for sample in position]
     measured = np.column_stack([read, velocity, traces.sensed])
-    return Replay(experiment, encoded(scene.law, begin.position, FLOATS), begin.reference, measured, traces.motor)
+    return Replay(experiment, encoded(c, begin.position, FLOATS), begin.reference, measured, traces.motor)
 
 
 def vectors_text(replays: list[Replay], units: Units, commanded: Commanded) -> str:
@@ -105,7 +106,7 @@ def vectors_text(replays: list[Replay], units: Units, commanded: Commanded) -> s
         "position": units.position,
         "velocity": units.speed,
         units.force_name: units.force,
-        "command": COMMANDS[commanded].unit(units),
+        "command": units.of(COMMANDED[commanded]),
     }
     of = [f"{name}_{unit.lower().replace('/', '_per_').replace(' ', '_')}" for name, unit in measured.items()]
     lines = [",".join(["experiment", *of])]
@@ -124,17 +125,24 @@ def greatest_difference(firmware: Firmware, replays: list[Replay]) -> float:
 def commands(firmware: Firmware, replay: Replay) -> Floats:
     """Return the commands that a firmware computes from an experiment's measurements in its own precision, shape
     (n,)."""
-    start = Start(replay.experiment.environment, replay.experiment.limit, replay.position, replay.reference)
-    stepped = SteppedFirmware(firmware.parts, firmware.coefficients, start, firmware.precision)
-    return np.array([stepped.command(row) for row in replay.measured.tolist()])
+    number = float if firmware.precision == "double" else np.float32
+    stated, limit = replay.experiment.environment, replay.experiment.limit
+    numbers: dict[str, Any] = {name: number(getattr(stated, name)) for name in ("mass", "damping", "stiffness", "zero")}
+    T, most = firmware.controller.sample_time, number(inf if limit is None else limit)
+    c = replace(firmware.controller, environment=rendering(replace(stated, **numbers), T), limit=most)
+    state, given = at_rest(c, number(replay.position), number(replay.reference)), []
+    for row in replay.measured.tolist():
+        state, command = control(c, state, Measurement(*map(number, row)), FLOATS)
+        given.append(float(command.given))
+    return np.array(given)
 
 
-def experiment_line(replay: Replay, parts: Parts) -> str:
+def experiment_line(replay: Replay, c: Controller) -> str:
     """Return an experiment as an element of the table in replay.c."""
     rendered = replay.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]
     flags = ["true" if flag else "false" for flag in (rendered.wall, rendered.rule == "trapezoid")]
-    limit = [replay.experiment.limit or 0.0] if parts.limit else []
-    begin = [*([replay.position] if parts.difference else []), replay.reference, *limit]
+    limit = [replay.experiment.limit or 0.0] if c.command == "force" else []
+    begin = [*([replay.position] if c.difference else []), replay.reference, *limit]
     fields = [f'"{replay.experiment.name}"', *map(repr, numbers), *flags, *map(repr, begin), str(len(replay.command))]
     return f"{{{', '.join(fields)}}},"

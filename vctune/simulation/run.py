@@ -9,23 +9,24 @@ import numpy as np
 
 from vctune.interrupt import interrupt_deferred
 from vctune.model.numbers.arithmetic import Floats
-from vctune.simulation.mechanics.intended_motion import intended_motion, sample_count
-from vctune.simulation.mechanics.step import SAMPLES_PER_CALL, build, columns
-from vctune.simulation.mechanics.step_inputs import (
+from vctune.simulation.motion import intended_motion, sample_count
+from vctune.simulation.sample import (
     INPUT_NAMES,
     INTENDED,
     INTENDED_VELOCITY,
     NEXT_INTENDED,
     NEXT_INTENDED_VELOCITY,
     NOISE,
+    SAMPLES_PER_CALL,
+    build,
+    columns,
 )
-from vctune.simulation.mechanics.stretches import Stretch, fixed_steps
 from vctune.simulation.scene import Scene
 
 # A run has diverged if the distance of the handle from the intended motion exceeds this multiple of the
 # hand's travel
 DIVERGENCE = 1e3
-POSITION = 0  # Column of the handle's position in the records (`vctune.simulation.mechanics.step.columns`)
+POSITION = 0  # Column of the handle's position in the records (`vctune.simulation.sample.columns`)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +48,11 @@ class Traces:
     motor_velocity: Floats | None = None
 
 
-def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, stretch: Stretch = fixed_steps) -> Traces:
+def run(scene: Scene, progress: Callable[[float], None] = lambda share: None) -> Traces:
     """Simulate a scene."""
     samples = sample_count(scene.operator, scene.device.sample_time)
     with interrupt_deferred():
-        step = build(scene, stretch)
+        step = build(scene)
         chunk = step.chunk()
     recorded = np.empty((samples, len(columns(scene))))
     intended = np.empty(samples)

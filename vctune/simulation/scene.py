@@ -11,8 +11,7 @@ from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import VelocityEstimate
-from vctune.simulation.firmware.controller import Law
-from vctune.simulation.mechanics.friction import Carriage
+from vctune.simulation.controller import Law
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +24,6 @@ class Scene:
     law: Law  # the firmware
     force_noise: float  # standard deviation of the force samples' noise, N, and seed of the noise
     seed: int
-
-    @property
-    def carriage(self) -> Carriage:
-        """Device and hand as one mass. This holds for a device without a structure; a servo has no such mass."""
-        device, hand = self.device, self.operator
-        return Carriage(device.mass + hand.mass, device.damping + hand.damping, hand.stiffness)
 
 
 @dataclass(frozen=True, slots=True)

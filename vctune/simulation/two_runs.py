@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode
 from vctune.simulation.metrics import Metrics, metrics
 from vctune.simulation.run import Traces, run
 from vctune.simulation.scene import Scene, baseline_scene, designed_scene
+from vctune.simulation.stability import Mode, fastest_mode
 
 
 @dataclass(frozen=True, slots=True)

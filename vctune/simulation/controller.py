@@ -1,0 +1,233 @@
+"""Run the firmware of a display: one function from (state, measurement) to (state, command).
+
+`control` and firmware/templates/vctune_controller.c.j2 have the same lines; the replay of exports compares them to the
+last bit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+from vctune.model.device import Commanded
+from vctune.model.experiment import Environment
+from vctune.model.gains import AnyCoupling, SpringDamper
+from vctune.model.numbers.arithmetic import Number
+from vctune.simulation.coefficients import Rendering, coupling_coefficients, rendering
+from vctune.simulation.operations import Operations
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """The parameters of a firmware."""
+
+    sample_time: float  # T, s
+    velocity: float  # K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
+    position: float
+    integral: float
+    coupling: AnyCoupling | None
+    virtual_mass: float  # mass and damping in parallel with the environment, kg, N s/m
+    virtual_damping: float
+    environment: Environment  # the rendered environment
+    position_resolution: float  # resolution of the encoder, m; 0 for an ideal encoder
+    difference: bool  # True if the velocity is the backward difference of the measured position
+    smoothing: float | None  # a of the low-passes y += a (x - y) of the velocity; None without low-passes
+    low_passes: int  # number of these low-passes, up to 2
+    limit: float | None  # greatest force, N
+    command: Commanded = "force"
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """A firmware with its coefficients, all in one precision. A part that is absent has a number without effect."""
+
+    command: Commanded
+    spring: bool  # whether the coupling is a spring and a damper, as for an impedance display
+    difference: bool
+    low_passes: int
+    environment: Rendering
+    sample_time: Number
+    half_sample_time: Number
+    velocity_gain: Number
+    position_gain: Number
+    integral_gain: Number
+    virtual_inertance: Number  # M_0/T of the virtual mass, N s/m
+    smoothing: Number
+    resolution: Number
+    limit: Number  # N; inf for none
+    resistance: Number  # force per v_e of all but the environment, N s/m
+    coupling_step: Number = 0.0  # force of the coupling per step of v_e, N s/m
+    coupling_decay: Number = 0.0  # what a sample leaves of the coupling's force
+    coupling_stiffness: Number = 0.0
+    coupling_damping: Number = 0.0
+
+
+def controller_of(law: Law) -> Controller:
+    """Return a firmware with the coefficients of its law."""
+    T = law.sample_time
+    coupling = coupling_coefficients(law.coupling, T, law.smoothing, law.low_passes)
+    coupling["resistance"] += law.virtual_mass / T + law.virtual_damping
+    return Controller(
+        command=law.command,
+        spring=isinstance(law.coupling, SpringDamper),
+        difference=law.difference,
+        low_passes=law.low_passes,
+        environment=rendering(law.environment, T),
+        sample_time=T,
+        half_sample_time=T / 2,
+        velocity_gain=law.velocity,
+        position_gain=law.position,
+        integral_gain=law.integral,
+        virtual_inertance=law.virtual_mass / T,
+        smoothing=1.0 if law.smoothing is None else law.smoothing,
+        resolution=law.position_resolution,
+        limit=inf if law.limit is None else law.limit,
+        **coupling,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """The measurement at a sample: position [m] and velocity [m/s] of the motor, and force of the hand [N]."""
+
+    position: Number
+    velocity: Number
+    force: Number
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """The state of a firmware. Numbers that it does not use are 0."""
+
+    reference: Number  # x_e and v_e, position and velocity of the rendered environment, m, m/s
+    desired: Number
+    measured: Number  # position at the previous sample, as the encoder has it, m
+    coupling: Number  # force of the coupling's damper and mass, N; not for an impedance display
+    integral: Number  # integral of the position error, m s
+    inertia: Number  # force of the environment's mass, N
+    ahead: Number  # v_e of the next sample, m/s, of a mass by explicit Euler
+    filtered: tuple[Number, ...]  # velocity behind each low-pass, m/s
+    smoothed: tuple[Number, ...]  # v_e behind each low-pass, m/s; for an impedance display
+    late: tuple[Number, ...]  # forces of a late environment that act at the next samples, N
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """The command, and the environment's force f_e, N. The command is the motor's force, N, or a servo's velocity, m/s,
+    or position, m."""
+
+    given: Number
+    environment: Number
+
+
+def at_rest(c: Controller, position: Number, reference: Number) -> State:
+    """Return the state of a handle at rest."""
+    filters = (0.0,) * c.low_passes
+    late, smoothed = (0.0,) * c.environment.late, filters if c.spring else ()
+    return State(reference, 0.0, position, 0.0, 0.0, 0.0, 0.0, filters, smoothed, late)
+
+
+def control(c: Controller, state: State, read: Measurement, ops: Operations) -> tuple[State, Command]:
+    """Run the firmware for one sample."""
+    measured = encoded(c, read.position, ops)
+    velocity = (measured - state.measured) / c.sample_time if c.difference else read.velocity
+    filtered = _low_passed(c, state.filtered, velocity)
+    velocity = filtered[-1] if filtered else velocity
+    middle = state.reference + c.half_sample_time * state.desired
+    if c.spring:
+        apart = _apart(c, state.smoothed, velocity)
+        drive = c.coupling_stiffness * (measured - middle) + c.coupling_damping * apart
+    else:
+        drive = read.force + c.coupling_step * state.desired - c.coupling_decay * state.coupling
+        drive = drive + c.virtual_inertance * state.desired
+    desired, force, inertia, ahead, late = _rendered(c, state, drive, middle, ops)
+    smoothed = _low_passed(c, state.smoothed, desired)
+    coupling = c.coupling_decay * state.coupling + c.coupling_step * (desired - state.desired)
+    led, integral = middle + c.half_sample_time * desired, state.integral  # x_e, unless the limit acts
+    if c.command != "force":
+        reference, given = led, desired if c.command == "velocity" else led
+    elif c.spring:
+        asked = -(drive - c.resistance * desired) - c.velocity_gain * velocity
+        reference, given = led, _within(c.limit, asked, ops)
+    else:
+        error = led - measured
+        asked = c.velocity_gain * (desired - velocity) + c.position_gain * error
+        if c.integral_gain > 0:
+            integral = state.integral + c.sample_time * error
+            asked = asked + c.integral_gain * integral
+        limited = ops.maximum(-asked, asked) > c.limit
+        if c.integral_gain > 0:
+            held = _within(c.limit / c.integral_gain, integral, ops)
+            integral = ops.where(limited, held, integral)
+        # x_e goes back to the handle where the limit acts
+        reach = c.limit / c.position_gain if c.position_gain > 0 else inf
+        reference = ops.where(limited, led - (error - _within(reach, error, ops)), led)
+        given = _within(c.limit, asked, ops)
+    after = State(reference, desired, measured, coupling, integral, inertia, ahead, filtered, smoothed, late)
+    return after, Command(given, force)
+
+
+def encoded(c: Controller, position: Number, ops: Operations) -> Number:
+    """Return a position rounded to the encoder's steps, m; the position itself with an ideal encoder."""
+    return c.resolution * ops.floor(position / c.resolution + 0.5) if c.resolution > 0 else position
+
+
+def _within(bound: Number, value: Number, ops: Operations) -> Number:
+    return ops.maximum(-bound, ops.minimum(bound, value))
+
+
+def _low_passed(c: Controller, before: tuple[Number, ...], source: Number) -> tuple[Number, ...]:
+    """Return a signal behind each low-pass in a row."""
+    after: list[Number] = []
+    for value in before:
+        after.append(value + c.smoothing * ((after or [source])[-1] - value))
+    return tuple(after)
+
+
+def _apart(c: Controller, smoothed: tuple[Number, ...], velocity: Number) -> Number:
+    """Return the velocity of the handle from the tool, m/s, without the share of the new v_e."""
+    carried = [value - c.smoothing * value for value in smoothed]
+    if not carried:
+        return velocity
+    apart = velocity - carried[-1]
+    return apart if len(carried) == 1 else apart - c.smoothing * carried[0]
+
+
+# v_e [m/s], the environment's force f_e [N], the force of its mass, v_e of the next sample, and the forces that wait
+Rendered = tuple[Number, Number, Number, Number, tuple[Number, ...]]
+
+
+def _rendered(c: Controller, state: State, drive: Number, middle: Number, ops: Operations) -> Rendered:
+    """Solve resistance v_e + f_e(v_e) = drive."""
+    e = c.environment
+    if e.late or (e.explicit and e.inertance > 0):
+        return _late_or_explicit(c, state, drive, middle)
+    pushed = drive + e.inertance * state.desired + e.inertia_carry * state.inertia
+    total = c.resistance + e.inertance
+    offset = e.stiffness * (middle - e.zero)
+    desired = (pushed - offset) / (total + e.slope)
+    if e.least_contact > -inf:  # only a wall is left, and a loop with only a spring has no total
+        free = pushed / total  # v_e without spring and damper
+        desired = ops.where(offset + e.slope * free < e.least_contact, free, desired)
+    contact = ops.maximum(e.least_contact, offset + e.slope * desired)
+    inertia = e.inertance * (desired - state.desired) - e.inertia_carry * state.inertia
+    return desired, contact + inertia, inertia, state.ahead, ()
+
+
+def _late_or_explicit(c: Controller, state: State, drive: Number, middle: Number) -> Rendered:
+    """Render an environment that an export cannot: its force acts later, or its mass steps by explicit Euler."""
+    e, spring = c.environment, c.environment.stiffness * (middle - c.environment.zero)
+    if not e.late:  # the mass answers to a force at the next sample
+        desired = state.ahead
+        contact = spring + e.slope * desired
+        left = drive - c.resistance * desired - contact
+        return desired, contact + left, state.inertia, desired + left / e.inertance, ()
+    inertia_late = e.late - e.explicit
+    acting, *waiting = state.late
+    at_once = 0.0 if inertia_late else e.inertance
+    desired = (drive - acting + at_once * state.desired) / (c.resistance + at_once)
+    inertia = e.inertance * (desired - state.desired) - e.inertia_carry * state.inertia
+    late = [*waiting, spring + e.slope * desired]
+    if inertia_late:
+        late[inertia_late - 1] = late[inertia_late - 1] + inertia
+        return desired, acting, inertia, state.ahead, tuple(late)
+    return desired, acting + inertia, inertia, state.ahead, tuple(late)

@@ -1,1 +1,0 @@
-"""Describe the firmware as equations, which run on floats, on symbols and as compiled C."""

@@ -1,1 +1,0 @@
-"""Compute the motion of device, hand and friction over one sample."""

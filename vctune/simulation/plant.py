@@ -1,0 +1,155 @@
+"""Describe a device with its parts, and the hand on it, by linear rates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, log2, pi, sqrt
+
+import numpy as np
+
+from vctune.model.device import Device
+from vctune.model.experiment import Operator
+from vctune.model.loop.device_response import mechanism
+from vctune.model.loop.drive import Rows, drive_rows, drive_states
+from vctune.model.loop.filters import plain_low_pass_rates
+from vctune.model.numbers.arithmetic import FLOATS, Floats, Number
+from vctune.model.parts import Servo
+
+# Inputs of the states. "command" is the held command that has arrived (a force, or a servo's velocity), and "friction"
+# is the force of the friction. "push" is the force, N, that the hand's spring and damper would exert on a handle at
+# rest at 0, followed by its derivatives
+GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """Device and hand as d/dt (states, given) = rates @ (states, given), with `given` as in `GIVEN`."""
+
+    states: tuple[str, ...]  # names of the states: position and velocity of the motor first
+    rates: Floats  # shape (n, n) for n states and given inputs
+    units: Floats  # units in which the rates are of the order of 1 per sample, shape (n,)
+    position: Floats  # rows of the handle's position and velocity, m, m/s
+    velocity: Floats
+    force: Floats  # row of f_h, the force of the hand on the handle, N
+    sensed: Floats  # row of the sensor's force without its delay, N
+
+    def change(self, time: float) -> Floats:
+        """Return e^(rates t) - 1, the change of the states and of the given inputs over a time, s."""
+        scaled = self.rates * self.units / self.units[:, None]
+        return exponential_less_one(scaled * time) / self.units * self.units[:, None]
+
+
+RowOf = dict[str, Floats]  # row of each state and given input, by name
+
+
+def plant(device: Device, hand: Operator) -> Plant:
+    """Return device and hand: a motor that carries the handle rigidly or on a spring, or a servo."""
+    servo, sensor, T = device.servo, device.sensing, device.sample_time
+    if servo is None:
+        states = ["position", "velocity", *(("bend", "handle_velocity") if device.structure else ())]
+        states += drive_states(device)
+    else:
+        states = ["position", "velocity", "velocity_rate"][: 1 + servo.order]
+    states += ("sensed", "sensed_rate")[: sensor.order] if sensor.bandwidth_hz is not None else ()
+    names = (*states, *GIVEN)
+    row_of = dict(zip(names, np.eye(len(names)), strict=True))
+    rates = {"position": row_of["velocity"], **{name: row_of[rate] for name, rate in pairwise(GIVEN[2:])}}
+    units = {"position": 1.0, "bend": _bend_unit(device, hand)}
+    units |= dict.fromkeys(("velocity", "handle_velocity", "velocity_rate"), 1 / T)
+    if servo is None:
+        position, velocity, force = _pushed(device, hand, row_of, rates)
+        force_unit = device.mass / T**2
+    else:
+        position, velocity, force = _followed(servo, hand, row_of, rates)
+        force_unit = (hand.mass / T**2 + hand.damping / T + hand.stiffness) or 1.0
+        units["command"] = 1 / T
+    if sensor.bandwidth_hz is not None:
+        rates |= _low_pass("sensed", sensor.bandwidth_hz, sensor.order, force, row_of)
+    units |= {f"push_{k}": force_unit / T**k for k in (1, 2, 3)}
+    return Plant(
+        states=tuple(states),
+        rates=np.array([rates.get(name, np.zeros(len(names))) for name in names]),
+        units=np.array([units.get(name, force_unit) for name in names]),
+        position=position,
+        velocity=velocity,
+        force=force,
+        sensed=row_of.get("sensed", force),
+    )
+
+
+def _pushed(device: Device, hand: Operator, row_of: RowOf, rates: RowOf) -> tuple[Floats, Floats, Floats]:
+    """Add the rates of a device that the hand pushes. Return the handle's position and velocity, and f_h."""
+    rows: Rows = {name: {} for name in drive_states(device)}
+    motor = _sum(drive_rows(rows, device, FLOATS, plain_low_pass_rates), row_of)
+    rates |= {name: _sum(row, row_of) / device.sample_time for name, row in rows.items()}
+    position, velocity = row_of["position"], row_of["velocity"]
+    driven = motor - device.damping * velocity - row_of["friction"]
+    if device.structure is None:
+        free = row_of["push"] - hand.stiffness * position - hand.damping * velocity
+        mass = device.mass + hand.mass
+        rates["velocity"] = (driven + free) / mass
+        return position, velocity, device.mass / mass * free - hand.mass / mass * driven
+    masses, handle = mechanism(device, device.structure, FLOATS), row_of["handle_velocity"]
+    rates["bend"] = handle - velocity
+    spring = masses.stiffness * row_of["bend"] + masses.viscosity * rates["bend"]
+    position, mass = position + row_of["bend"], masses.handle + hand.mass
+    free = row_of["push"] - hand.stiffness * position - hand.damping * handle
+    rates["velocity"] = (driven + spring) / masses.motor
+    rates["handle_velocity"] = (free - spring) / mass
+    return position, handle, masses.handle / mass * free + hand.mass / mass * spring
+
+
+def _followed(servo: Servo, hand: Operator, row_of: RowOf, rates: RowOf) -> tuple[Floats, Floats, Floats]:
+    """Add the rates of a servo, which the hand cannot push. f_h is the push minus M a + B v + K x of the hand."""
+    rates |= _low_pass("velocity", servo.bandwidth_hz, servo.order, row_of["command"], row_of)
+    position, velocity = row_of["position"], row_of["velocity"]
+    resisting = hand.stiffness * position + hand.damping * velocity + hand.mass * rates["velocity"]
+    return position, velocity, row_of["push"] - resisting
+
+
+def _bend_unit(device: Device, hand: Operator) -> float:
+    """Return the size of a bend's oscillation at a velocity of 1 m a sample, m."""
+    if device.structure is None:
+        return 1.0
+    masses = mechanism(device, device.structure, FLOATS)
+    frequency = sqrt(masses.stiffness * (1 / masses.motor + 1 / (masses.handle + hand.mass)))
+    return 1 / (1 + frequency * device.sample_time)
+
+
+def _sum(shares: dict[str, Number], row_of: RowOf) -> Floats:
+    return np.asarray(sum(share * row_of[name] for name, share in shares.items()))
+
+
+def _low_pass(name: str, bandwidth_hz: float, order: int, source: Floats, row_of: RowOf) -> RowOf:
+    """Return the rates of the states of a low-pass."""
+    corner, value = 2 * pi * bandwidth_hz, row_of[name]
+    if order == 1:
+        return {name: corner * (source - value)}
+    rate = row_of[f"{name}_rate"]
+    return {name: corner * rate, f"{name}_rate": corner * (source - value - sqrt(2) * rate)}
+
+
+def applied(row: Floats, values: Sequence[Number]) -> Number:
+    """Return the product of a row and values. The function skips factors of 0."""
+    total: Number = 0.0
+    for factor, value in zip(row.tolist(), values, strict=True):
+        if factor != 0:
+            total = total + factor * value
+    return total
+
+
+def exponential_less_one(matrix: Floats) -> Floats:
+    """Return e^matrix - 1 of a small matrix, by scaling, Taylor's series and squaring."""
+    norm = float(np.abs(matrix).sum(axis=1).max())
+    # halved to a norm of at most 1/4, at which the series to order 17 is exact to rounding
+    halvings = max(0, ceil(log2(norm)) + 2) if norm > 0 else 0
+    scaled = matrix / 2.0**halvings
+    excess = term = scaled
+    for order in range(2, 18):
+        term = term @ scaled / order
+        excess = excess + term
+    for _ in range(halvings):
+        excess = 2 * excess + excess @ excess
+    return excess
