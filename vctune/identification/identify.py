@@ -16,7 +16,6 @@ from vctune.document.records.identification_json import (
     EstimateRecord,
     FrictionRecord,
     IdentificationRecord,
-    RecordingRecord,
     stated,
 )
 from vctune.document.schema.device_contradictions import MAX_DELAY_SAMPLES
@@ -114,7 +113,7 @@ def _study(recording: Recording, T: float, log_map: LogMap) -> Study:
 
 def _with_remarks(study: Study) -> Study:
     """Return a study with the remarks on its recording; one of which much is unexplained is refused or warned of."""
-    name, left, quantity = study.recording.name, study.residual_share, study.quantity
+    name, left, quantity = study.recording.name, study.record.residual_share or 0.0, study.quantity
     if quantity == "response" and left > UNEXPLAINED:
         message = f"{left:.0%} of the response is that of no device: record longer, or with more force or lines"
         raise unexplained(study.recording, message)
@@ -124,7 +123,9 @@ def _with_remarks(study: Study) -> Study:
         "than that; see the report for when and at which frequencies"
     )
     warnings = [Note("warn-residual", text)] if left > POOR else []
-    return replace(study, remarks=(*remarks(study.recording), *study.remarks, *warnings))
+    said = (*remarks(study.recording), *study.remarks, *warnings)
+    record = study.record.model_copy(update={"remarks": [note.line for note in said]})
+    return replace(study, remarks=said, record=record)
 
 
 def readable(bounds: Sequence[Bounded], recording: Recording, T: float) -> tuple[Bounded, ...]:
@@ -207,7 +208,7 @@ def remarks_on_gaps(studies: Sequence[Study], bounds: Sequence[Bounded], log_map
             add("remark-highest-line", text)
         else:
             add("remark-slow-motion", "no frequency shows clearly enough for unmodelled: record a sweep")
-        names = [each.name for study in studies for each in study.numbers]
+        names = [each.name for study in studies for each in study.record.numbers]
         if not any(name.startswith("compliance") for name in names):
             text = "no force was logged, so that it is not known whether the servo yields to one: log it as hand or "
             add("remark-unpushed", f"{text}force")
@@ -252,7 +253,7 @@ def identification_record(
         unmodelled=[list(point) for point in identified.unmodelled],
         friction=None if friction is None else FrictionRecord(coulomb=friction),
         force_noise=noise,
-        recordings=[_recording_record(study) for study in identified.records],
+        recordings=[study.record for study in identified.records],
         warnings=warnings,
         remarks=[note.line for note in identified.remarks if note.line not in warnings],
         versions=dict(versions),
@@ -272,23 +273,4 @@ def _bounded_record(bounded: Bounded, recording: Recording) -> BoundedRecord:
         estimates=[
             EstimateRecord(source=e.source, value=float(e.value), sigma=float(e.sigma)) for e in bounded.estimates
         ],
-    )
-
-
-def _recording_record(study: Study) -> RecordingRecord:
-    return RecordingRecord(
-        source=study.recording.name,
-        sha256=study.recording.sha256,
-        samples=len(study.recording),
-        used=study.used,
-        sample_time=study.sample_time,
-        kind=study.kind,
-        cutoff_hz=study.cutoff_hz,
-        residual=study.residual,
-        residual_share=study.residual_share,
-        chi2=study.chi2,
-        numbers=list(study.numbers),
-        derived=list(study.derived),
-        candidates=list(study.candidates),
-        remarks=[note.line for note in study.remarks],
     )

@@ -13,14 +13,19 @@ from numpy.typing import NDArray
 from vctune.document.recording import Floats, Recording
 from vctune.document.text.codes import Note
 from vctune.identification.box import COULOMB_SHARE, Estimate, jackknife
-from vctune.identification.study import Complex, Curves, Study, number, unexplained
+from vctune.identification.checks import position_noise
+from vctune.identification.physics import drive
+from vctune.identification.study import Complex, Curves, Study, number, record_of, unexplained
 from vctune.model.device import Device
-from vctune.model.loop.device_response import device_response
-from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator
 
 WAYS = ("damping_forwards", "damping_backwards", "coulomb_forwards", "coulomb_backwards")
 DIRECTIONAL, SYMMETRIC = ("mass", *WAYS), ("mass", "damping", "coulomb", "offset")
+BOTH = {  # regressors of both ways, as sums of those of each
+    "damping": {WAYS[0]: 1, WAYS[1]: 1},
+    "coulomb": {WAYS[2]: 1, WAYS[3]: 1},
+    "offset": {WAYS[2]: 1, WAYS[3]: -1},
+}
 HIGHEST, HALVINGS = 0.08, 7  # Greatest cut-off as a share of the sampling rate, and number of cut-offs
 REACH = 1.1  # Reach of the low-pass's kernel in time, in units of 1/cut-off
 LONGEST = 64  # Greatest stride, after the lowest cut-off
@@ -90,46 +95,19 @@ class MotionFit:
     """The result of a regression."""
 
     names: tuple[str, ...]  # names of the parameters in the order of `values`, with the delays last
-    values: Floats  # SI units
-    covariance: Floats
+    value: dict[str, float]  # SI units
+    sigma: dict[str, float]
+    apart: float  # standard deviation of the difference between the two ways' dampings
     cutoff_hz: float
     used: int  # number of used samples
     residual: float  # root mean square of residual and of force, N
     force: float
-    curves: tuple[Floats, Floats, Floats]  # times, s, of the used samples, and force and fit there, N
-
-    def value(self, name: str) -> float:
-        """Return a parameter by its name."""
-        return float(self.values[self.names.index(name)])
-
-    def sigma(self, name: str) -> float:
-        """Return the standard deviation of a parameter by its name."""
-        at = self.names.index(name)
-        return sqrt(max(float(self.covariance[at, at]), 0.0))
+    curves: Curves | None  # of the force, N
 
 
 def smooth(omega: Floats, cutoff_hz: float) -> Floats:
     """Return a Gaussian low-pass whose power is halved at its cut-off."""
     return np.exp(-0.5 * log(2) * (omega / (2 * np.pi * cutoff_hz)) ** 2)
-
-
-def drive(device: Device, omega: Floats) -> Complex:
-    """Return A H e^(-s delay), the response of the motor's force to the held command."""
-    at = device_response(device, omega, FLOATS).drive
-    return np.asarray(at.re - 1j * omega * at.lag)
-
-
-def position_noise(position: Floats, quantum: float | None) -> float:
-    """Return the standard deviation of a position sample: the larger of its rounding and of the noise above three
-    quarters of the Nyquist frequency."""
-    step = np.abs(np.diff(position))
-    least = float(step[step > 0].min(initial=np.inf)) if quantum is None else quantum
-    rounding = least / sqrt(12) if np.isfinite(least) else 0.0
-    third = np.diff(position, 3)
-    spectrum = np.abs(np.fft.rfft(third * np.hanning(third.size))) ** 2
-    theta = np.linspace(0, np.pi, spectrum.size)
-    top = spectrum[-spectrum.size // 4 :] / (2 * np.sin(theta[-spectrum.size // 4 :] / 2)) ** 6
-    return max(rounding, sqrt(float(np.median(top)) / log(2) / (0.375 * third.size)))
 
 
 def prepared(
@@ -208,15 +186,19 @@ def motion_fit(signals: Signals, cutoff: float, names: Sequence[str], known: Map
     rows = np.flatnonzero(kept)
     block = int(min(max(MEMORY, 3 / cutoff) / (T * every), 0.1 * kept.size))
     starts = np.unique(rows // block, return_index=True)[1]
+    covariance, found = jackknife(sensitivity, force - fitted, starts), (*names, *free)
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    ways = covariance[1:3, 1:3]
     return MotionFit(
-        names=(*names, *free),
-        values=np.array([*theta, *(delays[name] for name in free)]),
-        covariance=jackknife(sensitivity, force - fitted, starts),
+        names=found,
+        value=dict(zip(found, map(float, [*theta, *(delays[name] for name in free)]), strict=True)),
+        sigma=dict(zip(found, map(float, sigma), strict=True)),
+        apart=sqrt(max(float(np.trace(ways) - 2 * ways[0, 1]), 0.0)),
         cutoff_hz=cutoff,
         used=int(used.sum()),
         residual=float(np.sqrt(np.mean((force - fitted) ** 2))),
         force=float(np.sqrt(np.mean(force**2))),
-        curves=(np.asarray(rows * (T * every), dtype=np.float64), force, fitted),
+        curves=Curves(np.asarray(rows * (T * every), dtype=np.float64), force, fitted),
     )
 
 
@@ -230,16 +212,8 @@ def _least_squares(sensitivity: Floats, measured: Floats) -> Floats:
 def _regressor(signals: Signals, cutoff: float, name: str, every: int) -> Floats:
     if name == "mass":
         return _acceleration(signals, cutoff, every)
-    ways = {"damping": (1, 1, 0, 0), "coulomb": (0, 0, 1, 1), "offset": (0, 0, 1, -1)}
-    if name in ways:
-        return sum(
-            (
-                sign * _regressor(signals, cutoff, way, every)
-                for way, sign in zip(WAYS, ways[name], strict=True)
-                if sign
-            ),
-            start=np.zeros(1),
-        )
+    if name in BOTH:
+        return sum((by * _regressor(signals, cutoff, way, every) for way, by in BOTH[name].items()), np.zeros(1))
     return signals.filtered("position" if name == "stiffness" else name, smooth(signals.omega(every), cutoff), every)
 
 
@@ -286,38 +260,31 @@ def motion_study(recording: Recording, T: float, actuator: Actuator | None, dela
     if not usable:
         message = "the encoder's noise hides the acceleration at every cut-off; move faster, or use a finer encoder"
         raise unexplained(recording, message, recording.channels["position"].header)
-    fits = [_without_curves(motion_fit(signals, cutoff, DIRECTIONAL, delays)) for cutoff in usable]
-    fit = motion_fit(signals, min(fits, key=lambda fit: fit.sigma("mass")).cutoff_hz, DIRECTIONAL, delays)
+    fits = [replace(motion_fit(signals, cutoff, DIRECTIONAL, delays), curves=None) for cutoff in usable]
+    fit = motion_fit(signals, min(fits, key=lambda fit: fit.sigma["mass"]).cutoff_hz, DIRECTIONAL, delays)
     _refuse_spring(recording, signals, fit, delays)
-    chi2 = (fit.residual / (abs(fit.value("mass")) * signals.encoder_noise(fit.cutoff_hz, 2))) ** 2
+    chi2 = (fit.residual / (abs(fit.value["mass"]) * signals.encoder_noise(fit.cutoff_hz, 2))) ** 2
     _refuse_unexplained(recording, signals, fit, delays, chi2)
     both = motion_fit(signals, fit.cutoff_hz, SYMMETRIC, delays)
     free = signals.is_command and actuator is None and "delay" in fit.names
     later = _later(signals, fits, fit, delays) if free else 0.0
     others = [other for other in fits if other.cutoff_hz != fit.cutoff_hz and other.cutoff_hz >= fit.cutoff_hz / 8.5]
-    numbers = [number(name, fit.value(name), fit.sigma(name)) for name in fit.names]
-    numbers += [number(f"{name}, both ways alike", both.value(name), both.sigma(name)) for name in both.names]
-    hand, coulomb = recording.values("hand"), both.value("coulomb")
+    numbers = [number(name, fit.value[name], fit.sigma[name]) for name in fit.names]
+    numbers += [number(f"{name}, both ways alike", both.value[name], both.sigma[name]) for name in both.names]
+    hand, coulomb = recording.values("hand"), both.value["coulomb"]
+    record = record_of(
+        recording, T, kind="any motion", used=fit.used, residual_share=fit.residual / fit.force, chi2=chi2,
+        numbers=numbers, cutoff_hz=fit.cutoff_hz, residual=fit.residual,
+    )  # fmt: skip
     return Study(
-        recording=recording,
-        sample_time=T,
-        kind="any motion",
-        quantity="force",
-        used=fit.used,
-        residual_share=fit.residual / fit.force,
-        chi2=chi2,
-        estimates=tuple(_estimates(recording.name, signals, fit, both, others, later)),
-        numbers=tuple(numbers),
-        curves=Curves(*fit.curves, f"{recording.units.force_name}, {recording.units.force}"),
-        friction=coulomb if coulomb > 2 * both.sigma("coulomb") else None,
+        recording,
+        record,
+        "force",
+        tuple(_estimates(recording.name, signals, fit, both, others, later)),
+        curves=fit.curves,
+        friction=coulomb if coulomb > 2 * both.sigma["coulomb"] else None,
         force_noise=None if hand is None else float(1.4826 * np.median(np.abs(np.diff(hand, 3))) / sqrt(20)),
-        cutoff_hz=fit.cutoff_hz,
-        residual=fit.residual,
     )
-
-
-def _without_curves(fit: MotionFit) -> MotionFit:
-    return replace(fit, curves=(np.zeros(0),) * 3)
 
 
 def _estimates(
@@ -329,27 +296,23 @@ def _estimates(
 
     def excess(name: str) -> tuple[float, float]:
         """How far the estimates at other cut-offs lie below and above, beyond two standard deviations of both."""
-        beyond = {other.value(name) - fit.value(name): 2 * (other.sigma(name) + fit.sigma(name)) for other in others}
+        beyond = {other.value[name] - fit.value[name]: 2 * (other.sigma[name] + fit.sigma[name]) for other in others}
         below = max((-by - allowed for by, allowed in beyond.items()), default=0.0)
         return max(below, 0.0), max((by - allowed for by, allowed in beyond.items() if by > allowed), default=0.0)
 
-    found = [Estimate("mass", fit.value("mass"), fit.sigma("mass"), text, excess("mass"))]
-    forwards, backwards = (fit.names.index(way) for way in WAYS[:2])
-    C = fit.covariance
-    variance = C[forwards, forwards] + C[backwards, backwards] - 2 * C[forwards, backwards]
-    differ = abs(fit.values[forwards] - fit.values[backwards]) > SIGNIFICANT * sqrt(max(variance, 0.0))
+    found = [Estimate("mass", fit.value["mass"], fit.sigma["mass"], text, excess("mass"))]
+    differ = abs(fit.value[WAYS[0]] - fit.value[WAYS[1]]) > SIGNIFICANT * fit.apart
     speed = float(np.sqrt(np.mean(signals.velocity**2)))
-    coulomb = COULOMB_SHARE * abs(both.value("coulomb")) / speed
-    for of, way, name in (
-        ((fit, "forwards", WAYS[0]), (fit, "backwards", WAYS[1])) if differ else ((both, "both ways", "damping"),)
-    ):
+    coulomb = COULOMB_SHARE * abs(both.value["coulomb"]) / speed
+    ways = [(fit, way.partition("_")[2], way) for way in WAYS[:2]] if differ else [(both, "both ways", "damping")]
+    for of, way, name in ways:
         margin = (coulomb, coulomb)
-        found.append(Estimate("damping", of.value(name), of.sigma(name), f"{text}, {way}", margin, reason=FRICTION))
+        found.append(Estimate("damping", of.value[name], of.sigma[name], f"{text}, {way}", margin, reason=FRICTION))
     for name, key in (("delay", "delay"), ("sensor_delay", "force_sensor.delay")):
         if name in fit.names:
             below, above = excess(name)
             margin = (below, max(above, later)) if name == "delay" else (below, above)
-            found.append(Estimate(key, fit.value(name), fit.sigma(name), text, margin))
+            found.append(Estimate(key, fit.value[name], fit.sigma[name], text, margin))
     return found
 
 
@@ -361,25 +324,25 @@ def _later(signals: Signals, fits: Sequence[MotionFit], best: MotionFit, delays:
     """
     found = 0.0
     for cutoff, fit in {each.cutoff_hz: each for each in (best, fits[0])}.items():
-        alone = fit.value("delay")
+        alone = fit.value["delay"]
         if alone < SHORT * signals.sample_time:
             continue
         tried = [(fit.residual, alone)]
         for share in LAGS:
             lagging = replace(signals, actuator=Actuator(1 / (2 * pi * share * alone)))
             lagged = motion_fit(lagging, cutoff, DIRECTIONAL, delays)
-            tried.append((lagged.residual, lagged.value("delay") + share * alone))
+            tried.append((lagged.residual, lagged.value["delay"] + share * alone))
         least = min(range(len(tried)), key=lambda k: tried[k][0])
         if least > 0:  # one step further, for what lies between the steps
-            found = max(found, tried[min(least + 1, len(tried) - 1)][1] - best.value("delay"))
+            found = max(found, tried[min(least + 1, len(tried) - 1)][1] - best.value["delay"])
     return found
 
 
 def _refuse_spring(recording: Recording, signals: Signals, fit: MotionFit, delays: Mapping[str, float]) -> None:
     """Refuse a log in which something besides the motor and the hand pulls with the position: no device has that."""
     sprung = motion_fit(signals, fit.cutoff_hz, (*DIRECTIONAL, "stiffness"), delays)
-    stiffness, moved = sprung.value("stiffness"), abs(sprung.value("mass") / fit.value("mass") - 1)
-    if abs(stiffness) < SPRUNG * sprung.sigma("stiffness"):
+    stiffness, moved = sprung.value["stiffness"], abs(sprung.value["mass"] / fit.value["mass"] - 1)
+    if abs(stiffness) < SPRUNG * sprung.sigma["stiffness"]:
         return
     position = recording.channels["position"]
     share = abs(stiffness) * float(np.std(position.values)) / fit.force
@@ -397,11 +360,11 @@ def _refuse_unexplained(
     recording: Recording, signals: Signals, fit: MotionFit, delays: Mapping[str, float], chi2: float
 ) -> None:
     """Refuse a log if no mass and friction explain its force, or if only an impossible mass explains it."""
-    mass, share, units = fit.value("mass"), fit.residual / fit.force, recording.units
+    mass, share, units = fit.value["mass"], fit.residual / fit.force, recording.units
     headers = {role: channel.header for role, channel in recording.channels.items()}
     pushed = headers.get("command", headers.get("force", headers.get("hand", "")))
     swapped = share > SUSPICIOUS_SHARE and _residual_if_swapped(recording, signals, delays) < 0.3 * share
-    damping, sigma = max((fit.value(way), fit.sigma(way)) for way in WAYS[:2])
+    damping, sigma = max((fit.value[way], fit.sigma[way]) for way in WAYS[:2])
     driven = -damping * float(np.std(signals.velocity)) > DRIVEN * fit.force and damping < -SPRUNG * sigma
     mass_text = f"the {units.mass_name} comes out as {mass:.3g} {units.mass}"
     if share > MAX_RESIDUAL_SHARE or swapped or (not delays and share > GREATEST_SHARE and chi2 > OF_NOISE):

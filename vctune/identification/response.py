@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
-from math import ceil, hypot, log, pi, sqrt
+from math import hypot, log, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.analysis.sampled_loop import pulse_transfer
 from vctune.document.recording import Channel, Floats, Recording
 from vctune.document.records.identification_json import CandidateRecord, NumberRecord
 from vctune.document.schema.device_contradictions import FASTEST
 from vctune.document.text.codes import Note
 from vctune.identification.box import COULOMB_SHARE, Estimate, box, jackknife
-from vctune.identification.motion import drive
-from vctune.identification.study import Complex, Lines, Study, number
+from vctune.identification.physics import compliances, drive, held_compliance
+from vctune.identification.study import Complex, Lines, Study, number, record_of
 from vctune.model.device import Device
 from vctune.model.hands import LeastOperator
-from vctune.model.loop.device_response import device_response, mechanism
+from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, Structure
 
@@ -184,27 +183,6 @@ class Candidate:
     def __str__(self) -> str:
         parts = ["one mass", "two masses"][self.masses - 1], "actuator" * self.lag, "damped handle" * self.damped_handle
         return ", ".join(part for part in parts if part)
-
-
-def compliances(device: Device, omega: Floats) -> tuple[Complex, Complex]:
-    """Return the responses of motor and handle to a force on the motor, m/N."""
-    at = device_response(replace(device, delay=0.0, actuator=None, velocity=None), omega, FLOATS)
-    s = 1j * omega
-    Z_1 = at.damping + s * at.mass
-    if at.spring is None:
-        return 1 / (s * Z_1), 1 / (s * Z_1)
-    y = omega**2 * at.spring.y_c + 1j * omega * at.spring.y_k
-    Z_2 = (at.spring.damping or 0.0) + s * at.spring.mass
-    motor = 1 / (s * (Z_1 + Z_2 / (1 + y * Z_2)))
-    return motor, motor / (1 + y * Z_2)
-
-
-def held_compliance(device: Device, omega: Floats) -> Complex:
-    """Return the exact response of the motor at the samples to a command that is held between them, m/N."""
-    T = device.sample_time
-    early = max(0, ceil(-float(device.delay) / T))
-    there = replace(device, delay=float(device.delay) + early * T, velocity=None)
-    return np.asarray(pulse_transfer(there, omega, position=True)[1] * np.exp(1j * omega * T * early))
 
 
 @dataclass(frozen=True, slots=True)
@@ -503,34 +481,28 @@ def periodic_study(recording: Recording, T: float, actuator: Actuator | None) ->
     lines = Lines(
         omega / (2 * pi), measured.position.ratio + rubbed, measured.position.spread, fitted + rubbed, model, behind
     )
-    return Study(
-        recording=recording,
-        sample_time=T,
+    candidates = [
+        CandidateRecord(
+            structure=str(each.task.candidate), chosen=each is fit, chi2=each.chi2,
+            model_error=[float(share) for share in each.model_errors],
+        )
+        for each in sorted(fits, key=lambda each: (each.task.candidate.masses, each.task.candidate.names))
+    ]  # fmt: skip
+    record = record_of(
+        recording, T,
         kind=f"{measured.periods} periods of {measured.period * T:g} s, {omega.size} lines",
-        quantity="response",
         used=measured.period * measured.periods,
         residual_share=float(np.sqrt(np.mean(np.abs(fitted / measured.position.ratio - 1) ** 2))),
-        chi2=fit.chi2,
-        estimates=tuple(found),
-        numbers=tuple(records),
-        lines=(lines,),
-        derived=_derived(device, recording),
-        candidates=tuple(
-            CandidateRecord(
-                structure=str(each.task.candidate), chosen=each is fit, chi2=each.chi2,
-                model_error=[float(share) for share in each.model_errors],
-            )
-            for each in sorted(fits, key=lambda each: (each.task.candidate.masses, each.task.candidate.names))
-        ),
-        remarks=tuple(remarks),
-        friction=numbers["coulomb"] if numbers["coulomb"] > 2 * sigma["coulomb"] > 0 else None,
+        chi2=fit.chi2, numbers=records, derived=_derived(device, recording), candidates=candidates,
     )  # fmt: skip
+    friction = numbers["coulomb"] if numbers["coulomb"] > 2 * sigma["coulomb"] > 0 else None
+    return Study(recording, record, "response", tuple(found), (lines,), remarks=tuple(remarks), friction=friction)
 
 
-def _derived(device: Device, recording: Recording) -> tuple[NumberRecord, ...]:
+def _derived(device: Device, recording: Recording) -> list[NumberRecord]:
     """Return the quantities that describe a structure, such as both masses, the stiffness and the antiresonance."""
     if device.structure is None:
-        return ()
+        return []
     parts = mechanism(device, device.structure, FLOATS)
     derived = {
         "motor mass": parts.motor,
@@ -540,4 +512,4 @@ def _derived(device: Device, recording: Recording) -> tuple[NumberRecord, ...]:
         "resonance, Hz": device.structure.frequency_hz,
         f"damping between them, {recording.units.damping}": parts.viscosity,
     }
-    return tuple(number(name, value) for name, value in derived.items())
+    return [number(name, value) for name, value in derived.items()]

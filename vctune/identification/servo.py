@@ -1,4 +1,4 @@
-"""Fit delay and low-pass of a vendor's servo to the steps of its position (README, section 5)."""
+"""Fit delay and low-pass of a vendor's servo to the steps of its position (README, section 8)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from vctune.document.records.identification_json import CandidateRecord, NumberR
 from vctune.document.schema.device_contradictions import MAX_DELAY_SAMPLES
 from vctune.document.text.codes import Note
 from vctune.identification.box import Bounded, Estimate, jackknife, joint_factor
-from vctune.identification.motion import position_noise
-from vctune.identification.study import Complex, Curves, Lines, Study, number, omega_of, unexplained
+from vctune.identification.checks import position_noise
+from vctune.identification.study import Complex, Curves, Lines, Study, number, omega_of, record_of, unexplained
 from vctune.model.device import Device
 
 BANDWIDTHS = (2e-4, 8.0)  # Range of the low-pass's bandwidth, as shares of the sampling rate
@@ -310,7 +310,7 @@ def _with_intervals(task: Task, at: Floats) -> ServoFit:
 
     def estimate(key: str, values: Sequence[float], sigma: float, more: float) -> Estimate:
         value, low, high = values[-1], min(values), max(values)
-        sigma = min(sigma, 1.5 * min(value - min(values[:-1]), max(values[:-1]) - value) / factor)
+        sigma = min(sigma, 1.5 * min(value - low, high - value) / factor)
         beyond = [max(each - factor * sigma, 0.0) for each in (value - low, high - value)]
         reason = JITTER if more > max(beyond) else LATENCY
         return Estimate(key, value, sigma, "", (beyond[0] + more, beyond[1] + more), reason=reason)
@@ -413,36 +413,30 @@ def servo_study(recording: Recording, T: float) -> Study:
     made = gain * positions(servo_log.time, servo_log.velocity, *task.numbers(at), task.order)[rows]
     measured = servo_log.position[rows]
     made += float(np.mean(measured - made))
-    units = recording.units
-    return Study(
-        recording=recording,
-        sample_time=T,
+    candidates = [
+        CandidateRecord(
+            structure=f"order {one.task.order}", chosen=one is fit, chi2=_chi2(one, task.noise),
+            model_error=[one.residual_share],
+        )
+        for one in (fit, other)
+    ]  # fmt: skip
+    record = record_of(
+        recording, T,
         kind=f"a servo told its {'position' if servo_log.is_position else 'velocity'}, order {task.order}",
-        quantity="motion",
-        used=fit.residual.size + 1,
-        residual_share=fit.residual_share,
-        chi2=_chi2(fit, Noise(task.noise.encoder, 0.0)),
-        estimates=tuple(
-            replace(each, source=f"{name}: order {one.task.order}")
-            for one in fits
-            for each in (one.delay, one.bandwidth)
-        ),
-        numbers=tuple(numbers),
-        lines=(_bands(fit, other), *([] if order_is_known else [_of_fit(fit, other), _of_fit(other, fit)])),
-        curves=Curves(servo_log.time[rows], measured, made, f"position, {units.position}"),
-        derived=(number("latency, hold aside", fit.latency),),
-        candidates=tuple(
-            CandidateRecord(
-                structure=f"order {one.task.order}", chosen=one is fit, chi2=_chi2(one, task.noise),
-                model_error=[one.residual_share],
-            )
-            for one in (fit, other)
-        ),
-        remarks=tuple(remarks),
-        servo_orders={
-            one.task.order: one.cost / max(fit.inflation, other.inflation) for one in (fit, other)
-        },
+        used=fit.residual.size + 1, residual_share=fit.residual_share,
+        chi2=_chi2(fit, Noise(task.noise.encoder, 0.0)), numbers=numbers,
+        derived=[number("latency, hold aside", fit.latency)], candidates=candidates,
     )  # fmt: skip
+    estimates = [
+        replace(each, source=f"{name}: order {one.task.order}") for one in fits for each in (one.delay, one.bandwidth)
+    ]
+    inflation = max(fit.inflation, other.inflation)
+    lines = [_bands(fit, other), *([] if order_is_known else [_of_fit(fit, other), _of_fit(other, fit)])]
+    orders = {one.task.order: one.cost / inflation for one in (fit, other)}
+    curves = Curves(servo_log.time[rows], measured, made)
+    return Study(
+        recording, record, "motion", tuple(estimates), tuple(lines), curves, tuple(remarks), servo_orders=orders
+    )
 
 
 def _chi2(fit: ServoFit, noise: Noise) -> float:

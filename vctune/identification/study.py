@@ -6,12 +6,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.document.recording import Floats, Recording
-from vctune.document.records.identification_json import CandidateRecord, NumberRecord
+from vctune.document.records.identification_json import NumberRecord, RecordingRecord
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError
 from vctune.identification.box import Bounded, Estimate
@@ -44,7 +45,6 @@ class Curves:
     time: Floats
     measured: Floats
     fitted: Floats
-    label: str  # quantity and unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,29 +52,32 @@ class Study:
     """A recording with its fit."""
 
     recording: Recording
-    sample_time: float  # s
-    kind: str  # kind of the excitation, in words
+    record: RecordingRecord  # what identification.json and the page say of it
     quantity: str  # what the fit explains: "force", "response" or "motion"
-    used: int  # number of samples that the fit uses
-    residual_share: float  # share of the quantity that the fit leaves unexplained
-    chi2: float | None  # power of the residual divided by that of the noise alone, per degree of freedom
     estimates: tuple[Estimate, ...]  # of the parameters that a problem file states
-    numbers: tuple[NumberRecord, ...]
     lines: tuple[Lines, ...] = ()
     curves: Curves | None = None
-    derived: tuple[NumberRecord, ...] = ()
-    candidates: tuple[CandidateRecord, ...] = ()
     remarks: tuple[Note, ...] = ()
     friction: float | None = None  # Coulomb friction, N; None if none was found
     force_noise: float | None = None  # standard deviation of a sample of the hand's sensed force, N
-    cutoff_hz: float | None = None  # cut-off of a fit in time, and its root mean square residual, N
-    residual: float | None = None
     servo_orders: dict[int, float] = field(default_factory=dict)  # -2 log likelihood by the order of a servo
 
 
 def number(name: str, value: float, sigma: float | None = None) -> NumberRecord:
     """Return a number of the record."""
     return NumberRecord(name=name, value=float(value), sigma=None if sigma is None else float(sigma))
+
+
+def record_of(recording: Recording, sample_time: float, **found: Any) -> RecordingRecord:
+    """Return the record of a recording; what the kind of fit does not have is empty."""
+    empty: dict[str, Any] = {"cutoff_hz": None, "residual": None, "derived": [], "candidates": [], "remarks": []}
+    return RecordingRecord(
+        source=recording.name,
+        sha256=recording.sha256,
+        samples=len(recording),
+        sample_time=sample_time,
+        **(empty | found),
+    )
 
 
 def unexplained(recording: Recording, message: str, key: str = "") -> InputError:

@@ -73,7 +73,9 @@ def _figure(found: Identified, record: IdentificationRecord) -> Figure:
     panels = iter(np.atleast_1d(figure.subplots(len(heights), 1, height_ratios=heights)))
     for study in found.records:
         if study.curves is not None:
-            _in_time(next(panels), next(panels), study.curves, study.recording.name)
+            names = record.units.force_name, record.units.force
+            names = ("position", record.units.position) if study.quantity == "motion" else names
+            _in_time(next(panels), next(panels), study.curves, study.recording.name, *names)
     for study, lines in shown:
         axes, units = next(panels), record.units
         _response(axes, lines, found, study.recording.name)
@@ -83,9 +85,9 @@ def _figure(found: Identified, record: IdentificationRecord) -> Figure:
     return figure
 
 
-def _in_time(close: Axes, whole: Axes, curves: Curves, name: str) -> None:
+def _in_time(close: Axes, whole: Axes, curves: Curves, name: str, quantity: str, unit: str) -> None:
     """Draw signal and fit where they differ most, and the difference over the whole log."""
-    left, (quantity, unit) = curves.measured - curves.fitted, curves.label.rsplit(", ", 1)
+    left = curves.measured - curves.fitted
     first = int(np.clip(np.argmax(np.abs(left)) - WINDOW // 2, 0, max(left.size - WINDOW, 0)))
     rows, every = slice(first, first + WINDOW), max(1, left.size // MOST_POINTS)
     drawn, prefixed = in_prefixed(np.stack([curves.measured[rows], curves.fitted[rows]]), unit)
