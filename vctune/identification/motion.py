@@ -110,17 +110,21 @@ def smooth(omega: Floats, cutoff_hz: float) -> Floats:
     return np.exp(-0.5 * log(2) * (omega / (2 * np.pi * cutoff_hz)) ** 2)
 
 
-def prepared(
-    position: Floats, force: Floats | None, hand: Floats | None, T: float, noise: float, **of_force: Any
-) -> Signals:
-    """Return columns with their spectra."""
+def signals_of(recording: Recording, T: float, actuator: Actuator | None, *, swapped: bool = False) -> Signals:
+    """Return the spectra of the columns that the regression needs; of force and position the other way if `swapped`."""
     from scipy.fft import next_fast_len
 
-    n = position.size
-    size = LONGEST * next_fast_len(ceil((n + min(n, BEHIND)) / LONGEST), real=True)
-    columns = {"position": position - position.mean(), "force": force, "hand": hand}
+    # from the command, the delay includes everything up to the motion; a measured force may come much later
+    held = "command" in recording.channels
+    position, force = recording.channels["position"], recording.values("command" if held else "force")
+    force = None if force is None or np.ptp(force) == 0 else force
+    x, noise, hand = position.values, position_noise(position.values, position.quantum), recording.values("hand")
+    if swapped and force is not None:
+        x, force, noise, hand = force, x, 0.0, None
+    size = LONGEST * next_fast_len(ceil((x.size + min(x.size, BEHIND)) / LONGEST), real=True)
+    columns = {"position": x - x.mean(), "force": force, "hand": hand}
     spectra = {name: np.fft.rfft(values, size) for name, values in columns.items() if values is not None}
-    found = Signals(T, n, size, spectra, position, noise, **of_force)
+    found = Signals(T, x.size, size, spectra, x, noise, held, actuator if held else None)
     cutoff = HIGHEST / T
     for _ in range(HALVINGS):  # the highest cut-off at which noise is at most 1 % of the velocity
         v = found.filtered("position", 1j * found.omega() * smooth(found.omega(), cutoff))
@@ -131,19 +135,6 @@ def prepared(
     for name, values in zip(WAYS, (v * ahead, v * back, ahead, -back), strict=True):
         spectra[name] = np.fft.rfft(values, size)
     return replace(found, velocity=v)
-
-
-def signals_of(recording: Recording, T: float, actuator: Actuator | None) -> Signals:
-    """Return the columns of a recording that the regression needs."""
-    # from the command, the delay includes everything up to the motion; a measured force may come much later
-    force, held = recording.values("command"), True
-    if force is None:
-        force, held = recording.values("force"), False
-    force = None if force is not None and np.ptp(force) == 0 else force
-    position = recording.channels["position"]
-    noise = position_noise(position.values, position.quantum)
-    hand = recording.values("hand")
-    return prepared(position.values, force, hand, T, noise, is_command=held, actuator=actuator if held else None)
 
 
 def cutoffs(signals: Signals) -> list[float]:
@@ -382,12 +373,8 @@ def _refuse_unexplained(
 
 def _residual_if_swapped(recording: Recording, signals: Signals, delays: Mapping[str, float]) -> float:
     """Return the relative residual of a fit with force and position swapped."""
-    force = recording.values("command" if signals.is_command else "force")
-    if force is None or "force" not in signals.spectra:
-        return np.inf
-    position = recording.channels["position"].values
-    swapped = prepared(force, position, None, signals.sample_time, 0.0, is_command=signals.is_command, actuator=None)
-    usable = cutoffs(swapped)
+    swapped = signals_of(recording, signals.sample_time, None, swapped=True)
+    usable = cutoffs(swapped) if "force" in signals.spectra else []
     if not usable:
         return np.inf
     fit = motion_fit(swapped, usable[min(2, len(usable) - 1)], SYMMETRIC, delays)

@@ -46,14 +46,6 @@ class ServoLog:
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
-    """Standard deviations of a position sample, m, and of the delay from command to command, s."""
-
-    encoder: float
-    link: float
-
-
-@dataclass(frozen=True, slots=True)
 class ServoFit:
     """The fit of a servo of one order."""
 
@@ -118,15 +110,6 @@ def sampled_response(omega: Floats, T: float, delay: float, bandwidth_hz: float,
     return np.asarray(w**whole * (T * w + (1 - w) * (since - lag + left)) / T)
 
 
-def exposure(log: ServoLog, late: int, lag: float) -> Floats:
-    """Return the variance that a link's jitter causes in each row, divided by the variance of the delay."""
-    from scipy.signal import lfilter
-
-    by = log.velocity if log.is_position else np.diff(log.velocity, prepend=log.velocity[0])
-    shifted, kept = np.concatenate([np.zeros(late), by[: by.size - late] ** 2]), exp(-1 / max(lag, 1e-3))
-    return np.asarray(lfilter([1 - kept], [1.0, -kept], shifted))
-
-
 @dataclass(frozen=True, slots=True)
 class Task:
     """The least-squares problem of the whitened steps. Its unknowns are the latency in samples, and the logarithm of
@@ -135,7 +118,8 @@ class Task:
     log: ServoLog
     order: int
     first: int  # first row
-    noise: Noise
+    encoder: float  # standard deviation of a position sample, m, and of the delay from command to command, s
+    link: float
     exposed: Floats  # variance in each row for a unit variance of the delay
 
     def numbers(self, at: Floats) -> tuple[float, float]:
@@ -153,8 +137,8 @@ class Task:
         determinant."""
         from scipy.linalg import cholesky_banded, solve_banded
 
-        link = self.noise.link**2 * self.exposed
-        rows = self.noise.encoder**2 + (link if self.log.is_position else 0.0 * link)
+        link = self.link**2 * self.exposed
+        rows = self.encoder**2 + (link if self.log.is_position else 0.0 * link)
         band = np.zeros((2, self.exposed.size - 1))
         band[0] = rows[1:] + rows[:-1] + (0.0 if self.log.is_position else link[1:])
         band[1, :-1] = -rows[1:-1]
@@ -166,19 +150,19 @@ class Task:
         measured, predicted = self.whitened(self.steps(at))[0].T
         return float(measured @ predicted / (predicted @ predicted))
 
-    def residual(self, at: Floats) -> Floats:
-        """Return the part of the steps that given parameters leave unexplained, m."""
-        measured, predicted = self.steps(at).T
-        return np.asarray(measured - self.gain(at) * predicted)
-
     def white(self, at: Floats) -> Floats:
         """Return the whitened residual with the best gain."""
         measured, predicted = self.whitened(self.steps(at))[0].T
         return np.asarray(measured - (measured @ predicted / (predicted @ predicted)) * predicted)
 
-    def slopes(self, at: Floats) -> Floats:
-        """Return the derivatives of `white`, shape (n, 2)."""
-        return np.stack([(self.white(at + h) - self.white(at - h)) / (2 * CHANGE) for h in CHANGE * np.eye(2)], axis=1)
+    def residual(self, at: Floats) -> Floats:
+        """Return the part of the steps that given parameters leave unexplained, m."""
+        return np.asarray(self.steps(at) @ [1.0, -self.gain(at)])
+
+    def slopes(self, at: Floats, unknowns: int = 2) -> Floats:
+        """Return the derivatives of `white`, shape (n, unknowns)."""
+        steps = CHANGE * np.eye(2)[:unknowns]
+        return np.stack([(self.white(at + h) - self.white(at - h)) / (2 * CHANGE) for h in steps], axis=1)
 
     def chi2(self, at: Floats) -> float:
         """Return the sum of the squares of `white`."""
@@ -186,11 +170,15 @@ class Task:
 
     def near(self, at: Floats, first: int | None = None) -> Task:
         """Return the task near given parameters, with the rows to fit and the effect of the link's jitter on each."""
+        from scipy.signal import lfilter
+
         lag, n = modes(float(np.exp(at[1])), self.order)[0], self.log.time.size
         if first is None:
             first = min(ceil(max(float(at[0]), 0.0) + SETTLING_LAGS * lag) + 2, n // 4)
-        late = min(max(round(float(at[0]) - lag), 0), n // 4)
-        return replace(self, first=first, exposed=exposure(self.log, late, lag)[first:])
+        late, kept = min(max(round(float(at[0]) - lag), 0), n // 4), exp(-1 / max(lag, 1e-3))
+        by = self.log.velocity if self.log.is_position else np.diff(self.log.velocity, prepend=self.log.velocity[0])
+        exposed = lfilter([1 - kept], [1.0, -kept], np.concatenate([np.zeros(late), by[: n - late] ** 2]))
+        return replace(self, first=first, exposed=np.asarray(exposed[first:]))
 
     def refined(self, at: Floats) -> tuple[Task, Floats]:
         """Return the task with the likeliest noise near given parameters, and the parameters that then fit best."""
@@ -209,13 +197,13 @@ class Task:
 
         def noisy(logarithms: Floats) -> Task:
             encoder, link = np.exp(np.clip(logarithms, -40.0, 40.0))
-            return replace(self, noise=Noise(max(float(encoder), self.log.rounding), float(link) * T))
+            return replace(self, encoder=max(float(encoder), self.log.rounding), link=float(link) * T)
 
         def cost(logarithms: Floats) -> float:
             white, determinant = noisy(logarithms).whitened(residual)
             return float(white @ white) + determinant
 
-        start = np.log([self.noise.encoder, max(self.noise.link / T, 1e-3)])
+        start = np.log([self.encoder, max(self.link / T, 1e-3)])
         simplex = start + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
         options = {"xatol": 0.02, "fatol": 0.02, "initial_simplex": simplex}
         best = minimize(cost, start, method="Nelder-Mead", options=options)
@@ -224,9 +212,8 @@ class Task:
     def best_latency(self, at: Floats, logarithm: float) -> Floats:
         """Return the parameters with the best latency at another bandwidth, by the method of Gauss and Newton."""
         at = np.array([at[0], np.clip(logarithm, *np.log(BANDWIDTHS))])
-        step = np.array([CHANGE, 0.0])
         for _ in range(6):
-            slope = (self.white(at + step) - self.white(at - step)) / (2 * CHANGE)
+            slope = self.slopes(at, 1)[:, 0]
             if not slope.any():  # the command does not act within the log
                 break
             change = float(slope @ self.white(at)) / float(slope @ slope)
@@ -238,17 +225,15 @@ class Task:
 
 def servo_log_of(recording: Recording, T: float) -> ServoLog:
     """Return the columns of a recording that the fit needs, and the least noise that the encoder's rounding permits."""
-    position, logged = recording.channels["position"], recording.values("time")
-    time = np.asarray(np.arange(position.values.size) * T if logged is None else logged, dtype=np.float64)
-    command = recording.channels[commanded(recording)].values
-    is_position = commanded(recording) == "position_command"
-    velocity = interpolating_velocity(time, command) if is_position else command
+    position, logged, role = recording.channels["position"], recording.values("time"), commanded(recording)
+    time = np.asarray(np.arange(len(recording)) * T if logged is None else logged - logged[0], dtype=np.float64)
+    command, is_position = recording.channels[role].values, role == "position_command"
     steps = np.abs(np.diff(position.values))
     quantum = position.quantum or float(steps[steps > 0].min(initial=np.inf))
     rounding = min(quantum / sqrt(12), position_noise(position.values, position.quantum))
-    return ServoLog(
-        time - time[0], velocity, position.values, T, is_position, max(rounding, 1e-9 * float(np.ptp(position.values)))
-    )
+    velocity = interpolating_velocity(time, command) if is_position else command
+    least = max(rounding, 1e-9 * float(np.ptp(position.values)))
+    return ServoLog(time, velocity, position.values, T, is_position, least)
 
 
 def commanded(recording: Recording) -> str:
@@ -261,7 +246,7 @@ def fit_servos(servo_log: ServoLog) -> tuple[ServoFit, ServoFit]:
     found = []
     for order in (1, 2):
         at = _coarse(servo_log, order)
-        task = Task(servo_log, order, 0, Noise(servo_log.rounding, 0.01 * servo_log.T), np.zeros(0)).near(at)
+        task = Task(servo_log, order, 0, servo_log.rounding, 0.01 * servo_log.T, np.zeros(0)).near(at)
         for _ in range(2):
             task, at = task.refined(at)
             task = task.near(at)
@@ -358,7 +343,7 @@ def _jitter(task: Task, residual: Floats, lag: float) -> float:
     if count < 10:
         return 0.0
     exposed = task.exposed[1 : 1 + count * window].reshape(count, window).sum(axis=1)
-    values, encoder = residual, 2 * task.noise.encoder**2
+    values, encoder = residual, 2 * task.encoder**2
     if task.log.is_position:
         values = np.cumsum(residual)
         values, encoder, exposed = (values - values.mean()) / window, encoder / 2 / window, exposed / window**2
@@ -391,7 +376,7 @@ def servo_study(recording: Recording, T: float) -> Study:
         number("bandwidth, Hz", fit.bandwidth.value, fit.bandwidth.sigma),
         number("motion over command", gain, gain_sigma),
         number("jitter of the delay", fit.jitter),
-        number("noise of a position", task.noise.encoder),
+        number("noise of a position", task.encoder),
     ]
     if not order_is_known:
         text = f"{name}: orders 1 and 2 explain it equally well: the box contains both, and unmodelled covers the rest"
@@ -415,7 +400,7 @@ def servo_study(recording: Recording, T: float) -> Study:
     made += float(np.mean(measured - made))
     candidates = [
         CandidateRecord(
-            structure=f"order {one.task.order}", chosen=one is fit, chi2=_chi2(one, task.noise),
+            structure=f"order {one.task.order}", chosen=one is fit, chi2=_chi2(one, task.encoder, task.link),
             model_error=[one.residual_share],
         )
         for one in (fit, other)
@@ -424,7 +409,7 @@ def servo_study(recording: Recording, T: float) -> Study:
         recording, T,
         kind=f"a servo told its {'position' if servo_log.is_position else 'velocity'}, order {task.order}",
         used=fit.residual.size + 1, residual_share=fit.residual_share,
-        chi2=_chi2(fit, Noise(task.noise.encoder, 0.0)), numbers=numbers,
+        chi2=_chi2(fit, task.encoder, 0.0), numbers=numbers,
         derived=[number("latency, hold aside", fit.latency)], candidates=candidates,
     )  # fmt: skip
     estimates = [
@@ -439,9 +424,9 @@ def servo_study(recording: Recording, T: float) -> Study:
     )
 
 
-def _chi2(fit: ServoFit, noise: Noise) -> float:
+def _chi2(fit: ServoFit, encoder: float, link: float) -> float:
     """Return the power of a fit's residual divided by the power of a given noise, per row."""
-    return float(np.mean(replace(fit.task, noise=noise).whitened(fit.residual)[0] ** 2))
+    return float(np.mean(replace(fit.task, encoder=encoder, link=link).whitened(fit.residual)[0] ** 2))
 
 
 def _refuse(recording: Recording, fits: Sequence[ServoFit]) -> None:
