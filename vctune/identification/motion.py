@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, log, pi, sqrt
+from math import ceil, floor, log, log2, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -79,10 +79,8 @@ class Signals:
 
     def stride(self, cutoff_hz: float) -> int:
         """Return n of which every n-th sample suffices after a low-pass, with an aliasing of 1e-6."""
-        every = 1
-        while every < LONGEST and 2 * every * cutoff_hz * self.sample_time <= HIGHEST * (1 + 1e-9):
-            every *= 2
-        return every
+        ratio = HIGHEST * (1 + 1e-9) / (cutoff_hz * self.sample_time)
+        return int(min(LONGEST, 2 ** max(0, floor(log2(ratio)))))
 
     def encoder_noise(self, cutoff_hz: float, order: int) -> float:
         """Return the standard deviation that the encoder alone causes in a derivative after the low-pass."""
@@ -94,8 +92,7 @@ class Signals:
 class MotionFit:
     """The result of a regression."""
 
-    names: tuple[str, ...]  # names of the parameters in the order of `values`, with the delays last
-    value: dict[str, float]  # SI units
+    value: dict[str, float]  # parameters by name, the delays last, SI units
     sigma: dict[str, float]
     apart: float  # standard deviation of the difference between the two ways' dampings
     cutoff_hz: float
@@ -128,7 +125,7 @@ def signals_of(recording: Recording, T: float, actuator: Actuator | None, *, swa
     cutoff = HIGHEST / T
     for _ in range(HALVINGS):  # the highest cut-off at which noise is at most 1 % of the velocity
         v = found.filtered("position", 1j * found.omega() * smooth(found.omega(), cutoff))
-        if found.encoder_noise(cutoff, 1) < 0.01 * float(np.sqrt(np.mean(v**2))):
+        if found.encoder_noise(cutoff, 1) < 0.01 * _rms(v):
             break
         cutoff /= 2
     ahead, back = (v > 0).astype(float), (v < 0).astype(float)
@@ -145,15 +142,10 @@ def cutoffs(signals: Signals) -> list[float]:
             break
         every = signals.stride(cutoff)
         margin = ceil(signals.edge(cutoff) / every)
-        a = _acceleration(signals, cutoff, every)[margin:-margin]
+        a = _regressor(signals, cutoff, "mass", every)[margin:-margin]
         if signals.encoder_noise(cutoff, 2) ** 2 < ATTENUATION * float(np.mean(a**2)):
             usable.append(cutoff)
     return usable
-
-
-def _acceleration(signals: Signals, cutoff: float, every: int) -> Floats:
-    omega = signals.omega(every)
-    return signals.filtered("position", -(omega**2) * smooth(omega, cutoff), every)
 
 
 def motion_fit(signals: Signals, cutoff: float, names: Sequence[str], known: Mapping[str, float]) -> MotionFit:
@@ -178,19 +170,16 @@ def motion_fit(signals: Signals, cutoff: float, names: Sequence[str], known: Map
     block = int(min(max(MEMORY, 3 / cutoff) / (T * every), 0.1 * kept.size))
     starts = np.unique(rows // block, return_index=True)[1]
     covariance, found = jackknife(sensitivity, force - fitted, starts), (*names, *free)
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    ways = covariance[1:3, 1:3]
-    return MotionFit(
-        names=found,
-        value=dict(zip(found, map(float, [*theta, *(delays[name] for name in free)]), strict=True)),
-        sigma=dict(zip(found, map(float, sigma), strict=True)),
-        apart=sqrt(max(float(np.trace(ways) - 2 * ways[0, 1]), 0.0)),
-        cutoff_hz=cutoff,
-        used=int(used.sum()),
-        residual=float(np.sqrt(np.mean((force - fitted) ** 2))),
-        force=float(np.sqrt(np.mean(force**2))),
-        curves=Curves(np.asarray(rows * (T * every), dtype=np.float64), force, fitted),
-    )
+    sigma, ways = np.sqrt(np.maximum(np.diag(covariance), 0.0)), covariance[1:3, 1:3]
+    value = dict(zip(found, map(float, [*theta, *(delays[name] for name in free)]), strict=True))
+    apart = sqrt(max(float(np.trace(ways) - 2 * ways[0, 1]), 0.0))
+    curves = Curves(np.asarray(rows * (T * every), dtype=np.float64), force, fitted)
+    unsure, left = dict(zip(found, map(float, sigma), strict=True)), _rms(force - fitted)
+    return MotionFit(value, unsure, apart, cutoff, int(used.sum()), left, _rms(force), curves)
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _least_squares(sensitivity: Floats, measured: Floats) -> Floats:
@@ -201,11 +190,11 @@ def _least_squares(sensitivity: Floats, measured: Floats) -> Floats:
 
 
 def _regressor(signals: Signals, cutoff: float, name: str, every: int) -> Floats:
-    if name == "mass":
-        return _acceleration(signals, cutoff, every)
     if name in BOTH:
         return sum((by * _regressor(signals, cutoff, way, every) for way, by in BOTH[name].items()), np.zeros(1))
-    return signals.filtered("position" if name == "stiffness" else name, smooth(signals.omega(every), cutoff), every)
+    omega = signals.omega(every)
+    factor = smooth(omega, cutoff) * (-(omega**2) if name == "mass" else 1.0)
+    return signals.filtered(name if name in WAYS else "position", factor, every)
 
 
 def _pushed(
@@ -257,11 +246,11 @@ def motion_study(recording: Recording, T: float, actuator: Actuator | None, dela
     chi2 = (fit.residual / (abs(fit.value["mass"]) * signals.encoder_noise(fit.cutoff_hz, 2))) ** 2
     _refuse_unexplained(recording, signals, fit, delays, chi2)
     both = motion_fit(signals, fit.cutoff_hz, SYMMETRIC, delays)
-    free = signals.is_command and actuator is None and "delay" in fit.names
+    free = signals.is_command and actuator is None and "delay" in fit.value
     later = _later(signals, fits, fit, delays) if free else 0.0
     others = [other for other in fits if other.cutoff_hz != fit.cutoff_hz and other.cutoff_hz >= fit.cutoff_hz / 8.5]
-    numbers = [number(name, fit.value[name], fit.sigma[name]) for name in fit.names]
-    numbers += [number(f"{name}, both ways alike", both.value[name], both.sigma[name]) for name in both.names]
+    numbers = [number(name, fit.value[name], fit.sigma[name]) for name in fit.value]
+    numbers += [number(f"{name}, both ways alike", both.value[name], both.sigma[name]) for name in both.value]
     hand, coulomb = recording.values("hand"), both.value["coulomb"]
     record = record_of(
         recording, T, kind="any motion", used=fit.used, residual_share=fit.residual / fit.force, chi2=chi2,
@@ -293,14 +282,14 @@ def _estimates(
 
     found = [Estimate("mass", fit.value["mass"], fit.sigma["mass"], text, excess("mass"))]
     differ = abs(fit.value[WAYS[0]] - fit.value[WAYS[1]]) > SIGNIFICANT * fit.apart
-    speed = float(np.sqrt(np.mean(signals.velocity**2)))
-    coulomb = COULOMB_SHARE * abs(both.value["coulomb"]) / speed
+    coulomb = COULOMB_SHARE * abs(both.value["coulomb"]) / _rms(signals.velocity)
     ways = [(fit, way.partition("_")[2], way) for way in WAYS[:2]] if differ else [(both, "both ways", "damping")]
-    for of, way, name in ways:
-        margin = (coulomb, coulomb)
-        found.append(Estimate("damping", of.value[name], of.sigma[name], f"{text}, {way}", margin, reason=FRICTION))
+    found += [
+        Estimate("damping", of.value[name], of.sigma[name], f"{text}, {way}", (coulomb, coulomb), reason=FRICTION)
+        for of, way, name in ways
+    ]
     for name, key in (("delay", "delay"), ("sensor_delay", "force_sensor.delay")):
-        if name in fit.names:
+        if name in fit.value:
             below, above = excess(name)
             margin = (below, max(above, later)) if name == "delay" else (below, above)
             found.append(Estimate(key, fit.value[name], fit.sigma[name], text, margin))
@@ -308,11 +297,8 @@ def _estimates(
 
 
 def _later(signals: Signals, fits: Sequence[MotionFit], best: MotionFit, delays: Mapping[str, float]) -> float:
-    """Return how much longer than the fitted delay the sum of a delay and an actuator's lag may be, s.
-
-    A lag delays fast motions less than slow ones, so that a fitted delay alone is too short. At the finest cut-off,
-    where a lag shows most, and at the one of the estimate, the lag that explains the force best is found on a grid.
-    """
+    """Return how much longer than the fitted delay the sum of a delay and an actuator's lag may be, s."""
+    # a lag delays fast motions less than slow ones; it shows most at the finest cut-off
     found = 0.0
     for cutoff, fit in {each.cutoff_hz: each for each in (best, fits[0])}.items():
         alone = fit.value["delay"]
@@ -354,7 +340,12 @@ def _refuse_unexplained(
     mass, share, units = fit.value["mass"], fit.residual / fit.force, recording.units
     headers = {role: channel.header for role, channel in recording.channels.items()}
     pushed = headers.get("command", headers.get("force", headers.get("hand", "")))
-    swapped = share > SUSPICIOUS_SHARE and _residual_if_swapped(recording, signals, delays) < 0.3 * share
+    swapped = False
+    if share > SUSPICIOUS_SHARE and "force" in signals.spectra:
+        turned = signals_of(recording, signals.sample_time, None, swapped=True)
+        for cutoff in cutoffs(turned)[:3][-1:]:
+            other = motion_fit(turned, cutoff, SYMMETRIC, delays)
+            swapped = other.residual / other.force < 0.3 * share
     damping, sigma = max((fit.value[way], fit.sigma[way]) for way in WAYS[:2])
     driven = -damping * float(np.std(signals.velocity)) > DRIVEN * fit.force and damping < -SPRUNG * sigma
     mass_text = f"the {units.mass_name} comes out as {mass:.3g} {units.mass}"
@@ -369,13 +360,3 @@ def _refuse_unexplained(
     if not MASSES[recording.rotary][0] <= mass <= MASSES[recording.rotary][1]:
         question = f"is {headers['position']} or {pushed} off by 1000? write its unit or scale"
         raise unexplained(recording, f"{mass_text}, which is no haptic device: {question}", pushed)
-
-
-def _residual_if_swapped(recording: Recording, signals: Signals, delays: Mapping[str, float]) -> float:
-    """Return the relative residual of a fit with force and position swapped."""
-    swapped = signals_of(recording, signals.sample_time, None, swapped=True)
-    usable = cutoffs(swapped) if "force" in signals.spectra else []
-    if not usable:
-        return np.inf
-    fit = motion_fit(swapped, usable[min(2, len(usable) - 1)], SYMMETRIC, delays)
-    return fit.residual / fit.force
