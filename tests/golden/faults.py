@@ -99,8 +99,8 @@ FAULTS = {
     "a repair that was not proved is listed": (
         "design/verdict/repair.py", "judgement.status is Status.CERTIFIED else None", "True else None"),
     "the delay of a log is that of its force": (
-        "identification/motion/signals.py", 'force, held = recording.values("command"), True',
-        'force, held = recording.values("force"), False'),
+        "identification/motion.py", 'held = "command" in recording.channels',
+        'held = "force" not in recording.channels'),
     "a mistake is told a line late": (
         "document/text/toml.py", "        return without + 1\n", "        return without + 2\n"),
     "every problem without a design is proved infeasible": (

@@ -14,11 +14,8 @@ from identification_logs import Log, driven, encoded, multisine, random_case, sp
 from vctune import check, identify, solve
 from vctune.design.verdict.checked import CheckVerdict
 from vctune.document.text.errors import InputError
-from vctune.identification.box import Estimate, box
+from vctune.identification.box import Estimate, box, jackknife
 from vctune.identification.identify import readable
-from vctune.identification.motion.covariance import BLOCK, least_squares, robust_covariance
-from vctune.identification.motion.motion import PlacedScores
-from vctune.identification.motion.spectral_filters import HIGHEST, filtered, smooth, spectrum, stride
 from vctune.model.device import Device
 from vctune.model.experiment import Friction
 
@@ -145,52 +142,16 @@ def test_a_damping_that_comes_out_negative_may_be_nothing_and_as_much():
     assert (damping.low, damping.high) == (0.0, 2.0)
 
 
-def test_newey_and_west_by_sums_over_windows(monkeypatch):
-    random = np.random.default_rng(0)
-    scores, reach = random.normal(size=(300, 3)), 17
-    direct = scores.T @ scores
-    for lag in range(1, reach + 1):
-        crossed = scores[lag:].T @ scores[:-lag]
-        direct += (1 - lag / (reach + 1)) * (crossed + crossed.T)
-    information = scores.T @ scores
-    expected = np.linalg.inv(information) @ direct @ np.linalg.inv(information)
-    for block in (64, 1 << 16):
-        monkeypatch.setattr("vctune.identification.motion.covariance.BLOCK", block)
-        assert robust_covariance(scores, information, reach) == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.parametrize("halvings", [0, 1, 6])
-def test_a_stride_loses_nothing_behind_its_low_pass(halvings):
-    cutoff = HIGHEST / T / 2**halvings
-    every = stride(cutoff, T)
-    assert every == 2**halvings
-    column = spectrum(np.random.default_rng(0).normal(size=5000), T)
-    whole, some = (filtered(column, lambda omega: smooth(omega, cutoff), each) for each in (1, every))
-    assert some == pytest.approx(whole[::every], abs=1e-5 * whole.std())
-
-
-def test_least_squares_of_a_long_table_are_those_of_numpy():
-    """Of rows that fill some blocks and a part of one, of fewer rows than numbers, and of a number without effect."""
-    rng = np.random.default_rng(4)
-    for rows, nothing in ((2 * BLOCK + 77, False), (3, False), (500, True)):
-        sensitivity = rng.normal(size=(rows, 4)) * [1.0, 1e-3, 1e3, 1.0]
-        sensitivity[:, 3] = 0.0 if nothing else sensitivity[:, 3]
-        measured = rng.normal(size=rows)
-        expected = np.linalg.lstsq(sensitivity, measured, rcond=None)[0]
-        assert least_squares(sensitivity, measured) == pytest.approx(expected, rel=1e-8, abs=1e-12)
-
-
-def test_scores_in_their_place_are_made_block_by_block():
-    """The same covariance as that of the whole table with zeros at the samples that were dropped."""
-    rng = np.random.default_rng(6)
-    kept = rng.uniform(size=3 * BLOCK // 2) < 0.6
-    sensitivity, residual = rng.normal(size=(kept.sum(), 3)), rng.normal(size=kept.sum())
-    table = np.zeros((kept.size, 3))
-    table[kept] = sensitivity * residual[:, np.newaxis]
-    information = sensitivity.T @ sensitivity
-    placed = PlacedScores(sensitivity, residual, np.flatnonzero(kept), kept.size)
-    expected = robust_covariance(table, information, 100)
-    assert robust_covariance(placed, information, 100) == pytest.approx(expected, rel=1e-12)
+def test_a_jackknife_is_the_spread_of_fits_with_a_block_left_out():
+    random, blocks = np.random.default_rng(0), 40
+    sensitivity, starts = random.normal(size=(4000, 3)) * [1.0, 1e-3, 1e3], np.arange(0, 4000, 100)
+    correlated = np.repeat(random.normal(size=400), 10)
+    values = [1.0, 2.0, 3.0] + np.linalg.lstsq(sensitivity, correlated, rcond=None)[0]
+    residual = correlated - sensitivity @ (values - [1.0, 2.0, 3.0])
+    kept = [np.delete(np.arange(4000), np.s_[start : start + 100]) for start in starts]
+    found = [np.linalg.lstsq(sensitivity[rows], residual[rows], rcond=None)[0] for rows in kept]
+    expected = (blocks - 1) * np.var(found, axis=0)
+    assert np.diag(jackknife(sensitivity, residual, starts)) == pytest.approx(expected, rel=0.15)
 
 
 @pytest.mark.slow

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import os
 from functools import cache
-from math import pi
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import ROOT
 
 from vctune import identify
-from vctune.identification.response.periodic_study import behind_force
-from vctune.identification.response.unmodelled import distances, within
+from vctune.identification.study import distances
 
 DATA = Path(os.environ.get("VCTUNE_DATA", ""))
 pytestmark = pytest.mark.skipif(
@@ -110,24 +109,19 @@ def test_the_box_of_one_recording_holds_the_other_s_numbers(bench):
     for each in other.bounds:
         mine = box.bounded(each.key)
         assert mine.low <= each.value <= mine.high, each.key
-    for each in other.records[0].periodic.candidates[1:]:
-        assert box.bounded("damping").low <= each.numbers["damping"] <= box.bounded("damping").high
-        assert (
-            box.bounded("structure.damping_ratio").low
-            <= each.numbers["damping_ratio"]
-            <= box.bounded("structure.damping_ratio").high
-        )
+        for estimate in each.estimates:
+            assert mine.low <= estimate.value <= mine.high, each.key
 
 
 @pytest.mark.slow
 def test_every_measured_line_is_that_of_a_device_of_the_file(bench):
     for each in map(bench, "ab"):
         problem, study = each.file.problem, each.found.records[0]
-        device, bounds = behind_force(study.periodic, study.sample_time, each.found.device, each.found.bounds)
-        needed = distances(device, bounds, study.periodic.measured, study.periodic.fit.numbers["coulomb"])
-        hertz = study.periodic.measured.position.omega / (2 * pi)
-        assert within(hertz, needed, problem.uncertainty.unmodelled)
-        assert not within(hertz, needed + 1.0, problem.uncertainty.unmodelled)
+        (lines,) = study.lines
+        needed = distances(lines, each.found.device, each.found.bounds)
+        x, y = np.log(np.array(problem.uncertainty.unmodelled)).T
+        stated = np.exp(np.interp(np.log(lines.hertz), x, y))
+        assert np.all(needed <= stated) and not np.all(needed + 1.0 <= stated)
 
 
 def test_what_is_late_is_in_the_box(bench):

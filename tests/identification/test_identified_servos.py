@@ -18,7 +18,7 @@ from vctune.design.verdict.checked import CheckVerdict
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.codes import ENDING
 from vctune.document.text.errors import InputError
-from vctune.identification.servo.servo_motion import interpolating_velocity, positions, sampled_response
+from vctune.identification.servo import interpolating_velocity, positions, sampled_response
 
 SERVO = {"T": 4e-3, "late": 3.4, "order": 1, "bandwidth": 12.0, "command": "velocity", "jitter": 0.0}
 MANY = range(drawn(100))
@@ -34,11 +34,11 @@ class Trial:
 
 
 def trial(case, folder) -> Trial:
-    found = identify(case.write(folder), servo=True).found
+    identified = identify(case.write(folder), servo=True)
+    found, unknown = identified.found, "remark-order" in codes(identified.record.remarks)
     delay, bandwidth = (found.bounded(f"servo.{name}") for name in ("delay", "bandwidth_hz"))
-    (study,) = (each.servo for each in found.records)
     inside = delay.low <= case.delay <= delay.high and bandwidth.low <= case.bandwidth_hz <= bandwidth.high
-    order = found.device.servo.order == case.order or not study.order_is_known
+    order = found.device.servo.order == case.order or unknown
     return Trial(case.kind, inside and order, (delay.high - delay.low) / 2 / case.T)
 
 
@@ -56,6 +56,10 @@ def certified_for_the_truth(case, folder) -> bool:
 
 def codes(said):
     return {line.rpartition(" [")[2].rstrip("]") for line in said}
+
+
+def number(identified, name):
+    return next(each.value for each in identified.record.recordings[0].numbers if each.name == name)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -126,9 +130,9 @@ def test_a_slow_motion_shows_a_latency_and_no_bandwidth(tmp_path):
     assert {"remark-latency-only", "remark-order"} <= codes(record.remarks)
     delay, bandwidth = (found.bounded(f"servo.{name}") for name in ("delay", "bandwidth_hz"))
     assert delay.low <= case.delay <= delay.high and bandwidth.low <= case.bandwidth_hz <= bandwidth.high
-    (study,) = (each.servo for each in found.records)
     latency = case.delay + 1 / (2 * np.pi * case.bandwidth_hz)
-    assert study.fit.delay.value + study.fit.lag == pytest.approx(latency, abs=0.3 * case.T)
+    (hold_aside,) = record.recordings[0].derived
+    assert hold_aside.value == pytest.approx(latency, abs=0.3 * case.T)
     assert bandwidth.high > 100 * bandwidth.low
     assert max(radius for hertz, radius in found.unmodelled if hertz > 0.1 / case.T) > 0.3  # the other order
 
@@ -141,8 +145,7 @@ def test_jitter_of_the_link_widens_the_delay(tmp_path):
     )
     delays = [each.found.bounded("servo.delay") for each in (calm, hasty)]
     assert delays[0].high - delays[0].low < delays[1].high - delays[1].low < 0.5 * SERVO["T"]
-    (study,) = (each.servo for each in hasty.found.records)
-    assert study.fit.jitter == pytest.approx(0.4 * SERVO["T"] / np.sqrt(12), rel=0.3)
+    assert number(hasty, "jitter of the delay") == pytest.approx(0.4 * SERVO["T"] / np.sqrt(12), rel=0.3)
     assert "remark-jitter" in codes(hasty.record.remarks) - codes(calm.record.remarks)
 
 
@@ -162,12 +165,10 @@ def test_a_servo_that_yields_is_outside_the_model(tmp_path):
     case, random = servo_case(4, n=1200, **SERVO), np.random.default_rng(4)
     force = 10 * np.convolve(random.normal(size=1200), np.ones(40) / 40, "same")
     stiff = identify(case.write(tmp_path, hand_N=force), servo=True)
-    (study,) = (each.servo for each in stiff.found.records)
-    assert not any(study.yielding.significant) and "remark-unpushed" not in codes(stiff.record.remarks)
+    assert stiff.record.warnings == [] and "remark-unpushed" not in codes(stiff.record.remarks)
     position = case.columns["position_m"] + 2e-4 * force
     soft = identify(case.write(tmp_path, force_N=force, position_m=position), servo=True)
-    (study,) = (each.servo for each in soft.found.records)
-    assert study.yielding.compliance[0] == pytest.approx(2e-4, rel=0.05)
+    assert number(soft, "compliance, m/N") == pytest.approx(2e-4, rel=0.05)
     assert "warn-yields" in codes(soft.record.warnings)
     assert "outside the model" in soft.text
 
@@ -179,7 +180,7 @@ def test_what_is_written_is_a_problem_a_record_and_a_report(tmp_path):
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "results/servo"
     assert {path.name for path in folder.iterdir()} == {
-        "device.toml", "identification.json", "report.html", "following.svg", "response.svg", "numbers.svg"
+        "device.toml", "identification.json", "report.html", "identified.svg"
     }  # fmt: skip
     record = json.loads((folder / "identification.json").read_text())
     Draft202012Validator(SCHEMAS["identification"]()).validate(record)

@@ -11,7 +11,7 @@ from identification_logs import Log, driven, encoded, multisine
 
 from vctune import identify
 from vctune.document.log import read_log_map
-from vctune.identification.remarks import WEAK_SHARE, remarks_on_gaps
+from vctune.identification.identify import WEAK_SHARE, remarks_on_gaps
 from vctune.model.device import Device
 from vctune.model.experiment import Friction, Operator
 from vctune.model.parts import Structure

@@ -77,7 +77,7 @@ def identify(
         raise InputError.of("logs", "bad-option", "there is none; name at least one CSV file")
     known = read_log_map(None if config is None else Path(config), servo=servo)
     recordings = [read_log(path, known) for path in paths]
-    from vctune.identification.identification_record import identification_record
+    from vctune.identification.identify import identification_record
     from vctune.identification.identify import identify as run
 
     stem = paths[0].name.removesuffix(".gz").removesuffix(".csv")[:LONGEST_NAME]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import pi
+from math import log, pi, sqrt
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -72,10 +72,26 @@ def _common_step(steps: Floats) -> float | None:
 
 def check(recording: Recording, sample_time: float | None, *, servo: bool = False) -> float:
     """Return the sample time of a usable recording, s."""
-    _refuse(recording, _too_short(recording))
-    T, faults = _sample_time(recording, sample_time, LINK if servo else LOOP)
-    _refuse(recording, faults)
-    _refuse(recording, [fault for role in recording.channels for fault in _column(recording, role, T)])
+    if len(recording) < LEAST_SAMPLES:
+        message = f"has {len(recording)} samples; record at least {LEAST_SAMPLES}, better some seconds"
+        raise InputError.of(recording.source, "log-samples", message)
+    time, T = recording.channels.get("time"), sample_time
+    if time is not None:
+        step, mean = float(np.median(np.diff(time.values))), float(f"{np.mean(np.diff(time.values)):.9g}")
+        row, message = _fault_of_time(time, step, sample_time, LINK if servo else LOOP)
+        if message:
+            line = None if row is None else recording.first_line + 1 + row
+            raise InputError(recording.source, [Mistake("log-samples", time.header, message, line)])
+        T = mean if sample_time is None else sample_time
+    assert T is not None
+    faults = [
+        Mistake("log-signal", channel.header, message)
+        for role, channel in recording.channels.items()
+        if role != "time"
+        for message in _faults_of_column(recording, role, T)
+    ]
+    if faults:
+        raise InputError(recording.source, faults)
     return T
 
 
@@ -93,149 +109,65 @@ def remarks(recording: Recording) -> list[Note]:
     return remarks
 
 
-def _refuse(recording: Recording, faults: list[Mistake]) -> None:
-    if faults:
-        raise InputError(recording.source, faults)
-
-
-def _too_short(recording: Recording) -> list[Mistake]:
-    """Return the fault of a recording with too few samples."""
-    if len(recording) >= LEAST_SAMPLES:
-        return []
-    return [
-        Mistake(
-            "log-samples", "", f"has {len(recording)} samples; record at least {LEAST_SAMPLES}, better some seconds"
-        )
-    ]
-
-
-def _sample_time(recording: Recording, stated: float | None, even: Evenness) -> tuple[float, list[Mistake]]:
-    """Return the sample time, s, and the fault of the time column."""
-    time = recording.channels.get("time")
-    if time is None:
-        assert stated is not None
-        return stated, []
-    T = float(np.median(np.diff(time.values)))
-    fault = _backwards(recording, time) or _implausible(time, T, stated) or _uneven(recording, time, T, even)
-    mean = float(f"{np.mean(np.diff(time.values)):.9g}")
-    return mean if stated is None else stated, [fault] if fault else []
-
-
-def _backwards(recording: Recording, time: Channel) -> Mistake | None:
-    """Return the fault of a time column that does not increase; None if it increases."""
-    back = np.flatnonzero(np.diff(time.values) <= 0)
-    if not back.size:
-        return None
-    row = int(back[0])
-    before, after = time.values[row : row + 2]
-    how = "stands still" if before == after else "runs backwards"
-    message = f"{how}, from {before:.9g} s to {after:.9g} s; sort or cut the log"
-    return Mistake("log-samples", time.header, message, recording.first_line + 1 + row)
-
-
-def _implausible(time: Channel, T: float, stated: float | None) -> Mistake | None:
-    """Return the fault of a sample time that no haptic loop has, or that contradicts the stated one; else None."""
+def _fault_of_time(time: Channel, T: float, stated: float | None, even: Evenness) -> tuple[int | None, str]:
+    """Return the row and the fault of a time column; "" without a fault."""
+    steps = np.diff(time.values)
+    back, gaps = np.flatnonzero(steps <= 0), np.flatnonzero(steps > even.gap * T)
+    if back.size:
+        before, after = time.values[back[0] : back[0] + 2]
+        how = "stands still" if before == after else "runs backwards"
+        return int(back[0]), f"{how}, from {before:.9g} s to {after:.9g} s; sort or cut the log"
     if not SAMPLE_TIMES[0] <= T <= SAMPLE_TIMES[1]:
         likely = [unit for unit, scale in (("ms", 1e-3), ("us", 1e-6)) if 1e-5 <= T * scale <= 0.02]
-        remedy = (
-            f'; is it in {likely[0]}? write time = {{ column = "{time.header}", unit = "{likely[0]}" }}'
-            if likely
-            else ""
-        )
-        return Mistake(
-            "log-samples", time.header, f"has a step of {T:g} s, which is no sample time of a haptic loop{remedy}"
-        )
+        remedy = f'; is it in {likely[0]}? write time = {{ column = "{time.header}", unit = "{likely[0]}" }}'
+        return None, f"has a step of {T:g} s, which is no sample time of a haptic loop{remedy if likely else ''}"
     if stated is not None and abs(T / stated - 1) > 0.01:
-        return Mistake(
-            "log-samples", time.header, f"has a step of {T:g} s and sample_time is {stated:g} s; correct one of them"
-        )
-    return None
-
-
-def _uneven(recording: Recording, time: Channel, T: float, even: Evenness) -> Mistake | None:
-    """Return the fault of a log whose time has gaps or too much jitter; None if its time is even."""
-    steps = np.diff(time.values)
-    row = int(np.argmax(np.abs(steps - T)))
-    gaps = np.flatnonzero(steps > even.gap * T)
+        return None, f"has a step of {T:g} s and sample_time is {stated:g} s; correct one of them"
     if gaps.size:
-        row, lost = int(gaps[0]), steps[gaps[0]] / T - 1
-        message = f"has {gaps.size} gaps, the first of {lost:.3g} samples; cut the log there, or record without loss"
-    elif (jitter := float(np.std(steps)) / T) > even.jitter:
-        message = f"jitters by {jitter:.1%} of the sample time; log the time of sampling, not that of writing"
-    else:
-        return None
-    return Mistake("log-samples", time.header, message, recording.first_line + 1 + row)
+        lost = f"{steps[gaps[0]] / T - 1:.3g} samples; cut the log there, or record without loss"
+        return int(gaps[0]), f"has {gaps.size} gaps, the first of {lost}"
+    if (jitter := float(np.std(steps)) / T) > even.jitter:
+        text = f"jitters by {jitter:.1%} of the sample time; log the time of sampling, not that of writing"
+        return int(np.argmax(np.abs(steps - T))), text
+    return None, ""
 
 
-def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
+def _faults_of_column(recording: Recording, role: str, T: float) -> Iterator[str]:
     """Yield the faults of a column: it never changes, changes too rarely, is impossible, or stays at a limit."""
-    channel = recording.channels[role]
-    if role == "time":
-        return
+    channel, units = recording.channels[role], recording.units
     if np.ptp(channel.values) == 0:
         # a hand may move the device while the motor is idle
-        idle = role in ("command", "force") and "hand" in recording.channels
-        if not idle:
-            yield Mistake(
-                "log-signal",
-                channel.header,
-                f"is {channel.values[0]:g} in every row; record it, or leave the column out",
-            )
+        if role not in ("command", "force") or "hand" not in recording.channels:
+            yield f"is {channel.values[0]:g} in every row; record it, or leave the column out"
         return
-    repeats = _rows_per_change(channel.values)
+    repeats, peak = _rows_per_change(channel.values), float(np.abs(channel.values).max())
     if repeats > 1 and role not in SERVO_COMMANDS:
-        message = (
-            f"changes only in every {repeats}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
-        )
-        yield Mistake("log-signal", channel.header, message)
-    unit = recording.units.force.replace(" ", "")  # spelled as in headers
+        yield f"changes only in every {repeats}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
+    force = units.force.replace(" ", "")  # spelled as in headers
     if role in ("position", "handle", "position_command"):
-        yield from _place(recording, channel, role, T)
+        yield from _faults_of_place(recording, channel, role, T)
     elif role == "velocity_command":
-        yield from _speed(recording, channel)
-    elif (peak := float(np.abs(channel.values).max())) > GREATEST_FORCE:
-        yield Mistake(
-            "log-signal", channel.header, f"reaches {peak:.3g} {unit}: is it in m{unit}? write its unit or scale"
-        )
-    elif _at_limit(channel) > SATURATED:
-        yield Mistake(
-            "log-signal", channel.header, f"is at its limit in {_at_limit(channel):.0%} of the rows; drive more gently"
-        )
+        if peak > SPEEDS[recording.rotary]:
+            yield f"reaches {peak:.3g} {units.speed}: is it in m{units.speed}? write its unit or scale"
+    elif peak > GREATEST_FORCE:
+        yield f"reaches {peak:.3g} {force}: is it in m{force}? write its unit or scale"
+    elif (share := _at_limit(channel)) > SATURATED:
+        yield f"is at its limit in {share:.0%} of the rows; drive more gently"
 
 
-def _place(recording: Recording, channel: Channel, role: str, T: float) -> Iterator[Mistake]:
+def _faults_of_place(recording: Recording, channel: Channel, role: str, T: float) -> Iterator[str]:
     """Yield the fault of a position: it contains counts, its motion is impossible, or it hardly moves."""
-    raw = channel.values / channel.scale
-    units = recording.units
-    speed = float(np.abs(np.diff(channel.values)).max()) / T
+    raw, steps, units = channel.values / channel.scale, np.abs(np.diff(channel.values)), recording.units
+    speed, span = float(steps.max()) / T, float(np.ptp(channel.values))
+    quantum = channel.quantum or float(steps[steps > 0].min())
     if abs(channel.scale) >= 1e-3 and np.all(raw == np.round(raw)) and np.ptp(raw) > 2 * pi:
-        yield Mistake(
-            "log-signal",
-            channel.header,
-            f"has only whole numbers, up to {np.abs(raw).max():g}: counts? write scale = {units.position} per count",
-        )
+        counts = f"up to {np.abs(raw).max():g}: counts? write scale = {units.position} per count"
+        yield f"has only whole numbers, {counts}"
     elif speed > SPEEDS[recording.rotary]:
-        yield Mistake(
-            "log-signal",
-            channel.header,
-            f"moves at up to {speed:.3g} {units.speed}: is it in m{units.position}, or not a position? write its unit "
-            "or scale",
-        )
-    elif role == "position":
-        steps = np.abs(np.diff(channel.values))
-        quantum = channel.quantum or float(steps[steps > 0].min())
-        if np.ptp(channel.values) < FEW_STEPS * quantum:
-            message = f"moves by {np.ptp(channel.values) / quantum:.3g} of its resolution {quantum:g}; move it further"
-            yield Mistake("log-signal", channel.header, message)
-
-
-def _speed(recording: Recording, channel: Channel) -> Iterator[Mistake]:
-    """Yield the fault of a commanded velocity that no device has."""
-    peak, unit = float(np.abs(channel.values).max()), recording.units.speed
-    if peak > SPEEDS[recording.rotary]:
-        yield Mistake(
-            "log-signal", channel.header, f"reaches {peak:.3g} {unit}: is it in m{unit}? write its unit or scale"
-        )
+        question = f"is it in m{units.position}, or not a position? write its unit or scale"
+        yield f"moves at up to {speed:.3g} {units.speed}: {question}"
+    elif role == "position" and span < FEW_STEPS * quantum:
+        yield f"moves by {span / quantum:.3g} of its resolution {quantum:g}; move it further"
 
 
 def _rows_per_change(values: Floats) -> int:
@@ -258,3 +190,16 @@ def _at_limit(channel: Channel) -> float:
         if at.sum() < 3:
             return 0.0
     return float(at.mean())
+
+
+def position_noise(position: Floats, quantum: float | None) -> float:
+    """Return the standard deviation of a position sample: the larger of its rounding and of the noise above three
+    quarters of the Nyquist frequency."""
+    step = np.abs(np.diff(position))
+    least = float(step[step > 0].min(initial=np.inf)) if quantum is None else quantum
+    rounding = least / sqrt(12) if np.isfinite(least) else 0.0
+    third = np.diff(position, 3)
+    spectrum = np.abs(np.fft.rfft(third * np.hanning(third.size))) ** 2
+    theta = np.linspace(0, np.pi, spectrum.size)
+    top = spectrum[-spectrum.size // 4 :] / (2 * np.sin(theta[-spectrum.size // 4 :] / 2)) ** 6
+    return max(rounding, sqrt(float(np.median(top)) / log(2) / (0.375 * third.size)))

@@ -1,4 +1,4 @@
-"""Handle the parameters of the device that the user states in a log.toml. vctune does not identify them."""
+"""The parameters of the device that the user states in a log.toml, which are not identified."""
 
 from __future__ import annotations
 
@@ -6,17 +6,16 @@ from collections.abc import Sequence
 from typing import Any
 
 from vctune.document.log import LogMap
-from vctune.document.recording import Recording
 from vctune.document.schema.defaults import stated_parts
 from vctune.document.schema.device_contradictions import impossible_parts
 from vctune.document.schema.validation import Fault, refusal
 from vctune.document.text import toml
 from vctune.document.text.codes import Note
-from vctune.document.text.errors import InputError
 from vctune.identification.box import DELAY_FLOOR, Estimate
+from vctune.identification.study import Study, unexplained
 from vctune.model.loop.filters import sensor_response
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.parts import Actuator, ForceSensor, VelocityEstimate
+from vctune.model.parts import VelocityEstimate
 
 SENSOR = "force_sensor"  # Key of the part that senses the force
 # Keys of [device] that apply only to a device with a velocity loop in the firmware
@@ -24,78 +23,47 @@ OF_OWN_LOOP = {"delay", "delay_uncertainty", "velocity", "actuator"}
 
 
 def check_known(log_map: LogMap, sample_time: float) -> None:
-    """Check that the known parameters of the device are possible at its sample time."""
+    """Refuse known parameters that are impossible at the sample time, or for a servo."""
     raw: dict[str, Any] = toml.parse(log_map.text, log_map.source) if log_map.text else {}
     device = raw.get("device", {}) | {"sample_time": sample_time}
-    if log_map.servo and (own := sorted(set(device) & OF_OWN_LOOP)):
-        faults = [
-            Fault(("device", key), "a servo has none: its command is all that moves it", "contradiction") for key in own
-        ]
-        raise refusal(faults, log_map.text, log_map.source)
-    faults = [Fault(path, message, "contradiction") for path, message in impossible_parts({"device": device})]
+    own = sorted(set(device) & OF_OWN_LOOP) if log_map.servo else []
+    text = "a servo has none: its command is all that moves it"
+    said: list[tuple[tuple[str | int, ...], str]] = [(("device", key), text) for key in own]
+    faults = said or list(impossible_parts({"device": device}))
     if faults:
-        raise refusal(faults, log_map.text, log_map.source)
-
-
-def known_actuator(log_map: LogMap) -> Actuator | None:
-    """Return the actuator that the user states; None if the user states no actuator."""
-    stated = log_map.document.device.actuator
-    return None if stated is None else Actuator(stated.bandwidth_hz, stated.order)
-
-
-def known_sensor(log_map: LogMap) -> ForceSensor | None:
-    """Return the force sensor that the user states; None if the user states no force sensor."""
-    sensor: ForceSensor | None = stated_parts(log_map.document.device).get(SENSOR)
-    return sensor
-
-
-def velocity_estimate(log_map: LogMap) -> VelocityEstimate:
-    """Return the source of the firmware's velocity: the difference of positions, unless the user states another
-    source."""
-    stated = log_map.document.device.velocity
-    if stated is None:
-        return VelocityEstimate("difference")
-    return VelocityEstimate(stated.source or "difference", stated.filter_hz, stated.filter_order)
+        raise refusal([Fault(path, message, "contradiction") for path, message in faults], log_map.text, log_map.source)
 
 
 def known_parts(log_map: LogMap) -> dict[str, Any]:
-    """Return the parts of the device that the user states, by their keys."""
-    return stated_parts(log_map.document.device) | {"velocity": velocity_estimate(log_map)}
-
-
-def velocity_assumed(log_map: LogMap) -> bool:
-    """Return whether the user does not state how the firmware obtains its velocity."""
+    """Return the stated parts of a device; its velocity is a difference of positions unless the user states more."""
     stated = log_map.document.device.velocity
-    return stated is None or stated.source is None
+    velocity = VelocityEstimate("difference")
+    if stated is not None:
+        velocity = VelocityEstimate(stated.source or "difference", stated.filter_hz, stated.filter_order)
+    return stated_parts(log_map.document.device) | {"velocity": velocity}
 
 
 def known_delays(log_map: LogMap) -> dict[str, float]:
-    """Return the delays that the user states, s, by "delay" and "sensor_delay". A fit does not search for them."""
-    stated, delays = log_map.document.device, {}
-    if stated.delay is not None:
-        delays["delay"] = stated.delay
-    sensor = known_sensor(log_map)
+    """Return the stated delays, s, by "delay" and "sensor_delay". A fit does not search for them."""
+    delay, sensor = log_map.document.device.delay, known_parts(log_map).get(SENSOR)
+    delays = {} if delay is None else {"delay": delay}
     if sensor is not None:
         through = sensor_response(sensor, 0.0, FLOATS)
         delays["sensor_delay"] = 0.0 if through is None else float(through.lag)
     return delays
 
 
-def with_known(
-    estimates: Sequence[Estimate], log_map: LogMap, T: float, recordings: Sequence[Recording]
-) -> tuple[list[Estimate], list[Note]]:
-    """Return the estimates with the user's delay in place of the identified one, and remarks on it. A servo's estimates
-    stay the same."""
-    stated = log_map.document.device
+def with_known(studies: Sequence[Study], log_map: LogMap, T: float) -> tuple[list[Estimate], list[Note]]:
+    """Return all estimates with the user's delay in place of the identified ones, and a remark on it."""
+    found, stated = [estimate for study in studies for estimate in study.estimates], log_map.document.device
     if log_map.servo:
-        return list(estimates), []
+        return found, []
     if stated.delay is not None:
-        others = [estimate for estimate in estimates if estimate.key != "delay"]
         half = max(stated.delay_uncertainty, DELAY_FLOOR * T)
-        text = f"the delay is the stated one, {stated.delay:g} s, within {half:g} s"
-        stated_delay = Estimate("delay", stated.delay, 0.0, log_map.source, (half, half), stated=True)
-        return [*others, stated_delay], [Note("remark-stated-delay", text)]
-    if not any(estimate.key == "delay" for estimate in estimates):
+        note = Note("remark-stated-delay", f"the delay is the stated one, {stated.delay:g} s, within {half:g} s")
+        delay = Estimate("delay", stated.delay, 0.0, log_map.source, (half, half), stated=True)
+        return [*(estimate for estimate in found if estimate.key != "delay"), delay], [note]
+    if not any(estimate.key == "delay" for estimate in found):
         message = "the command never moves, so no log tells the delay; write device.delay, and delay_uncertainty"
-        raise InputError.of(recordings[0].source, "log-unexplained", message, key="device.delay")
-    return list(estimates), []
+        raise unexplained(studies[0].recording, message, "device.delay")
+    return found, []

@@ -7,7 +7,7 @@ from pathlib import Path
 REPORT = "report.html"
 # Every figure that the report of a design, or of an identification, can have
 DESIGN_FIGURES = ("hands", "any-hand", "llewellyn", "impedance", "transparency", "nyquist", "simulation")
-IDENTIFICATION_FIGURES = ("time-fit", "following", "response", "residual-spectrum", "numbers")
+IDENTIFICATION_FIGURES = ("identified",)
 
 
 def report_paths(folder: Path, figures: tuple[str, ...] = DESIGN_FIGURES) -> list[Path]:

@@ -1,1 +1,0 @@
-"""Fit a recording of any motion in the time domain."""

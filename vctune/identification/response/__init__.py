@@ -1,1 +1,0 @@
-"""Fit physics to the response to a periodic excitation."""

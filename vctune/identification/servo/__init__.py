@@ -1,1 +1,0 @@
-"""Identify the delay and the bandwidth of a vendor's servo from a recording."""
