@@ -15,7 +15,8 @@ from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import HAND, Hands
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, keys_of
-from vctune.proof.enclosures.intervals import UNIT, Enclosure, Flags, Floats, between
+from vctune.proof.enclosures.elementary import UNIT
+from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, between
 
 Integers = NDArray[np.intp]
 

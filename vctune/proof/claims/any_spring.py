@@ -12,7 +12,8 @@ from vctune.proof.boxes import Boxes, Values
 from vctune.proof.claims.array_claims import LEAST_DAMPING
 from vctune.proof.claims.delays import Part, row_of
 from vctune.proof.enclosures.box_minimum import least_over_boxes
-from vctune.proof.enclosures.intervals import UNIT, Enclosure, Flags
+from vctune.proof.enclosures.elementary import UNIT
+from vctune.proof.enclosures.intervals import Enclosure, Flags
 from vctune.proof.enclosures.taylor import variables
 from vctune.proof.prover import Decided, Margin, Test, by_polynomial, left_open
 from vctune.running import check_time

@@ -14,7 +14,8 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate, sinc_curvature_series
 from vctune.model.sampled.velocity_loop import SampledPlant, sampled_plant, split_delay
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.enclosures.intervals import ENCLOSURES, SWELL, TINY, UNIT, Enclosure
+from vctune.proof.enclosures.elementary import UNIT
+from vctune.proof.enclosures.intervals import ENCLOSURES, SWELL, TINY, Enclosure
 
 PRECISION = 128  # Working precision, bits
 SMALL = 0.1  # Argument below which the code computes (1 - sinc x)/x^2 by its series with an enclosed remainder

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number, by_conjugate
+from vctune.proof.enclosures import elementary
+from vctune.proof.enclosures.elementary import EXP_ERROR, PHI_ERROR, SINE_ERROR, UNIT, exponential
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-UNIT = 2.0**-52  # Twice the relative rounding error of an operation (IEEE 754, round to nearest)
 TINY = 1e-300  # Upper bound of the loss of a sum of products by underflow; the least normal number is 2e-308
 SWELL = 1 + 2.0**-49  # Factor that covers 15 roundings of a radius; each rounding is at most u = 2^-53 of the radius
 
@@ -155,10 +156,8 @@ def selected(where: Flags, yes: Enclosure, no: Enclosure) -> Enclosure:
     return Enclosure(np.where(where, yes.mid, no.mid), np.where(where, yes.rad, no.rad))
 
 
-# Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place
-LIBRARY_ERROR = 8 * UNIT
-PHI_ERROR = 1e-13  # Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100
 EXPONENT_ERROR = 1e-12  # Bound on the relative error of exp of a rounded sum, if exp does not overflow
+LEAST_MODULUS = 1e-150  # Upper bound of sqrt(a^2 + b^2) where the squares underflow
 SMALL = 0.5  # Argument below which the code encloses the derivative of sinc by its series
 
 Table = tuple[tuple[float, float], ...]
@@ -201,47 +200,49 @@ class _EnclosureArithmetic:
         one, other = Enclosure(a), Enclosure(b)
         off = ENCLOSURES.modulus(re * one - im * other - 1, re * other + im * one)
         most = (off.mid + off.rad) * (1 + 4 * UNIT)
-        rad = raised(np.hypot(a, b) * most / np.where(most < 1, 1 - most, np.nan), 1)
+        rad = raised((np.sqrt(a * a + b * b) + LEAST_MODULUS) * most / np.where(most < 1, 1 - most, np.nan), 1)
         return Enclosure(a, rad), Enclosure(b, rad)
 
     @staticmethod
     def exp(x: Number) -> Number:
-        mid = np.exp(x.mid)
-        rad = (mid + TINY) * (np.expm1(x.rad) + LIBRARY_ERROR) * (1 + LIBRARY_ERROR) + TINY
-        greatest = np.exp(x.mid + x.rad) * (1 + EXPONENT_ERROR) + TINY  # for a large radius expm1 would overflow
-        return Enclosure(mid, np.where(np.asarray(x.rad) < 1, rad, greatest))
+        mid, away = exponential(x.mid), np.asarray(x.rad)
+        rad = (mid + TINY) * (away + away * away + EXP_ERROR) * (1 + 2 * EXP_ERROR) + TINY  # e^r - 1 <= r + r^2, r <= 1
+        greatest = exponential(x.mid + away) * (1 + EXPONENT_ERROR) + TINY
+        return Enclosure(mid, np.where(away < 1, rad, greatest))
 
     @staticmethod
     def sin(x: Number) -> Number:
-        return Enclosure(np.sin(x.mid), np.abs(np.cos(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY_ERROR)
+        sine, cosine = elementary.sine_and_cosine(x.mid)
+        return Enclosure(sine, np.abs(cosine) * x.rad + 0.5 * np.square(x.rad) + 2 * SINE_ERROR)
 
     @staticmethod
     def cos(x: Number) -> Number:
-        return Enclosure(np.cos(x.mid), np.abs(np.sin(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY_ERROR)
+        sine, cosine = elementary.sine_and_cosine(x.mid)
+        return Enclosure(cosine, np.abs(sine) * x.rad + 0.5 * np.square(x.rad) + 2 * SINE_ERROR)
 
     @staticmethod
     def sinc(x: Number) -> Number:
         size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, 1.0)
-        value = FLOATS.sinc(x.mid)
+        value = elementary.sinc(x.mid)
         slope = np.minimum((size + x.rad) / 3, 0.5)
         tangent = np.where(
-            size > SMALL, np.abs(np.cos(x.mid) - value) / np.maximum(size, SMALL) + 8 * LIBRARY_ERROR, slope
+            size > SMALL, np.abs(elementary.cosine(x.mid) - value) / np.maximum(size, SMALL) + 8 * SINE_ERROR, slope
         )
         curved = tangent + np.minimum(1 / 3, (1 + (2 + 2 / least) / least) / least) * x.rad / 2
-        return Enclosure(value, np.minimum(slope, curved) * x.rad * (1 + 16 * UNIT) + 3 * LIBRARY_ERROR)
+        return Enclosure(value, np.minimum(slope, curved) * x.rad * (1 + 16 * UNIT) + 3 * SINE_ERROR)
 
     @staticmethod
     def sinc_curvature(x: Number) -> Number:
         """Return (1 - sinc x)/x^2. This function falls for x >= 0, because x sinc' + 2 (1 - sinc x) > 0."""
-        return _falling(FLOATS.sinc_curvature, x)
+        return _falling(elementary.sinc_curvature, x)
 
     @staticmethod
     def phi_1(x: Number) -> Number:
-        return _falling(FLOATS.phi_1, x)
+        return _falling(elementary.phi_1, x)
 
     @staticmethod
     def phi_2(x: Number) -> Number:
-        return _falling(FLOATS.phi_2, x)
+        return _falling(elementary.phi_2, x)
 
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
@@ -252,7 +253,7 @@ class _EnclosureArithmetic:
     def interpolated(x: Number, table: Table) -> Number:
         """Return a table's values over x, interpolated linearly in the logarithms of both."""
         low, high = np.maximum(x.mid - x.rad, TINY), x.mid + x.rad
-        ends = [FLOATS.interpolated(edge, table) for edge in (low, high)]
+        ends = [elementary.interpolated(edge, table) for edge in (low, high)]
         least, greatest = np.minimum(*ends), np.maximum(*ends)
         for at, value in table:
             inside = (low <= at) & (at <= high)

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from vctune.proof.enclosures.intervals import TINY, UNIT, Enclosure, Floats
+from vctune.proof.enclosures.elementary import UNIT
+from vctune.proof.enclosures.intervals import TINY, Enclosure, Floats
 
 SWOLLEN = 1 + 2.0**-44  # Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius
 HIGHER_ERROR = 1e-13  # Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53

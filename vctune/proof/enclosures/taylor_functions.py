@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
-from math import factorial, log
+from math import factorial
 
 import numpy as np
 
-from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number, by_conjugate
-from vctune.proof.enclosures.intervals import ENCLOSURES, LIBRARY_ERROR, PHI_ERROR, TINY, UNIT, Enclosure, Floats, Table
+from vctune.model.numbers.arithmetic import ArrayArithmetic, Number, by_conjugate
+from vctune.proof.enclosures import elementary
+from vctune.proof.enclosures.elementary import EXP_ERROR, PHI_ERROR, SINE_ERROR, UNIT, exponential, sine_and_cosine
+from vctune.proof.enclosures.intervals import ENCLOSURES, LEAST_MODULUS, TINY, Enclosure, Floats, Table
 from vctune.proof.enclosures.taylor import SWOLLEN, Taylor, stacked
 
 # Nodes and weights of Gauss and Legendre for means over 0 <= t <= 1
@@ -28,12 +29,13 @@ def _sinc(x: Floats) -> tuple[Floats, Floats, Floats]:
     """Return sin(x)/x, its derivative, and half of its second derivative."""
     small = np.abs(x) < 1
     far, near = np.where(small, 1.0, x), np.where(small, x, 0.0)
-    first = (np.cos(far) - np.sin(far) / far) / far
-    second = -0.5 * np.sin(far) / far - first / far
+    sine, cosine = sine_and_cosine(far)
+    first = (cosine - sine / far) / far
+    second = -0.5 * sine / far - first / far
     terms = [(2 * n, (-1) ** n / factorial(2 * n + 1)) for n in range(1, SINC_TERMS)]
     slope = sum(n * c * near ** (n - 1) for n, c in terms)
     curve = sum(n * (n - 1) / 2 * c * near ** (n - 2) for n, c in terms)
-    return FLOATS.sinc(x), np.where(small, slope, first), np.where(small, curve, second)
+    return elementary.sinc(x), np.where(small, slope, first), np.where(small, curve, second)
 
 
 def _falling(
@@ -42,7 +44,7 @@ def _falling(
     """Return a function that is the mean of weight(t) e^(-t x), its derivative, and half of its second derivative."""
     reach = np.minimum(1.0, FAR / np.maximum(x, FAR))  # beyond FAR/x what is left is below e^-FAR
     t = reach * _NODES[:, None]
-    each = _WEIGHTS[:, None] * reach * weight(t) * np.exp(-t * x)
+    each = _WEIGHTS[:, None] * reach * weight(t) * exponential(-t * x)
     return function(x), -(t * each).sum(axis=0), 0.5 * (t * t * each).sum(axis=0)
 
 
@@ -51,9 +53,10 @@ def _sinc_curvature(x: Floats) -> tuple[Floats, Floats, Floats]:
     near, far = np.clip(x, -TURNS, TURNS), np.where(np.abs(x) < TURNS, TURNS, x)
     each = _WEIGHTS[:, None] * 0.5 * (1 - _NODES[:, None]) ** 2
     turned = _NODES[:, None] * near
-    first = -(each * _NODES[:, None] * np.sin(turned)).sum(axis=0)
-    second = -(each * _NODES[:, None] ** 2 * np.cos(turned)).sum(axis=0)
-    (_, slope, curve), value = _sinc(far), FLOATS.sinc_curvature(x)
+    sine, cosine = sine_and_cosine(turned)
+    first = -(each * _NODES[:, None] * sine).sum(axis=0)
+    second = -(each * _NODES[:, None] ** 2 * cosine).sum(axis=0)
+    (_, slope, curve), value = _sinc(far), elementary.sinc_curvature(x)
     beyond = -(slope + 2 * far * value) / far**2
     curved = -(2 * curve + 2 * value + 4 * far * beyond) / far**2
     inside = np.abs(x) < TURNS
@@ -64,7 +67,7 @@ def _times_e_of(x: Taylor, bound: float) -> Floats:
     """Return a bound for x >= 0 times e^-x where x may be less; nan where the middle of x is below -1e-9."""
     over = x.enclosed()
     least = np.minimum(over.mid - over.rad, 0.0)
-    return np.where(over.mid >= -1e-9, bound * np.exp(-least) * (1 + 1e-6), np.nan)
+    return np.where(over.mid >= -1e-9, bound * exponential(-least) * (1 + 1e-6), np.nan)
 
 
 def _ranged(x: Number) -> Number:
@@ -89,7 +92,8 @@ def _reciprocal(re: Number, im: Number) -> tuple[Taylor, Taylor]:
     """Return 1/x of a complex number x = (1 + e)/c, which is c (1 - e + e^2 - e^3/(1 + e))."""
     a, b = by_conjugate(*(x.coefficients[0] if isinstance(x, Taylor) else np.asarray(x.mid, float) for x in (re, im)))
     off_re, off_im = re * a - im * b - 1, re * b + im * a
-    most = np.hypot(*(np.abs(off.enclosed().mid) + off.enclosed().rad for off in (off_re, off_im))) * (1 + 8 * UNIT)
+    aside, up = (np.abs(off.enclosed().mid) + off.enclosed().rad for off in (off_re, off_im))
+    most = (np.sqrt(aside * aside + up * up) + LEAST_MODULUS) * (1 + 8 * UNIT)
     left_out = most**3 / np.where(most < 1, 1 - most, np.nan) * (1 + 8 * UNIT)
     one, other = off_re * off_re - off_im * off_im - off_re + 1, 2 * (off_re * off_im) - off_im
     shares = sum(off.magnitudes.linear_by_row + off.magnitudes.quadratic_by_row for off in (off_re, off_im))
@@ -103,17 +107,17 @@ def _reciprocal(re: Number, im: Number) -> tuple[Taylor, Taylor]:
 def _power(x: Taylor, table: Table) -> Taylor:
     """Return a table's values over x by the power law between two points; unbounded where x spans several intervals."""
     mid, over = x.coefficients[0], x.enclosed()
-    edges = np.array([at for at, _ in table])
-    powers = np.array([0.0, *(log(d / b) / log(c / a) for (a, b), (c, d) in pairwise(table)), 0.0])
+    edges, values = map(np.array, zip(*table, strict=True))
+    apart = np.diff(elementary.logarithm(edges))
+    powers = np.array([0.0, *(np.diff(elementary.logarithm(values)) / apart), 0.0])
     place = np.searchsorted(edges, mid)
     low, high = (np.append(np.insert(edges, 0, 0.0), np.inf)[place + k] for k in (0, 1))
     least, most = over.mid - over.rad, over.mid + over.rad
     alone = (least > 0) & (least >= low * (1 - ASTRIDE)) & (most <= high * (1 + ASTRIDE))
-    p, value = powers[place], FLOATS.interpolated(mid, table)
+    p, value = powers[place], elementary.interpolated(mid, table)
     third = np.abs(p * (p - 1) * (p - 2)) * np.maximum((least / mid) ** (p - 3), (most / mid) ** (p - 3))
     third = np.where(alone, third * value / mid**3 * (1 + POWER_ERROR), np.nan)
-    apart = min([1.0, *(log(c / a) for a, c in pairwise(edges))])
-    error = POWER_ERROR * value * (1 + np.abs(powers).max()) / apart
+    error = POWER_ERROR * value * (1 + np.abs(powers).max()) / apart.min(initial=1.0)
     first, second = p * value / mid, 0.5 * p * (p - 1) * value / mid**2
     relative = error / value * np.maximum(np.abs(first), np.abs(second))
     return x.mapped((value, first, second), third, error, relative)
@@ -167,29 +171,29 @@ class _TaylorArithmetic:
     def exp(x: Number) -> Number:
         if not isinstance(x, Taylor):
             return ENCLOSURES.exp(x)
-        value, most = np.exp(x.coefficients[0]), ENCLOSURES.exp(x.enclosed())
-        return x.mapped((value, value, 0.5 * value), most.mid + most.rad, *(2 * LIBRARY_ERROR * value,) * 2)
+        value, most = exponential(x.coefficients[0]), ENCLOSURES.exp(x.enclosed())
+        return x.mapped((value, value, 0.5 * value), most.mid + most.rad, *(2 * EXP_ERROR * value,) * 2)
 
     @staticmethod
     def sin(x: Number) -> Number:
         if not isinstance(x, Taylor):
             return ENCLOSURES.sin(x)
-        sin, cos = np.sin(x.coefficients[0]), np.cos(x.coefficients[0])
-        return x.mapped((sin, cos, -0.5 * sin), 1.0, *(2 * LIBRARY_ERROR,) * 2)
+        sin, cos = sine_and_cosine(x.coefficients[0])
+        return x.mapped((sin, cos, -0.5 * sin), 1.0, *(2 * SINE_ERROR,) * 2)
 
     @staticmethod
     def cos(x: Number) -> Number:
         if not isinstance(x, Taylor):
             return ENCLOSURES.cos(x)
-        sin, cos = np.sin(x.coefficients[0]), np.cos(x.coefficients[0])
-        return x.mapped((cos, -sin, -0.5 * cos), 1.0, *(2 * LIBRARY_ERROR,) * 2)
+        sin, cos = sine_and_cosine(x.coefficients[0])
+        return x.mapped((cos, -sin, -0.5 * cos), 1.0, *(2 * SINE_ERROR,) * 2)
 
     @staticmethod
     def sinc(x: Number) -> Number:
         """Return sinc x. It is the mean of cos(t x) over 0 <= t <= 1, so |sinc'''| is at most 1/4."""
         if not isinstance(x, Taylor):
             return ENCLOSURES.sinc(x)
-        return x.mapped(_sinc(x.coefficients[0]), 0.25, *(8 * LIBRARY_ERROR,) * 2)
+        return x.mapped(_sinc(x.coefficients[0]), 0.25, *(8 * SINE_ERROR,) * 2)
 
     @staticmethod
     def modulus(re: Number, im: Number) -> Number:
@@ -217,7 +221,7 @@ class _TaylorArithmetic:
         if not isinstance(x, Taylor):
             return ENCLOSURES.phi_1(x)
         return x.mapped(
-            _falling(x.coefficients[0], FLOATS.phi_1, lambda t: 1 + 0 * t), _times_e_of(x, 1 / 4), PHI_ERROR
+            _falling(x.coefficients[0], elementary.phi_1, lambda t: 1 + 0 * t), _times_e_of(x, 1 / 4), PHI_ERROR
         )
 
     @staticmethod
@@ -225,7 +229,9 @@ class _TaylorArithmetic:
         """Return the mean of (1 - t) e^(-t x) over 0 <= t <= 1. For x >= 0 its third derivative is at most 1/20."""
         if not isinstance(x, Taylor):
             return ENCLOSURES.phi_2(x)
-        return x.mapped(_falling(x.coefficients[0], FLOATS.phi_2, lambda t: 1 - t), _times_e_of(x, 1 / 20), PHI_ERROR)
+        return x.mapped(
+            _falling(x.coefficients[0], elementary.phi_2, lambda t: 1 - t), _times_e_of(x, 1 / 20), PHI_ERROR
+        )
 
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
