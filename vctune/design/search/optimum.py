@@ -18,7 +18,7 @@ from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.result import Polished
 from vctune.design.search.exchange import TIGHTENING, polish
 from vctune.design.search.rounding import DIGITS, rounded
-from vctune.design.search.scan import ScanResult, better_start_near, in_same_basin, scan, start_at
+from vctune.design.search.scan import ScanResult, better_start_near, scan, start_at
 from vctune.design.search.start import Start
 from vctune.design.search.theorems import impossible
 from vctune.design.search.working_set import ConstraintPoint, WorkingSet
@@ -142,12 +142,12 @@ def _polish_starts(
     prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float, optima: list[Polished]
 ) -> None:
     """Polish starts, and add the local optima to `optima`."""
-    scaled, done, available = prepared.scaled, list[Start](), seconds_left()
+    scaled, available = prepared.scaled, seconds_left()
     for_proof = (1 - SEARCHING) * available if available < inf else 0.0
     for number, start in enumerate(scanned.starts, 1):
         least = min((optimum.error for optimum in optima), default=inf)
         hopeless = not start.workable or (not start.admissible and number > LONG_SHOTS)
-        if start.error > worth * least or hopeless or start in done:
+        if start.error > worth * least or hopeless:
             continue
         progress(f"polishing start {number} of {len(scanned.starts)}{_best_known(optima, prepared.units.error)}")
         with time_limit(seconds_left() - for_proof if optima else inf):
@@ -155,8 +155,6 @@ def _polish_starts(
             polished = polish(scaled, start, scanned, incumbent=least if worth < inf else inf)
         if polished is not None:
             optima.append(polished)
-            left = [each for each in scanned.starts[number:] if each.error <= worth * polished.error]
-            done += in_same_basin(scaled, left, design_of(polished.values)[0])
     optima.sort(key=lambda optimum: optimum.error)
     if optima:
         with time_limit(seconds_left() - for_proof):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Posed
 from vctune.design.search.feasibility import LoopFeasibility, loop_feasibility
-from vctune.design.search.grid import Axes, Scores, axes, evaluated, least_errors, position_gain, responses
+from vctune.design.search.grid import Axes, Scores, axes, evaluated, position_gain, responses
 from vctune.design.search.refine import Index, between_neighbours, lowest, minima_of, refined
 from vctune.design.search.samples import Samples, samples_of
 from vctune.design.search.shapes import shape_of
@@ -74,9 +74,6 @@ STARTS = 8
 CLOSE = 0.02  # Two starts count as one if each of their variables differs by at most this share
 # Factors by which the scan varies given gains when it looks for a better coupling
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
-# Number of points on the straight line from a start to an optimum, and factor by which the estimated error may rise
-# between two of them
-STEPS, FLAT = 9, 1.001
 # The search optimises from a new start near an optimum if the start's estimated error, divided by the optimum's, is at
 # most this ratio
 WORTH_ANOTHER = 0.9995
@@ -183,21 +180,6 @@ def _corner(problem: Problem, gains: Gains) -> float:
 def _place(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float, float, float]:
     """Return K_v, corner, tau_c and b_0 of a design."""
     return gains.velocity, _corner(problem, gains), *shape_of(coupling)
-
-
-def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start]:
-    """Return the starts in the basin of given gains: the error decreases along the line from the start to these
-    gains."""
-    problem = posed.problem
-    law = [start for start in starts if start.admissible and (start.gains.position > 0) == (gains.position > 0)]
-    if not law or gains.velocity == 0 or any(start.gains.velocity == 0 for start in law):
-        return []
-    t, end = np.linspace(0.0, 1.0, STEPS), _corner(problem, gains)
-    K_v = np.array([[start.gains.velocity] for start in law]) ** (1 - t) * gains.velocity**t
-    corner = np.array([[_corner(problem, start.gains)] for start in law]) ** (1 - t) * end**t
-    errors = least_errors(posed, Gains(K_v, position_gain(problem, K_v, corner)))
-    falls = np.all(errors[:, 1:] <= errors[:, :-1] * FLAT, axis=1) & np.all(np.isfinite(errors), axis=1)
-    return [start for start, down in zip(law, falls.tolist(), strict=True) if down]
 
 
 def _distinct(starts: list[Start]) -> list[Start]:
