@@ -288,3 +288,15 @@ def test_a_log_whose_command_is_not_of_its_motion_is_refused_without_a_word_of_n
     else:
         assert done.returncode == 2 and ENDING.search(done.stderr.strip()), done.stderr
     assert "Warning" not in done.stderr and "Error" not in done.stderr
+
+
+def test_a_slow_motion_ahead_of_its_command_is_refused_although_a_lag_and_a_delay_are_alike_in_it(tmp_path):
+    """A low-pass and a more negative delay explain it as well; their sum, the latency, is negative in any case."""
+    time = 0.008 * np.arange(700)
+    command = np.cumsum(0.0032 * np.clip((time - 2.02) / 0.04, 0.0, 1.0) * (time < 4.02))
+    overshoot = 0.004 * np.exp(-(((time - 4.06) / 0.05) ** 2))
+    ahead = np.append(command[2:], command[-2:]) + overshoot  # by two rows
+    rows = (f"{t:.3f},{x:.6f},{y:.6f}" for t, x, y in zip(time, ahead, command, strict=True))
+    (tmp_path / "log.csv").write_text("time_s,position_m,position_command_m\n" + "\n".join(rows) + "\n")
+    done = run("identify", "log.csv", "--servo", "--no-report", cwd=tmp_path)
+    assert done.returncode == 2 and "before position_command_m tells it to" in done.stderr, done.stderr

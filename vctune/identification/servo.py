@@ -59,6 +59,7 @@ class ServoFit:
     residual: Floats  # part of the position's steps that the fit leaves unexplained, m
     residual_share: float
     is_bounded: bool  # whether the bandwidth's interval ends below the highest bandwidth
+    latest: float  # greatest delay that the motion permits, s: a lag is not negative, so it is at most the latency's
 
     @property
     def latency(self) -> float:
@@ -288,7 +289,7 @@ def _with_intervals(task: Task, at: Floats) -> ServoFit:
     covariances = jackknife(slopes, white, np.arange(0, white.size, block)), np.linalg.inv(slopes.T @ slopes)
     robust, plain = (np.diag(to_delay @ each @ to_delay.T) for each in covariances)
     inflation, sigma = max(1.0, float(np.max(robust / plain))), np.sqrt(np.maximum(robust, plain))
-    factor = joint_factor(2)
+    factor, of_latency = joint_factor(2), float(np.sqrt(max(each[0, 0] for each in covariances)))
     ends = [_end(task, at, factor**2 * inflation, side, float(sigma[1])) for side in (-1, 1)]
     delays, bands = zip(*(task.numbers(each) for each in (*ends, at)), strict=True)
     jitter = _jitter(task, residual, lag)
@@ -314,6 +315,7 @@ def _with_intervals(task: Task, at: Floats) -> ServoFit:
         residual,
         float(share),
         max(bands) < 0.99 * BANDWIDTHS[1] / T,
+        (float(at[0]) + factor * of_latency) * T,
     )
 
 
@@ -434,7 +436,10 @@ def _refuse(recording: Recording, fits: Sequence[ServoFit]) -> None:
     header, position = recording.channels[commanded(recording)].header, recording.channels["position"].header
     fit, factor = fits[0], joint_factor(2)
     gain = fit.task.gain(fit.at)
-    highs = [each.delay.value + factor * each.delay.sigma + each.delay.excess[1] - each.jitter for each in fits]
+    highs = [
+        min(each.delay.value + factor * each.delay.sigma + each.delay.excess[1] - each.jitter, each.latest)
+        for each in fits
+    ]
     if -max(highs) > AHEAD * fit.task.log.T:
         message = (
             f"{position} moves at least {-1e3 * max(highs):.3g} ms before {header} tells it to: the two were not "
