@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import get_args
 
 from vctune.api.argument_ranges import Format
-from vctune.api.design_files import known_record
+from vctune.api.result import RefusedError, code_of
+from vctune.api.solving import known_record
 from vctune.design.ros.admittance_design import problems_of_axes
 from vctune.design.search.optimum import Progress
 from vctune.design.verdict.judge import Status
@@ -20,7 +21,7 @@ from vctune.document.reading import read_gains as read_gains
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.printed_json import ExportRecord
 from vctune.document.text import toml
-from vctune.document.text.errors import InputError, Mistake, printable
+from vctune.document.text.errors import InputError, printable
 from vctune.document.text.output_files import Content, make_folder, write_together
 from vctune.firmware.c_text import Precision as Precision
 from vctune.firmware.firmware import Firmware, certified, firmware
@@ -28,7 +29,6 @@ from vctune.firmware.preamble import statement
 from vctune.firmware.ros2 import RosAxis, ros2_files, ros2_firmware
 from vctune.model.gains import AnyCoupling, Gains
 
-Files = Mapping[str, Content]  # Contents of files, by name
 FOLDER = "firmware"  # Name of the folder for exported files, inside the design's folder
 
 
@@ -38,7 +38,12 @@ class Exported:
 
     file: ProblemFile  # the problem
     firmware: Firmware  # the exported design; for a ROS 2 controller see `export_parameters`
-    files: Files  # contents of the files by name
+    files: Mapping[str, Content]  # contents of the files by name
+
+    @property
+    def statement(self) -> list[str]:
+        """What is proved of the design, in lines that every file contains too."""
+        return [printable(line) for line in statement(self.firmware) if line]
 
 
 def export(
@@ -91,9 +96,9 @@ def export(
     if to == "ros2":
         require_double(precision)
         return export_parameters([source], gains, coupling, unproved=unproved, progress=progress)
-    file, design = stated_design(source, gains, coupling)
+    file, design, corner = stated_design(source, gains, coupling)
     progress("proving")
-    controller = firmware(file, *design, precision, _stated_corner(source, gains, coupling, file))
+    controller = firmware(file, *design, precision, corner)
     if not certified(controller) and not unproved:
         raise NotCertifiedError(controller)
     return Exported(file, controller, _c_files(file, controller, progress))
@@ -118,7 +123,7 @@ def export_parameters(
     """Prove designs with the arithmetic of a ROS 2 admittance_controller, and make one parameter file of them."""
     progress("proving")
     stated = [stated_design(source, gains, coupling) for source in sources]
-    owners, designs = problems_of_axes([file for file, _ in stated]), {id(file): design for file, design in stated}
+    owners, designs = problems_of_axes([file for file, *_ in stated]), {id(file): design for file, design, _ in stated}
     axes = [RosAxis(axis, file, *designs[id(file)]) for axis, file in owners.items()]
     controllers = ros2_firmware(axes)
     first = next((number for number, controller in enumerate(controllers) if not certified(controller)), None)
@@ -134,16 +139,15 @@ RIGID = (
 )
 
 
-class NotCertifiedError(InputError):
+class NotCertifiedError(RefusedError):
     """Error: vctune does not export a design because it is not certified. `status` is the design's status."""
 
     def __init__(self, controller: Firmware, also: str = "") -> None:
         single = " with the constants rounded to single precision" if controller.precision == "single" else ""
         self.status = Status(controller.record.status)
-        message = (
-            f"not exported: {self.status.value}{single}: {controller.doubt}{also}; --unproved exports it, and says so"
-        )
-        super().__init__(controller.name, [Mistake("not-certified", "", message)])
+        refused = f"not exported: {self.status.value}{single}: {controller.doubt}{also}"
+        message = f"{refused}; --unproved exports it, and says so"
+        super().__init__(controller.name, "not-certified", message, code_of(self.status))
 
 
 def write_export(exported: Exported, folder: str | Path) -> Path:
@@ -174,14 +178,9 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
 
 def export_record(exported: Exported, place: Path) -> ExportRecord:
     """Return an export as a record for JSON."""
-    controller = exported.firmware
-    return ExportRecord(
-        name=controller.name,
-        status=controller.record.status,
-        statement=[printable(line) for line in statement(controller) if line],
-        folder=str(place),
-        files=list(exported.files),
-    )
+    name, status = exported.firmware.name, exported.firmware.record.status
+    said = exported.statement
+    return ExportRecord(name=name, status=status, statement=said, folder=str(place), files=list(exported.files))
 
 
 def is_source(path: Path) -> bool:
@@ -191,50 +190,34 @@ def is_source(path: Path) -> bool:
 
 def stated_design(
     source: ProblemSource | DesignRecord, gains: DesignSource | None, coupling: AnyCoupling | None
-) -> tuple[ProblemFile, tuple[Gains, AnyCoupling]]:
-    """Return the problem and the design that the arguments name."""
+) -> tuple[ProblemFile, tuple[Gains, AnyCoupling], float | None]:
+    """Return the problem, the design, and the corner frequency, rad/s, with which its walls were proved, if any."""
     record = known_record(source)
     if record is None:
         file = problem_of(source)  # type: ignore[arg-type]
         if gains is not None:
             design = design_for(file, gains, coupling)
-            return file, (design.gains, design.coupling)
+            return file, (design.gains, design.coupling), design.corner
         if not file.problem.bounds.fixed:
-            message = (
-                "nothing to export: not every gain is fixed; name a gains file, or a design.json of `vctune solve`"
-            )
-            raise InputError.of(file.source, "not-fixed", message, key="gains")
-        return file, file.problem.fixed_design
-    source_name = str(source) if isinstance(source, str | Path) else "design"
+            message = "not every gain is fixed; name a gains file, or a design.json of `vctune solve`"
+            raise InputError.of(file.source, "not-fixed", f"nothing to export: {message}", key="gains")
+        return file, file.problem.fixed_design, None
+    name = str(source) if isinstance(source, str | Path) else "design"
     if gains is not None:
-        raise InputError.of(
-            source_name, "ambiguous-files", "is a design of its own; name a problem file with other gains", key="gains"
-        )
+        message = "is a design of its own; name a problem file with other gains"
+        raise InputError.of(name, "ambiguous-files", message, key="gains")
     if record.design is None:
-        raise InputError.of(
-            source_name, "no-design", f"nothing to export: {record.reason or record.status}", key="gains"
-        )
-    file = ProblemFile(
-        parse_problem(record.problem.text, source_name, record.problem.name), record.problem.text, record.problem.name
-    )
-    if file.sha256 != record.problem.sha256:
+        raise InputError.of(name, "no-design", f"nothing to export: {record.reason or record.status}", key="gains")
+    stated = record.problem
+    file = ProblemFile(parse_problem(stated.text, name, stated.name), stated.text, stated.name)
+    if file.sha256 != stated.sha256:
         message = "does not belong to the problem's text: one of them was changed; solve the problem again"
-        raise InputError.of(source_name, "damaged-document", message, key="problem.sha256")
-    return file, record.design
-
-
-def _stated_corner(
-    source: ProblemSource | DesignRecord, gains: DesignSource | None, coupling: AnyCoupling | None, file: ProblemFile
-) -> float | None:
-    """Return the corner frequency, rad/s, with which the walls of a design were proved; None if no file states it."""
-    record = known_record(source)
-    if record is None:
-        return None if gains is None else design_for(file, gains, coupling).corner
+        raise InputError.of(name, "damaged-document", message, key="problem.sha256")
     walls = record.certificate and record.certificate.hands and record.certificate.hands.walls
-    return 2 * pi * walls.corner_hz if walls else None
+    return file, record.design, 2 * pi * walls.corner_hz if walls else None
 
 
-def _c_files(file: ProblemFile, controller: Firmware, progress: Progress) -> Files:
+def _c_files(file: ProblemFile, controller: Firmware, progress: Progress) -> Mapping[str, Content]:
     """Return the C code of a controller, with the files that replay its experiments."""
     from vctune.firmware.c_source import c_source
     from vctune.firmware.vectors import replay_files, replays
