@@ -116,4 +116,4 @@ def check_files(paths) -> list:
     """Return the checks of the files that `vctune check` names."""
     from vctune.api.checking import planned
 
-    return [checked for task in planned(paths)[1] for checked in task.run()]
+    return [checked for work in planned(paths)[1] for checked in work(lambda stage: None)]

@@ -150,30 +150,16 @@ class _File:
     error: InputError | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
-    """The check of one file; `run` never raises an InputError, so that the other files are checked all the same."""
-
-    work: Work
-
-    def run(self, progress: Progress = lambda stage: None) -> list[Checked]:
-        """Return the results, one for each axis of a parameter file, else one."""
-        try:
-            return self.work(progress)
-        except InputError as error:
-            return _refused(error)
-
-
-def planned(paths: Sequence[Path], baseline: Path | None = None) -> tuple[list[ProblemFile], list[Task]]:
-    """Return the problems that paths name, and the checks, in the order of the paths, with regions last. Where vctune
-    cannot decide which file belongs to which problem, the only check is the refusal."""
+def planned(paths: Sequence[Path], baseline: Path | None = None) -> tuple[list[ProblemFile], list[Work]]:
+    """Return the problems that paths name, and the check of each file as a function, in the order of the paths, with
+    regions last. Where vctune cannot decide which file belongs to which problem, the only check is the refusal."""
     try:
         return _planned(paths, baseline)
     except InputError as error:
         return [], [_refusal(error)]
 
 
-def _planned(paths: Sequence[Path], baseline: Path | None) -> tuple[list[ProblemFile], list[Task]]:
+def _planned(paths: Sequence[Path], baseline: Path | None) -> tuple[list[ProblemFile], list[Work]]:
     files = [file for path in paths for file in _named(path)]
     several = sum(file.kind == "problem" for file in files) > 1
     if baseline is not None and several:
@@ -183,47 +169,55 @@ def _planned(paths: Sequence[Path], baseline: Path | None) -> tuple[list[Problem
         files.append(_File(baseline, "region"))
     if not any(file.kind == "problem" for file in files):
         files = [replace(file, kind="problem") if file.kind == "unknown" else file for file in files]
-    problems, tasks, regions = list[ProblemFile](), list[Task](), list[Task]()
+    problems, works, regions = list[ProblemFile](), list[Work](), list[Work]()
     for stated, given in _runs(files):
         read = [_problem(at) for at in stated]
         usable = [at for at in read if isinstance(at, ProblemFile)]
         for at in read:
             its = given if at is read[-1] or any(file.kind == "parameters" for file in given) else []
-            if isinstance(at, Task):
-                tasks.append(at)
+            if isinstance(at, InputError):
+                works.append(_refusal(at))
             elif not its or (at.problem.bounds.fixed and all(file.error for file in its)):
-                tasks.append(Task(partial(_fixed, at)))
+                works.append(partial(_guarded, _fixed, at))
         last = usable[-1] if usable and usable[-1] is read[-1] else None
         for file in given:
             if file.error:
-                tasks.append(_refusal(file.error))
+                works.append(_refusal(file.error))
             elif file.kind == "parameters" and len(usable) == len(read):
-                tasks.append(Task(partial(_parameters, usable, file.path)))
+                works.append(partial(_guarded, _parameters, usable, file.path))
             elif file.kind == "region" and last:
-                regions.append(Task(partial(_region, last, file.path)))
+                regions.append(partial(_guarded, _region, last, file.path))
             elif file.kind in ("gains", "unknown") and last:
-                tasks.append(Task(partial(_gains, last, file, several)))
+                works.append(partial(_guarded, _gains, last, file, several))
         problems += usable
-    return problems, [*tasks, *regions]
+    return problems, [*works, *regions]
 
 
 @contextmanager
-def started(tasks: Sequence[Task], jobs: int) -> Iterator[list[Work]]:
-    """Yield the tasks as functions that return the results; with several jobs, processes work on all from now on."""
-    if min(jobs, len(tasks)) < 2:
-        yield [task.run for task in tasks]
+def started(works: Sequence[Work], jobs: int) -> Iterator[Sequence[Work]]:
+    """Yield the checks; with several jobs, processes work on all of them from now on."""
+    if min(jobs, len(works)) < 2:
+        yield works
         return
     from vctune.study.executors import worker_pool
 
     end = time.time() + seconds_left()
-    with worker_pool("processes", min(jobs, len(tasks))) as pool:
-        futures = [pool.executor.submit(_run_until, end, task) for task in tasks]
+    with worker_pool("processes", min(jobs, len(works))) as pool:
+        futures = [pool.executor.submit(_run_until, end, work) for work in works]
         yield [partial(lambda future, progress: future.result(), future) for future in futures]
 
 
-def _run_until(end: float, task: Task) -> list[Checked]:
+def _run_until(end: float, work: Work) -> list[Checked]:
     with limited(end - time.time()):
-        return task.run()
+        return work(lambda stage: None)
+
+
+def _guarded(check: Callable[..., list[Checked]], *given: Any) -> list[Checked]:
+    """Return the results of a check; an error is one of them, so that the other files are checked all the same."""
+    try:
+        return check(*given)
+    except InputError as error:
+        return _refused(error)
 
 
 def _named(path: Path) -> list[_File]:
@@ -269,12 +263,12 @@ def _runs(files: Sequence[_File]) -> list[tuple[list[_File], list[_File]]]:
     raise InputError.of(str(runs[0][1][0].path), "ambiguous-files", message)
 
 
-def _problem(file: _File) -> ProblemFile | Task:
-    """Return a problem, or a task that reports why it cannot be read."""
+def _problem(file: _File) -> ProblemFile | InputError:
+    """Return a problem, or the error that tells why it cannot be read."""
     try:
-        return _refusal(file.error) if file.error else problem_file(file.text, file.path)
+        return file.error or problem_file(file.text, file.path)
     except InputError as error:
-        return _refusal(error)
+        return error
 
 
 def _refused(error: InputError) -> list[Checked]:
@@ -282,8 +276,9 @@ def _refused(error: InputError) -> list[Checked]:
     return [Checked(source, source.stem, CheckVerdict.BAD_INPUT, str(error), error.mistakes[0].line or 1, None)]
 
 
-def _refusal(error: InputError) -> Task:
-    return Task(partial(_known, _refused(error)))
+def _refusal(error: InputError) -> Work:
+    """Return the check of a file that cannot be read; its result is made here, because an error does not pickle."""
+    return partial(_known, _refused(error))
 
 
 def _known(found: list[Checked], progress: Progress) -> list[Checked]:

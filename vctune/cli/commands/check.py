@@ -35,12 +35,12 @@ def check(run: Run, paths: tuple[Path, ...], baseline: Path | None, strict: bool
     from vctune.api.result import folder_name
     from vctune.cli.formats import github, summary, text
 
-    problems, tasks = planned(paths, baseline)
+    problems, plan = planned(paths, baseline)
     run.doubt(*problems)
     checks, objects = [], []
     line = github if run.style == "github" else text
     try:
-        with started(tasks, jobs) as works:
+        with started(plan, jobs) as works:
             for work in works:
                 with run.progress() as progress:
                     found = [replace(checked, strict=strict) for checked in work(progress)]
