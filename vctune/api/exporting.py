@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, pi
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from vctune.api.argument_ranges import Format
 from vctune.api.result import RefusedError, code_of
@@ -37,7 +37,7 @@ class Exported:
     """A design, exported as files."""
 
     file: ProblemFile  # the problem
-    firmware: Firmware  # the exported design; for a ROS 2 controller see `export_parameters`
+    firmware: Firmware  # the exported design; of several designs, the first that is not certified, else the first
     files: Mapping[str, Content]  # contents of the files by name
 
     @property
@@ -47,7 +47,7 @@ class Exported:
 
 
 def export(
-    source: ProblemSource | DesignRecord,
+    source: ProblemSource | DesignRecord | Sequence[ProblemSource | DesignRecord],
     gains: DesignSource | None = None,
     coupling: AnyCoupling | None = None,
     *,
@@ -60,9 +60,9 @@ def export(
 
     Parameters
     ----------
-    source : ProblemSource or DesignRecord
+    source : ProblemSource or DesignRecord, or a sequence of them
         Path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a
-        design.
+        design; several only for "ros2", whose file has an axis for each.
     gains : DesignSource, optional
         Gains, SI units, given together with `coupling`; or a gains file or its path; None for the gains of the
         design.json, or for the gains that the problem fixes.
@@ -93,43 +93,28 @@ def export(
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
             raise InputError.of(name, "bad-option", f"is {value!r}; one of {', '.join(get_args(known))}")
-    if to == "ros2":
-        require_double(precision)
-        return export_parameters([source], gains, coupling, unproved=unproved, progress=progress)
-    file, design, corner = stated_design(source, gains, coupling)
-    progress("proving")
-    controller = firmware(file, *design, precision, corner)
-    if not certified(controller) and not unproved:
-        raise NotCertifiedError(controller)
-    return Exported(file, controller, _c_files(file, controller, progress))
-
-
-def require_double(precision: Precision) -> None:
-    """Check that a ROS 2 controller is exported in double precision, because the controller computes in double
-    precision."""
-    if precision != "double":
+    several = isinstance(source, Sequence) and not isinstance(source, str)
+    sources: Sequence[Any] = source if several else [source]  # type: ignore[assignment]
+    if to == "ros2" and precision != "double":
         message = f"is {precision!r}, and an admittance_controller computes in double precision; leave it out"
         raise InputError.of("precision", "bad-option", message)
-
-
-def export_parameters(
-    sources: Sequence[ProblemSource | DesignRecord],
-    gains: DesignSource | None = None,
-    coupling: AnyCoupling | None = None,
-    *,
-    unproved: bool = False,
-    progress: Progress = lambda stage: None,
-) -> Exported:
-    """Prove designs with the arithmetic of a ROS 2 admittance_controller, and make one parameter file of them."""
+    if to != "ros2" and len(sources) != 1:
+        raise InputError.of("to", "bad-option", f"{to} exports one design; only ros2 makes one file of several")
+    stated = [stated_design(each, gains, coupling) for each in sources]
     progress("proving")
-    stated = [stated_design(source, gains, coupling) for source in sources]
-    owners, designs = problems_of_axes([file for file, *_ in stated]), {id(file): design for file, design, _ in stated}
-    axes = [RosAxis(axis, file, *designs[id(file)]) for axis, file in owners.items()]
+    file, design, corner = stated[0]
+    if to != "ros2":
+        controller = firmware(file, *design, precision, corner)
+        if not certified(controller) and not unproved:
+            raise NotCertifiedError(controller)
+        return Exported(file, controller, _c_files(file, controller, progress))
+    designs = {id(file): design for file, design, _ in stated}
+    owners = problems_of_axes([file for file, *_ in stated])
+    axes = [RosAxis(axis, owner, *designs[id(owner)]) for axis, owner in owners.items()]
     controllers = ros2_firmware(axes)
     first = next((number for number, controller in enumerate(controllers) if not certified(controller)), None)
     if first is not None and not unproved:
         raise NotCertifiedError(controllers[first], RIGID if axes[first].coupling.damping < inf else "")
-    file = stated[0][0]
     return Exported(file, controllers[first or 0], ros2_files(file.problem.name, axes, controllers))
 
 

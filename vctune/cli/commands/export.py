@@ -37,14 +37,7 @@ def export(run: Run, paths: tuple[Path, ...], to: Format, precision: Precision, 
     vctune proves the design again with the firmware's constants. The exit code is 1 if it is refuted, 3 if undecided.
     """
     from vctune.api.exporting import export as make
-    from vctune.api.exporting import (
-        export_parameters,
-        export_record,
-        is_source,
-        read_gains,
-        require_double,
-        write_export,
-    )
+    from vctune.api.exporting import export_record, is_source, read_gains, write_export
     from vctune.api.result import folder_name
 
     source, *others = paths
@@ -53,11 +46,9 @@ def export(run: Run, paths: tuple[Path, ...], to: Format, precision: Precision, 
         raise click.UsageError(f"--to {to} exports one design; only --to ros2 makes one file of several")
     given = read_gains(gains) if gains else None
     with run.progress(source.name) as progress:
-        if others:
-            require_double(precision)
-            exported = export_parameters(paths, unproved=unproved, progress=progress)
-        else:
-            exported = make(source, given, to=to, precision=precision, unproved=unproved, progress=progress)
+        exported = make(
+            paths if others else source, given, to=to, precision=precision, unproved=unproved, progress=progress
+        )
         place = write_export(exported, out / folder_name(exported.firmware.name))
     if given and given.sha256 not in (None, exported.firmware.problem_sha256):
         run.warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
