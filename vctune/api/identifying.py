@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from vctune.api.result import Files, Rows, Table, write
 from vctune.document.log import read_log, read_log_map
@@ -48,10 +48,6 @@ class Identification:
         """The exit code of the command."""
         return ExitCode.OK
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the object of identification.json."""
-        return self.record.to_json()
-
     def rows(self) -> Rows:
         """Yield the recordings, the parameters with their intervals, the warnings and the remarks."""
         record = self.record
@@ -72,7 +68,7 @@ class Identification:
 
     def files(self, folder: Path, *, report: bool = True) -> Files:
         """Return device.toml, identification.json and the report, in place of those of an earlier identification."""
-        value = json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
+        value = json.dumps(self.record.to_json(), indent=1, allow_nan=False) + "\n"
         files: Files = {folder / DEVICE_FILE: self.text, folder / FILE: value}
         files |= dict.fromkeys(report_paths(folder, IDENTIFICATION_FIGURES))
         if report:

@@ -73,7 +73,7 @@ class AdmissibleGains:
         """The code of the status; undecided if the search did not examine the whole plane."""
         return ExitCode.UNDECIDED if self.region.interrupted else code_of(self.status)
 
-    def to_json(self) -> dict[str, Any]:
+    def record(self) -> dict[str, Any]:
         """Return the object of region.json."""
         return region_record(self.file, self.region, self.designs).to_json()
 
@@ -95,7 +95,7 @@ class AdmissibleGains:
 
         with unlimited():
             figure = region_figure(self.file.problem, self.region, self.designs, self.marked)
-            text = json.dumps(self.to_json(), allow_nan=False) + "\n"
+            text = json.dumps(self.record(), allow_nan=False) + "\n"
             return {folder / REGION_FILE: text, folder / PICTURE: svg(figure, Path(PICTURE).stem)}
 
     def steps(self, folder: Path) -> list[str]:

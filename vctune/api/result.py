@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from vctune.document.reading import ProblemFile
 from vctune.document.text.codes import Code
@@ -37,7 +37,6 @@ class Result(Protocol):
 
     @property
     def exit_code(self) -> ExitCode: ...
-    def to_json(self) -> Any: ...  # the object that --format json prints
     def rows(self) -> Rows: ...
     def files(self, folder: Path) -> Files: ...
     def steps(self, folder: Path) -> list[str]: ...  # what the user can do next

@@ -55,7 +55,7 @@ class Simulation:
         """Return the record of simulation.json."""
         return simulation_record(self.file, self.gains, self.coupling, list(self.experiments))
 
-    def to_json(self) -> dict[str, Any]:
+    def record(self) -> dict[str, Any]:
         """Return the object of simulation.json."""
         return self.measured().to_json()
 

@@ -104,10 +104,6 @@ class Design:
     exit_code: ExitCode
     resumes: bool = False  # whether running the command again goes on with the work
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the object of design.json."""
-        return self.found.to_json()
-
     def rows(self) -> Rows:
         """Yield the status and the proved claims, the numbers, the repairs and the warnings."""
         return rows_of(self.found)

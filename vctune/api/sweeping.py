@@ -56,10 +56,6 @@ class Swept:
             return ExitCode.FAILED
         return ExitCode.UNDECIDED if self.cut else ExitCode.OK
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the object that the command prints."""
-        return self.summary.to_json()
-
     def rows(self) -> Rows:
         """Yield counts by status, the best and the worst design, the yardstick, and the corner without designs."""
         found = self.summary

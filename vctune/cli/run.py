@@ -113,10 +113,10 @@ class Run:
             return False
         return True
 
-    def show(self, result: Result, folder: Path, *, always: bool = False) -> int:
-        """Print a result, the folder of its files and, on a terminal or `always`, the next steps. Return its exit
-        code."""
-        self.say(result.to_json, result.rows, folder, result.steps(folder), always=always)
+    def show(self, result: Result, data: Callable[[], Any], folder: Path, *, always: bool = False) -> int:
+        """Print an object as JSON, or else a result, the folder of its files and, on a terminal or `always`, the next
+        steps. Return the exit code of the result."""
+        self.say(data, result.rows, folder, result.steps(folder), always=always)
         return result.exit_code
 
     def say(

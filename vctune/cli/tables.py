@@ -87,7 +87,8 @@ def _grids(table: Table, width: int) -> Iterator[Grid]:
             overflow="fold",
         )
     for row in rows:
-        grid.add_row(*map(Text, row))
+        heading = narrow and table.groups and not any(row[1:]) and bool(table.heads)
+        grid.add_row(*(Text(cell, "dim" if heading else "") for cell in row))
     yield grid
 
 

@@ -50,4 +50,4 @@ def bound(run: Run, problem: Path, design: Path | None, gap: float, jobs: int, o
         run.report(path, path.parent, progress)
     if bounded.improved:
         click.echo("found a better design, in a basin that the scan had missed", err=True)
-    return run.show(bounded.design, path.parent, always=True)
+    return run.show(bounded.design, bounded.record.to_json, path.parent, always=True)

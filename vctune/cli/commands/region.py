@@ -60,4 +60,4 @@ def region(
             "time-limit" if found.late else "interrupted",
             f"{folder / REGION_FILE}: holds what was decided before the {by}",
         )
-    return run.show(found, folder)
+    return run.show(found, found.record, folder)

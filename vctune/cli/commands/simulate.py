@@ -40,4 +40,4 @@ def simulate(run: Run, problem: Path, gains: Path | None, name: str | None, out:
         simulation = find(file, *design, name, progress=progress)
         progress("writing and drawing")
         write(simulation.files(folder))
-    return run.show(simulation, folder)
+    return run.show(simulation, simulation.record, folder)

@@ -79,8 +79,8 @@ def _solve(run: Run, problems: tuple[Path, ...], out: Path, *, report: bool, str
             design = replace(design, exit_code=ExitCode.UNDECIDED)
         designs.append(design)
         if run.style != "json":
-            run.show(design, folder, always=True)
+            run.show(design, design.found.to_json, folder, always=True)
     if run.style == "json":
-        found = [design.to_json() for design in designs]
+        found = [design.found.to_json() for design in designs]
         emit(json.dumps(found if len(found) > 1 else found[0], indent=2, allow_nan=False))
     return worst([design.exit_code for design in designs])

@@ -45,4 +45,4 @@ def sweep(run: Run, study: Path, out: Path, jobs: int | None, executor: str, res
         )
     if swept.dropped:
         run.warn("rows-torn", f"{folder / ROWS}: {swept.dropped} torn lines dropped")
-    return run.show(swept, folder)
+    return run.show(swept, swept.summary.to_json, folder)
