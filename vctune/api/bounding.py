@@ -104,8 +104,7 @@ def bound(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem; it must leave at least one variable free.
     design : Solved or KnownDesign or str or Path, optional
-        The result of `solve`, the path of a design.json, or a known design with the state of an earlier
-        search; None to solve the problem first.
+        The result of `solve`, the path of a design.json, or a known design; None to solve the problem first.
     gap : float
         The search ends when the design's error is at most (1 + gap) times the bound.
     jobs : int
@@ -126,8 +125,7 @@ def bound(
     Raises
     ------
     InputError
-        If the gap is out of range; if the problem is invalid, fixes every variable, or has environments that run late
-        or by Euler's rules; or if the design belongs to another problem or is not proved.
+        If the gap is out of range, the problem invalid or fixed, or the design of another problem or not proved.
     """
     require_gap(gap)
     file = require_free(problem_of(problem))

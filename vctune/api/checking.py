@@ -57,8 +57,7 @@ def check(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem.
     gains : DesignSource, optional
-        Gains, SI units, given together with `coupling`; or a gains file or its path; None if the problem fixes
-        every variable.
+        Gains, SI units, given together with `coupling`; or a gains file or its path; None if the problem fixes all.
     coupling : AnyCoupling, optional
         Coupling of the design, SI units; a `SpringDamper` for an impedance display.
     time_limit : float
@@ -67,9 +66,8 @@ def check(
     Returns
     -------
     Checked
-        `result` is the verdict, `message` is one line of text, and `warnings` are the probable mistakes.
-        `finding.judgement` contains the verdicts on the claims, `finding.repairs` the repairs of a violated or idle
-        design.
+        `result` is the verdict, `message` one line of text, `warnings` the probable mistakes; `finding` has the
+        `judgement` with the verdicts on the claims, and the `repairs` of a violated or idle design.
 
     Raises
     ------

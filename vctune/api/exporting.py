@@ -61,11 +61,10 @@ def export(
     Parameters
     ----------
     source : ProblemSource or DesignRecord, or a sequence of them
-        Path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a
-        design; several only for "ros2", whose file has an axis for each.
+        Path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design;
+        several only for "ros2", whose file has an axis for each.
     gains : DesignSource, optional
-        Gains, SI units, given together with `coupling`; or a gains file or its path; None for the gains of the
-        design.json, or for the gains that the problem fixes.
+        Gains, SI units, given together with `coupling`; or a gains file or its path; None for the source's own.
     coupling : AnyCoupling, optional
         Coupling of the design, SI units.
     to : Format
@@ -73,8 +72,7 @@ def export(
     precision : Precision
         Precision of the firmware's constants; "double" for a ROS 2 controller.
     unproved : bool
-        Whether to also export a design that is not proved; the head of every file then states that it is not
-        proved.
+        Whether to also export a design that is not proved; the head of every file then says so.
     progress : Progress
         Function that receives the current stage.
 
@@ -87,8 +85,7 @@ def export(
     NotCertifiedError
         If the design is not certified and `unproved` is not set. This is also an `InputError`.
     InputError
-        If an option is unknown, if a file is invalid, if there is no design, or if the design is for another kind of
-        device; or if `to` is "ros2" and the controller cannot render the design.
+        If an option or a file is invalid, or if there is no design that the device, or ROS 2, can render.
     """
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):

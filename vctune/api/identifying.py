@@ -109,8 +109,7 @@ def identify(
     Raises
     ------
     InputError
-        If a file cannot be read or does not determine the device; the message states line, column and remedy. Also if
-        there is no log or if SciPy is not installed.
+        If there is no log, or a file cannot be read or does not determine the device; with line, column and remedy.
     """
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
     if not paths:

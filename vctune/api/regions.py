@@ -124,13 +124,12 @@ def region(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem.
     x, y : str, optional
-        Dotted keys of two free variables; None for the usual keys of the display (see `axes_of`). If other
-        variables are free, a cell is feasible if some values within their bounds suffice.
+        Dotted keys of two free variables; None for the usual keys of the display. For other free variables, some
+        values within their bounds suffice.
     gains, coupling : DesignSource, optional and AnyCoupling, optional
         A design that the picture marks, or its file.
     resolution : float
-        Side of the smallest cell as a share of the plane's side, 1/2048 to 1/8, rounded down to a power of
-        1/2.
+        Side of the smallest cell as a share of the plane's side, 1/2048 to 1/8, rounded down to a power of 1/2.
     solved : Solved, optional
         The result of `solve` for the problem; None to solve it first.
     time_limit : float
@@ -147,8 +146,7 @@ def region(
     Raises
     ------
     InputError
-        If the problem or the design is invalid, if they are for different kinds of device, if x and y do not span a
-        plane, or if the resolution is out of range.
+        If the problem, the design or the resolution is invalid, or if x and y do not span a plane.
     """
     file = problem_of(problem)
     x, y = axes_of(file.problem, x, y)

@@ -99,8 +99,7 @@ def simulate(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem.
     gains : DesignSource, optional
-        Gains, SI units, given together with `coupling`; or a gains file or its path; None for the design of
-        `solve`.
+        Gains, SI units, given together with `coupling`; or a gains file or its path; None for the design of `solve`.
     coupling : AnyCoupling, optional
         Coupling of the design, SI units.
     experiment : Experiment or str, optional
@@ -115,8 +114,7 @@ def simulate(
     Raises
     ------
     InputError
-        If the problem or the design is invalid; if they are for different kinds of device; if there is no such
-        experiment; or if solving finds no design.
+        If the problem or the design is invalid, or if there is no such experiment or no design.
     """
     file = problem_of(problem)
     chosen = (experiment,) if isinstance(experiment, Experiment) else chosen_experiments(file, experiment)

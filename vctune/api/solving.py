@@ -57,11 +57,9 @@ def solve(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem.
     gap : float, optional
-        Share by which the error may exceed the proved lower bound on the error of every design; None for no
-        such proof.
+        Share by which the error may exceed the proved lower bound of every design's; None for no such proof.
     prices : bool
-        Whether to compute the prices of a certified local optimum: the decrease of the error if a parameter of
-        the device were better by 1 %.
+        Whether to compute the prices of an optimum: how the error falls if a parameter of the device is 1 % better.
     time_limit : float
         Seconds after which the function returns the result so far; `cut` then names the missing parts.
     progress : Progress
