@@ -38,7 +38,7 @@ class _Commands(click.Group):
 def _print_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
-    from vctune.cli.run import emit
+    from vctune.cli.runner import emit
     from vctune.design.nlp.ipopt import ipopt_version
     from vctune.version import versions
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from vctune.cli.run import Run
+from vctune.cli.runner import Run
 from vctune.running import time_limit_of_command
 
 Added = Callable[[Any], Any]  # A decorator that adds an argument or an option to a command

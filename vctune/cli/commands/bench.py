@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from vctune.cli.options import PATH, command
-from vctune.cli.run import Run
+from vctune.cli.runner import Run
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 

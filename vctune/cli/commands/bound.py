@@ -8,7 +8,7 @@ import click
 
 from vctune.api.argument_ranges import GAPS
 from vctune.cli.options import PATH, command, jobs_option, out_option, problem_argument, time_limited
-from vctune.cli.run import Run
+from vctune.cli.runner import Run
 
 
 @command("Prove a bound on how much better any other design could be.")

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from vctune.cli.options import PATH, command, jobs_option, out_option, time_limited
-from vctune.cli.run import Run, emit, worst
+from vctune.cli.runner import Run, emit, worst
 
 
 @command("Prove gains that already exist.", "github")

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from vctune.cli.options import PATH, command
-from vctune.cli.run import Run
+from vctune.cli.runner import Run
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:

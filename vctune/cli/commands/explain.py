@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from vctune.cli.options import command
-from vctune.cli.run import Run
+from vctune.cli.runner import Run
 
 if TYPE_CHECKING:
     from vctune.document.records.printed_json import EntryRecord

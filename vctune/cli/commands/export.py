@@ -9,7 +9,7 @@ import click
 
 from vctune.api.argument_ranges import Format
 from vctune.cli.options import PATH, command, out_option
-from vctune.cli.run import Run
+from vctune.cli.runner import Run
 
 if TYPE_CHECKING:
     from vctune.api.exporting import Precision

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from vctune.cli.options import PATH, command, out_option
-from vctune.cli.run import Run
+from vctune.cli.runner import Run
 
 
 @command("Identify a device from its recordings.")

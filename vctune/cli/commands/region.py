@@ -8,7 +8,7 @@ import click
 
 from vctune.api.argument_ranges import RESOLUTIONS, VARIABLES
 from vctune.cli.options import PATH, command, out_option, problem_argument, time_limited
-from vctune.cli.run import Run
+from vctune.cli.runner import Run
 
 
 @command("Find the whole set of feasible gains, cell by cell.")

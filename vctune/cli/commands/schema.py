@@ -21,7 +21,7 @@ def schema(kind: str) -> None:
     """
     import json
 
-    from vctune.cli.run import emit
+    from vctune.cli.runner import emit
     from vctune.document.records.json_schemas import SCHEMAS
 
     emit(json.dumps(SCHEMAS[kind](), indent=2))

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from vctune.cli.options import PATH, command, out_option, problem_argument
-from vctune.cli.run import Run
+from vctune.cli.runner import Run
 
 
 @command("Simulate a design in the problem's experiments.")

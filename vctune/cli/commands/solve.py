@@ -10,7 +10,7 @@ import click
 
 from vctune.api.argument_ranges import GAPS, STDIN
 from vctune.cli.options import PATH, command, out_option, time_limit_option
-from vctune.cli.run import Run, emit, on_every_save, worst
+from vctune.cli.runner import Run, emit, on_every_save, worst
 from vctune.running import time_limit_of_command
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from vctune.cli.options import PATH, command, jobs_option, out_option, time_limit_option
-from vctune.cli.run import Run
+from vctune.cli.runner import Run
 
 
 @command("Solve a problem at many points.")
