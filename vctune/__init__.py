@@ -13,17 +13,17 @@ if TYPE_CHECKING:
     from vctune.api.checking import check as check
     from vctune.api.checking import check_region as check_region
     from vctune.api.comparing import compare as compare
-    from vctune.api.design_files import write_design as write_design
-    from vctune.api.design_files import write_report as write_report
-    from vctune.api.experiments import simulate as simulate
     from vctune.api.explaining import explain as explain
     from vctune.api.exporting import export as export
     from vctune.api.exporting import write_export as write_export
     from vctune.api.identifying import identify as identify
     from vctune.api.identifying import write_identification as write_identification
     from vctune.api.regions import region as region
+    from vctune.api.simulating import simulate as simulate
     from vctune.api.solving import solve as solve
-    from vctune.api.studies import sweep as sweep
+    from vctune.api.solving import write_design as write_design
+    from vctune.api.solving import write_report as write_report
+    from vctune.api.sweeping import sweep as sweep
     from vctune.design.result import Solved as Solved
     from vctune.design.verdict.design_record import design_record as design_record
     from vctune.design.verdict.judge import Judgement as Judgement
@@ -97,13 +97,13 @@ _HOME = {
     "problem": "document.building",
     "read_problem": "document.reading",
     "region": "api.regions",
-    "simulate": "api.experiments",
+    "simulate": "api.simulating",
     "solve": "api.solving",
-    "sweep": "api.studies",
-    "write_design": "api.design_files",
+    "sweep": "api.sweeping",
+    "write_design": "api.solving",
     "write_export": "api.exporting",
     "write_identification": "api.identifying",
-    "write_report": "api.design_files",
+    "write_report": "api.solving",
 }
 
 __all__ = ["__version__", *_HOME]  # noqa: PLE0604

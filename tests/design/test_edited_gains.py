@@ -10,11 +10,10 @@ import pytest
 from command import check_files
 from conftest import DEVICE, for_passive_hands
 
-from vctune.api.design_files import write_record
+import vctune
 from vctune.design.solve import solve
 from vctune.design.verdict import repair as repairing
 from vctune.design.verdict.checked import Checked, CheckVerdict
-from vctune.design.verdict.design_record import record_of
 from vctune.design.verdict.judge import Status, judge
 from vctune.design.verdict.repair import with_repairs
 from vctune.document.gains_file import design_numbers
@@ -46,7 +45,7 @@ def solved(folder, text):
     found = solve(file.problem)
     if found.status is not Status.CERTIFIED:
         return None
-    write_record(folder, file, record_of(file, found))
+    vctune.write_design(file, found, folder)
     return folder
 
 

@@ -43,9 +43,7 @@ def folder(tmp_path):
 def commands():
     for name in COMMANDS:
         command = main.get_command(click.Context(main), name)
-        if isinstance(command, click.Group):
-            yield from ((f"{name} {inner}", each) for inner, each in command.commands.items())
-        elif name not in SILENT:
+        if name not in SILENT:
             yield name, command
 
 
@@ -54,6 +52,16 @@ def test_every_command_has_the_same_options(command):
     options = {option: parameter for parameter in command.params for option in parameter.opts}
     assert {"--format", "--json", "--quiet"} <= set(options)
     assert options["--format"].type.choices[:2] == ("text", "json")
+
+
+def test_every_help_fits_a_screen_and_options_are_few(monkeypatch, tmp_path):
+    """Those that every command has, counted once."""
+    monkeypatch.setenv("COLUMNS", "80")
+    for name in (*COMMANDS, ""):
+        assert len(run(*name.split(), "--help", cwd=tmp_path).stdout.splitlines()) <= 32, name
+    every = {"style", "as_json", "quiet"}
+    found = [each.name for _, command in commands() for each in command.params if isinstance(each, click.Option)]
+    assert len([name for name in found if name not in every]) + len(every) <= 45
 
 
 def test_json_is_short_for_its_format(folder):

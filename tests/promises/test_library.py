@@ -21,7 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import vctune
-from vctune.api import folders
+from vctune.api.result import design_folder
 from vctune.document.schema.device_schema import DeviceTable
 from vctune.document.text.toml_writing import toml_text
 
@@ -277,7 +277,7 @@ def test_the_example_script():
 
 
 def test_paths_of_a_design(tmp_path, wheel):
-    assert folders.design_folder(wheel, tmp_path) == tmp_path / "_wheel_"
+    assert design_folder(wheel, tmp_path) == tmp_path / "_wheel_"
 
 
 def test_a_device_with_parts_is_stated_as_in_a_file():

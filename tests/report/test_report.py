@@ -17,7 +17,8 @@ from pages import PARTS, made, recorded
 from vctune.analysis.demands import transparency_error
 from vctune.analysis.margins import unstable_poles
 from vctune.analysis.responses import Loop
-from vctune.cli.printing.design_table import print_design
+from vctune.api.solving import rows_of
+from vctune.cli.tables import print_rows
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import design_of, read_design
@@ -224,7 +225,7 @@ def test_keys_of_other_versions_are_kept_and_none_is_added(records, tmp_path):
 @pytest.mark.parametrize("name", mostly_slow(CASES, FEW))
 def test_the_table_and_the_page_show_the_rows_of_the_record(records, pages, tmp_path, capsys, name):
     record, page = design_of(records(name), "x"), pages(name)
-    print_design(record, tmp_path)
+    print_rows(rows_of(record), tmp_path, [], always=True)
     table = [line.split() for line in capsys.readouterr().out.splitlines()]
     for title, rows in record.groups().items():
         for number, row in enumerate(rows):

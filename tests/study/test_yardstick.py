@@ -12,7 +12,7 @@ from command import run
 
 from vctune.analysis.demands import transparency_error
 from vctune.api.comparing import compare
-from vctune.api.studies import sweep
+from vctune.api.sweeping import sweep
 from vctune.design.solve import solve
 from vctune.design.variables import design_of
 from vctune.document.reading import parse_problem, pose

@@ -9,9 +9,8 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from vctune.api.design_files import json_text, write_record
-from vctune.api.folders import DESIGN_FILE
-from vctune.api.solving import require_gap, solve
+from vctune.api.result import DESIGN_FILE, Files
+from vctune.api.solving import Design, json_text, require_gap, solve
 from vctune.design.bound.nodes import ResumeState, read_resume, resume_bytes
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
@@ -29,7 +28,7 @@ from vctune.document.records.design_json import DesignRecord, read_design
 from vctune.document.schema.kinds import require_record_of
 from vctune.document.text.date import today
 from vctune.document.text.errors import InputError
-from vctune.document.text.output_files import write_together
+from vctune.exit_codes import ExitCode
 from vctune.report.paths import report_paths
 from vctune.running import OutOfTimeError, check_time
 from vctune.running import time_limit as limited
@@ -43,7 +42,7 @@ class KnownDesign:
 
     record: DesignRecord  # record of the design, or of the reason why there is no design
     best: Judgement | None  # judgement of the design by this version; None without a design
-    resume: ResumeState | None = None  # state of an earlier search; None without an earlier search
+    resume: ResumeState | None = None  # state of an earlier search
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +69,23 @@ class Bounded:
         """Whether the search has found a better design than the known design."""
         return self.optimality is not None and self.optimality.improved is not None
 
+    @property
+    def design(self) -> Design:
+        """The best known design as the result of the command."""
+        found = ExitCode.OK if self.proved else ExitCode.UNDECIDED
+        code = ExitCode.FAILED if self.status is Status.INFEASIBLE else found
+        open_ = self.record.optimality is not None and self.record.optimality.verdict == "open"
+        return Design(self.file, self.record, code, resumes=open_)
+
+    def files(self, design: Path) -> Files:
+        """Return the record with the bound in place of a design.json, and the state of an unfinished search."""
+        saved, files = design.parent / SAVED, self.design.files(design.parent)
+        if design.name != DESIGN_FILE:
+            files = {design: json_text(self.record)} | dict.fromkeys(report_paths(design.parent))
+        if self.optimality is not None:
+            files[saved] = None if self.proved else resume_bytes(self.file.sha256, self.optimality.resume)
+        return files
+
 
 def bound(
     problem: ProblemSource,
@@ -88,15 +104,13 @@ def bound(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem; it must leave at least one variable free.
     design : Solved or KnownDesign or str or Path, optional
-        The result of `solve`, the path of a design.json, or a known design with the state of an earlier
-        search; None to solve the problem first.
+        The result of `solve`, the path of a design.json, or a known design; None to solve the problem first.
     gap : float
         The search ends when the design's error is at most (1 + gap) times the bound.
     jobs : int
         Number of threads.
     time_limit : float
-        Seconds, including the time to solve the problem, after which the function returns the bound reached so
-        far.
+        Seconds, including the time to solve the problem, after which the function returns the bound reached so far.
     stopped : Callable[[], bool]
         Function that returns whether to end the search now.
     progress : Progress
@@ -111,8 +125,7 @@ def bound(
     Raises
     ------
     InputError
-        If the gap is out of range; if the problem is invalid, fixes every variable, or has environments that run late
-        or by Euler's rules; or if the design belongs to another problem or is not proved.
+        If the gap is out of range, the problem invalid or fixed, or the design of another problem or not proved.
     """
     require_gap(gap)
     file = require_free(problem_of(problem))
@@ -120,8 +133,9 @@ def bound(
         start = _starting_design(file, design, progress)
         if start.record.status == Status.INFEASIBLE.value:
             return Bounded(file, start.record, None, None)
+        unsearched = Bounded(file, start.record, start.best, None)
         if start.best is not None and start.best.certificate.cut:
-            return Bounded(file, start.record, start.best, None)
+            return unsearched
         prepared = prepare(file.problem)
         try:
             check_time()
@@ -136,14 +150,14 @@ def bound(
                 progress=lambda at: progress(str(at)),
             )
         except OutOfTimeError:
-            return Bounded(file, start.record, start.best, None)
+            return unsearched
     return Bounded(file, _with_bound(file, start.record, optimality), optimality.improved or start.best, optimality)
 
 
-def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
+def require_free(file: ProblemFile) -> ProblemFile:
     """Return a problem, or raise an error if the problem leaves no variable free."""
     if file.problem.bounds.fixed:
-        raise InputError.of(file.source, "nothing-free", f"fixes every number: there is nothing to {purpose}; free one")
+        raise InputError.of(file.source, "nothing-free", "fixes every number: there is nothing to choose; free one")
     return file
 
 
@@ -158,21 +172,7 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> KnownDesign |
         if given:
             raise
         return None
-    infeasible = record.status == Status.INFEASIBLE.value
-    return None if infeasible else KnownDesign(record, best, resume)
-
-
-def write_bounded(bounded: Bounded, path: Path) -> None:
-    """Write the record with the bound into a design.json, and the state of the search into the same folder."""
-    file, optimality, saved = bounded.file, bounded.optimality, path.parent / SAVED
-    if optimality is not None and optimality.proved:
-        saved.unlink(missing_ok=True)
-    elif optimality is not None:
-        write_together({saved: resume_bytes(file.sha256, optimality.resume)})
-    if path.name == DESIGN_FILE:
-        write_record(path.parent, file, bounded.record)
-    else:
-        write_together({path: json_text(bounded.record)}, report_paths(path.parent))
+    return None if record.status == Status.INFEASIBLE.value else KnownDesign(record, best, resume)
 
 
 def _starting_design(
@@ -181,8 +181,7 @@ def _starting_design(
     """Return the design from which a search starts: the given design, or the solution of the problem."""
     if isinstance(design, KnownDesign):
         return design
-    start = known_design(file, Path(design), given=True) if isinstance(design, str | Path) else None
-    if start is not None:
+    if isinstance(design, str | Path) and (start := known_design(file, Path(design), given=True)) is not None:
         return start
     solved = design if isinstance(design, Solved) else solve(file, progress=progress)
     resume = solved.optimality.resume if solved.optimality is not None else None
@@ -194,15 +193,12 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
     record = read_design(path)
     if record.problem.sha256 != file.sha256:
         require_record_of(file, record.problem, str(path), "design")
-        raise InputError.of(
-            str(path), "other-version", "is of another version of the problem; solve it again", key="problem.sha256"
-        )
+        message = "is of another version of the problem; solve it again"
+        raise InputError.of(str(path), "other-version", message, key="problem.sha256")
     if record.design is None:
         return record, None
     best = judge(file.problem, *record.design)
-    if best.certificate.cut:
-        return record, best
-    if best.status is not Status.CERTIFIED:
+    if best.status is not Status.CERTIFIED and not best.certificate.cut:
         message = f"is not proved to meet the demands (status {best.status}); solve the problem again"
         raise InputError.of(str(path), "not-certified", message, key="gains")
     return record, best

@@ -1,25 +1,46 @@
-"""Provide `vctune check` as a function. This module imports the optimiser only if a check needs it."""
+"""Provide `vctune check` as functions. This module imports the optimiser only if a check needs it."""
 
 from __future__ import annotations
 
 import json
+import re
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from vctune.api.result import write
 from vctune.design.verdict.checked import Checked as Checked
 from vctune.design.verdict.checked import CheckVerdict as CheckVerdict
 from vctune.design.verdict.gains_check import check_problem
 from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
+from vctune.document.reading import ProblemFile, gains_file, problem_file
 from vctune.document.records.printed_json import NamedRecord, RefusalRecord
-from vctune.document.text.errors import printable
-from vctune.document.text.output_files import make_folder, write_together
+from vctune.document.ros import is_admittance, read_admittances
+from vctune.document.text import toml
+from vctune.document.text.errors import InputError, printable
+from vctune.document.text.output_files import make_folder
+from vctune.exit_codes import ExitCode
 from vctune.model.gains import AnyCoupling
+from vctune.running import seconds_left
 from vctune.running import time_limit as limited
 
 LOST = ("lost.json", "lost.svg")  # Names of the files of a check that lists and draws what a region has lost
+CODES = {
+    CheckVerdict.PASSED: ExitCode.OK,
+    CheckVerdict.UNDECIDED: ExitCode.UNDECIDED,
+    CheckVerdict.FAILED: ExitCode.FAILED,
+    CheckVerdict.BAD_INPUT: ExitCode.BAD_INPUT,
+}
+
+Progress = Callable[[str], None]
+Work = Callable[[Progress], list[Checked]]
 
 
 def check(
@@ -36,8 +57,7 @@ def check(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem.
     gains : DesignSource, optional
-        Gains, SI units, given together with `coupling`; or a gains file or its path; None if the problem fixes
-        every variable.
+        Gains, SI units, given together with `coupling`; or a gains file or its path; None if the problem fixes all.
     coupling : AnyCoupling, optional
         Coupling of the design, SI units; a `SpringDamper` for an impedance display.
     time_limit : float
@@ -46,9 +66,8 @@ def check(
     Returns
     -------
     Checked
-        `result` is the verdict, `message` is one line of text, and `warnings` are the probable mistakes.
-        `finding.judgement` contains the verdicts on the claims, `finding.repairs` the repairs of a violated or idle
-        design.
+        `result` is the verdict, `message` one line of text, `warnings` the probable mistakes; `finding` has the
+        `judgement` with the verdicts on the claims, and the `repairs` of a violated or idle design.
 
     Raises
     ------
@@ -81,24 +100,19 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
     InputError
         If the problem or the baseline is invalid, or the problem no longer has such a region.
     """
-    from vctune.study.region_check import check_region_file
-
-    return check_region_file(problem_of(problem), Path(baseline))
+    return _region(problem_of(problem), Path(baseline))[0]
 
 
 def check_object(checked: Checked) -> dict[str, Any]:
-    """Return a check as an object: the object of design.json, the verdict on a region, or the reason why neither
-    exists."""
+    """Return a check as an object: that of design.json, the verdict on a region, or the reason why there is neither."""
     if checked.finding is not None:
         return checked.finding.record()
-    return RefusalRecord(
-        problem=NamedRecord(name=printable(checked.name)),
-        source=printable(str(checked.source)),
-        line=checked.line,
-        status=None,
-        reason=checked.message,
-        warnings=[],
-    ).to_json()
+    name = NamedRecord(name=printable(checked.name))
+    source = printable(str(checked.source))
+    refusal = RefusalRecord(
+        problem=name, source=source, line=checked.line, status=None, reason=checked.message, warnings=[]
+    )
+    return refusal.to_json()
 
 
 def record_lost(checked: Checked, folder: Path) -> str:
@@ -120,5 +134,171 @@ def record_lost(checked: Checked, folder: Path) -> str:
 
     make_folder(folder)
     record = json.dumps(finding.record(), indent=2, allow_nan=False)
-    write_together({folder / LOST[0]: record + "\n", **figure_file(lost_figure(finding.again), folder, "lost")})
+    write({folder / LOST[0]: record + "\n", **figure_file(lost_figure(finding.again), folder, "lost")})
     return f"the lost cells and gain sets are listed and drawn in {folder}: {', '.join(LOST)}"
+
+
+@dataclass(frozen=True, slots=True)
+class _File:
+    """A file that the command names. It is read only once, because it may be a pipe."""
+
+    path: Path
+    kind: Literal["problem", "gains", "region", "parameters", "unknown"]
+    text: str = ""
+    error: InputError | None = None
+
+
+def planned(paths: Sequence[Path], baseline: Path | None = None) -> tuple[list[ProblemFile], list[Work]]:
+    """Return the problems that paths name, and the check of each file as a function, in the order of the paths, with
+    regions last. Where vctune cannot decide which file belongs to which problem, the only check is the refusal."""
+    try:
+        return _planned(paths, baseline)
+    except InputError as error:
+        return [], [_refusal(error)]
+
+
+def _planned(paths: Sequence[Path], baseline: Path | None) -> tuple[list[ProblemFile], list[Work]]:
+    files = [file for path in paths for file in _named(path)]
+    several = sum(file.kind == "problem" for file in files) > 1
+    if baseline is not None and several:
+        message = "--region with several problems; name each region.json after its problem instead"
+        raise InputError.of(str(baseline), "ambiguous-files", message)
+    if baseline is not None:
+        files.append(_File(baseline, "region"))
+    if not any(file.kind == "problem" for file in files):
+        files = [replace(file, kind="problem") if file.kind == "unknown" else file for file in files]
+    problems, works, regions = list[ProblemFile](), list[Work](), list[Work]()
+    for stated, given in _runs(files):
+        read = [_problem(at) for at in stated]
+        usable = [at for at in read if isinstance(at, ProblemFile)]
+        for at in read:
+            its = given if at is read[-1] or any(file.kind == "parameters" for file in given) else []
+            if isinstance(at, InputError):
+                works.append(_refusal(at))
+            elif not its or (at.problem.bounds.fixed and all(file.error for file in its)):
+                works.append(partial(_guarded, _fixed, at))
+        last = usable[-1] if usable and usable[-1] is read[-1] else None
+        for file in given:
+            if file.error:
+                works.append(_refusal(file.error))
+            elif file.kind == "parameters" and len(usable) == len(read):
+                works.append(partial(_guarded, _parameters, usable, file.path))
+            elif file.kind == "region" and last:
+                regions.append(partial(_guarded, _region, last, file.path))
+            elif file.kind in ("gains", "unknown") and last:
+                works.append(partial(_guarded, _gains, last, file, several))
+        problems += usable
+    return problems, [*works, *regions]
+
+
+@contextmanager
+def started(works: Sequence[Work], jobs: int) -> Iterator[Sequence[Work]]:
+    """Yield the checks; with several jobs, processes work on all of them from now on."""
+    if min(jobs, len(works)) < 2:
+        yield works
+        return
+    from vctune.study.executors import worker_pool
+
+    end = time.time() + seconds_left()
+    with worker_pool("processes", min(jobs, len(works))) as pool:
+        futures = [pool.executor.submit(_run_until, end, work) for work in works]
+        yield [partial(lambda future, progress: future.result(), future) for future in futures]
+
+
+def _run_until(end: float, work: Work) -> list[Checked]:
+    with limited(end - time.time()):
+        return work(lambda stage: None)
+
+
+def _guarded(check: Callable[..., list[Checked]], *given: Any) -> list[Checked]:
+    """Return the results of a check; an error is one of them, so that the other files are checked all the same."""
+    try:
+        return check(*given)
+    except InputError as error:
+        return _refused(error)
+
+
+def _named(path: Path) -> list[_File]:
+    """Return the file that an argument names, or the .toml files of a folder, its problem before the gains."""
+    if not path.is_dir():
+        return [_read(path)]
+    files = [_read(file) for file in sorted(path.iterdir()) if file.suffix == ".toml"]
+    if not files:
+        raise InputError.of(str(path), "ambiguous-files", "holds no .toml file")
+    problems, gains = ([file for file in files if file.kind == kind] for kind in ("problem", "gains"))
+    if len(problems) > 1 and gains:
+        message = f"holds {len(problems)} problems and {len(gains)} gains files; name each problem with its gains"
+        raise InputError.of(str(path), "ambiguous-files", message)
+    return sorted(files, key=lambda file: file.kind == "gains")
+
+
+def _read(path: Path) -> _File:
+    if is_admittance(path) or path.suffix == ".json":
+        return _File(path, "parameters" if is_admittance(path) else "region")
+    text, called = "", toml.called(path)
+    try:
+        text = toml.read_text(path)
+        tables = toml.parse(text, str(called)).keys()
+    except InputError as error:
+        stated = re.search(r"^\s*\[device\]", text, re.MULTILINE)
+        return _File(called, "problem" if stated else "unknown", text, error)
+    law = not tables.isdisjoint(("gains", "coupling"))
+    return _File(called, "problem" if "device" in tables else "gains" if law else "unknown", text)
+
+
+def _runs(files: Sequence[_File]) -> list[tuple[list[_File], list[_File]]]:
+    """Return the problems that follow one another, each time with the files after them."""
+    runs: list[tuple[list[_File], list[_File]]] = [([], [])]
+    for file in files:
+        if file.kind == "problem" and runs[-1][1]:
+            runs.append(([], []))
+        runs[-1][file.kind != "problem"].append(file)
+    if runs[0][0] or any(file.error for file in files if len(runs) == 1):
+        return runs
+    if len(runs) == 2:  # a single run of problems may stand after its files
+        return [(runs[1][0], runs[0][1] + runs[1][1])]
+    message = "without a problem before it; name each file after its problem"
+    raise InputError.of(str(runs[0][1][0].path), "ambiguous-files", message)
+
+
+def _problem(file: _File) -> ProblemFile | InputError:
+    """Return a problem, or the error that tells why it cannot be read."""
+    try:
+        return file.error or problem_file(file.text, file.path)
+    except InputError as error:
+        return error
+
+
+def _refused(error: InputError) -> list[Checked]:
+    source = Path(error.source)
+    return [Checked(source, source.stem, CheckVerdict.BAD_INPUT, str(error), error.mistakes[0].line or 1, None)]
+
+
+def _refusal(error: InputError) -> Work:
+    """Return the check of a file that cannot be read; its result is made here, because an error does not pickle."""
+    return partial(_known, _refused(error))
+
+
+def _known(found: list[Checked], progress: Progress) -> list[Checked]:
+    return found
+
+
+def _fixed(file: ProblemFile, progress: Progress) -> list[Checked]:
+    return [check_problem(file, None, progress)]
+
+
+def _gains(file: ProblemFile, given: _File, several: bool, progress: Progress) -> list[Checked]:
+    checked = check_problem(file, gains_file(given.text, given.path), progress)
+    return [replace(checked, message=f"with {file.source}: {checked.message}") if several else checked]
+
+
+def _parameters(problems: list[ProblemFile], path: Path, progress: Progress) -> list[Checked]:
+    from vctune.design.ros.admittance_check import check_parameters
+
+    return [check for given in read_admittances(path) for check in check_parameters(problems, path, given, progress)]
+
+
+def _region(file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None) -> list[Checked]:
+    from vctune.study.region_check import check_region_file
+
+    return [check_region_file(file, baseline, progress)]

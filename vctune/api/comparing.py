@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from math import isclose
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from vctune.analysis.demands import transparency_error
-from vctune.api.design_files import known_record
-from vctune.api.solving import solve
+from vctune.api.result import Rows, Table
+from vctune.api.solving import known_record, solve
 from vctune.design.prepared import pose
 from vctune.design.search.optimum import Progress
 from vctune.design.verdict.design_record import felt_record, record_of
@@ -24,6 +25,8 @@ from vctune.document.records.comparison import (
     comparison_record,
 )
 from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.part import text
+from vctune.document.text.errors import printable
 from vctune.model.problem import Problem, Transparency
 
 SAME = 1e-9  # Greatest relative difference of two numbers that count as equal
@@ -118,3 +121,45 @@ def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -
         band_hz=list(yardstick.band.hz),
         reference_impedance=yardstick.reference_impedance,
     )
+
+
+def comparison_rows(found: ComparisonRecord) -> Rows:
+    """Yield two designs as columns: their files and status, the keys in which the problems differ, both results; then
+    the reasons why there is no design."""
+    yield Table(list(_compared(found)), ("", "", "A", "B", ""), right=(2, 3), groups=True)
+    yield from ((f"{name}: {printable(at.reason)}",) for name, at in (("A", found.a), ("B", found.b)) if at.reason)
+
+
+def _compared(found: ComparisonRecord) -> Iterator[tuple[str, ...]]:
+    """Yield group, label, both values and unit of each row."""
+    sides = (found.a, found.b)
+    for label, values in (
+        ("file", [at.source for at in sides]),
+        ("problem", [at.name for at in sides]),
+        ("status", [f"{at.status}, idle" if at.idle else at.status for at in sides]),
+    ):
+        yield "", label, *map(printable, values), ""
+    yield from (("differs", each.key, _cell(each.a, 8), _cell(each.b, 8), "") for each in found.problem)
+    for each in found.design:
+        yield each.group, each.label, _cell(each.a, each.digits), _cell(each.b, each.digits), each.unit
+
+
+def _cell(value: Any, digits: int) -> str:
+    """Return a value as text; "-" without a value. A list of two numbers is a range."""
+    if isinstance(value, list) and len(value) != 2:
+        return printable(str(value))
+    return "-" if value is None else printable(text(value, digits))
+
+
+def after_comparison(found: ComparisonRecord) -> str:
+    """Return what to do with the better of the certified designs, or with both if neither is certified."""
+    errors = next(((each.a, each.b) for each in found.design if each.label == "error"), (None, None))
+    certified = [
+        (error, side.source)
+        for error, side in zip(errors, (found.a, found.b), strict=True)
+        if side.status == "certified" and isinstance(error, float)
+    ]
+    if not certified:
+        return "neither is certified; vctune solve reports repairs"
+    source = min(certified)[1]
+    return f"vctune {'export' if source.endswith('.json') else 'solve'} {quote(source)}"

@@ -1,60 +1,58 @@
-"""Provide `vctune explain` as a function: return the guides' text on a code, a key, a term or a claim."""
+"""Provide `vctune explain` and `vctune example` as functions.
+
+The text on a key comes from the schema of its file, on a code from the table of codes, on a term from the glossary, and
+on a claim from the table of claims.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache, reduce
 from importlib.resources import files
-from importlib.resources.abc import Traversable
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
+from vctune.document.records.json_schemas import SCHEMAS
+from vctune.document.records.part import Part, how_shown
 from vctune.document.records.printed_json import EntryRecord, ExplanationRecord
+from vctune.document.records.rows_json import FeltRecord, NumbersRecord, RowYardstickRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import make_folder, write_together
 from vctune.model.display import DISPLAYS
 from vctune.model.numbers.units import LINEAR, ROTARY
-from vctune.proof.claims.registry import CLAIMS, Claim
+from vctune.proof.claims.registry import CLAIMS
 
-GUIDE = "README.md"
-CODES = ["code", "meaning", "what to do"]  # Heads of a guide's table of codes
-# Pattern of a table of keys in a guide: the text between `<!-- reference -->` and the comment that ends it
-KEY_TABLES = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
-# Pattern of a key's row in such a table: its key and its meaning, as in "| `device.mass` | Mass, kg
-KEY_ROW = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
-# Pattern of a guide's glossary: the text below its heading
-GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
-# Pattern of a table in Markdown: the cells of its heads, and its rows
-TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)
-# Patterns of the endings that labels of tables and JSON keys add to a term: a frequency, a condition, a text after a
-# colon, a symbol, a unit
-VARIABLE_ENDINGS = (
+# Guides with the table of codes, the glossary, the claims, and the columns of a sweep
+CODES, TERMS, PROOFS, COLUMNS = (f"vctune/{place}README.md" for place in ("cli/", "", "proof/", "study/"))
+FILES = {"problem": "vctune/document/README.md", "log": "vctune/identification/README.md"}  # guide of each kind of file
+TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)  # A table in Markdown: heads and rows
+CELLS = re.compile(r"(?<!\\)\|")  # The border between two cells: "|", but not "\|"
+# Endings that labels of tables and JSON keys add to a term: a frequency, a condition, a text, a symbol, a unit
+ENDINGS = (
     r"(, at|,| at) ([\d.]+ Hz|at rest)$",
     r", if .*$",
     r": .*$",
     r" [A-Za-z](_\w+)?$",
     r"_(hz|db|deg|s|per_s)$",
 )
-# Words for a rotary device, each with the corresponding word for a linear device
-LINEAR_WORDS = (("inertia", "mass"), ("torque", "force"))
-CLAIMS_GUIDE = "vctune/proof/README.md"  # Guide that the entry of a claim names
-CELLS = re.compile(r"(?<!\\)\|")  # Pattern of the border between two cells: "|", but not "\|", as in "\|S\|"
+LINEAR_WORDS = (("inertia", "mass"), ("torque", "force"))  # words for a rotary device and for a linear one
+PROBLEMS, SCHEMA_LINE = "problems", re.compile(r"\A#:schema .*\n")
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """The text of the guides on one name."""
+class Entry(NamedTuple):
+    """The text on one name, in Markdown."""
 
-    kind: Literal["code", "key", "term", "claim"]  # "code", "key", "term" or "claim"
-    names: tuple[str, ...]  # names under which `vctune explain` finds the entry
-    text: str  # text in Markdown
-    guide: str  # path of the guide that contains it
+    kind: Literal["code", "key", "term", "claim"]
+    names: tuple[str, ...]
+    text: str
+    guide: str  # path of the guide about it
 
 
 def explain(name: str) -> ExplanationRecord:
-    """Return the guides' text on a code, a key of a file, a word of the glossary or a claim.
+    """Return the text on a code, a key of a file, a word of the glossary or a claim.
 
     Parameters
     ----------
@@ -66,124 +64,157 @@ def explain(name: str) -> ExplanationRecord:
     -------
     ExplanationRecord
         `entries`; each has its `kind` ("code", "key", "term" or "claim"), its `name`, its `text` in Markdown, and its
-            `guide`.
+        `guide`.
 
     Raises
     ------
     InputError
         If no entry has this name; the message suggests the nearest names.
     """
-    # first compare the name and its stems exactly, and then without regard to capitals
     label = _plain(name)
-    entries_found = next(filter(None, map(_entries_named, _names_of_label(label))), [])
-    entries_found = entries_found or next(
-        filter(None, (_entries_named(stem.lower(), str.lower) for stem in _names_of_label(label))), []
-    )
-    if not entries_found:
-        names = [name for entry in entries() for name in entry.names]
-        name_of_form = {_plain(form).lower(): form for name in names for form in (name, name.rpartition(".")[2])}
-        similar = [name_of_form[near] for near in get_close_matches(label.lower(), name_of_form, n=3, cutoff=0.6)]
-        hint = f"did you mean {' or '.join(similar)}?" if similar else "`vctune explain` lists what there is"
+    linear = reduce(lambda words, pair: words.replace(*pair), LINEAR_WORDS, label)
+    stems = [re.sub(end, "", linear) for end in ("", *ENDINGS)]
+    labels = dict.fromkeys([label, *stems, *(stem.replace("_", " ") for stem in stems)])
+    exact, folded = ([_named(each, fold) for each in labels] for fold in (str, str.lower))
+    found = next(filter(None, [*exact, *folded]), [])
+    if not found:
+        names = [each for entry in entries() for each in entry.names]
+        forms = {_plain(form).lower(): form for each in names for form in (each, each.rpartition(".")[2])}
+        near = [forms[form] for form in get_close_matches(label.lower(), forms, n=3, cutoff=0.6)]
+        hint = f"did you mean {' or '.join(near)}?" if near else "`vctune explain` lists what there is"
         raise InputError.of(name, "unknown-name", f"is no code, key, claim or word of the glossary; {hint}")
-    records = [
-        EntryRecord(kind=entry.kind, name=entry.names[0], text=entry.text, guide=entry.guide) for entry in entries_found
-    ]
-    return ExplanationRecord(name=name, entries=records)
+    return ExplanationRecord(name=name, entries=[_record(entry, entry.text) for entry in found])
 
 
 def contents() -> ExplanationRecord:
     """Return the first name of each entry that `explain` knows, without the texts."""
-    listed = [EntryRecord(kind=entry.kind, name=entry.names[0], text="", guide=entry.guide) for entry in entries()]
-    return ExplanationRecord(name=None, entries=listed)
+    return ExplanationRecord(name=None, entries=[_record(entry, "") for entry in entries()])
 
 
-def _names_of_label(label: str) -> Iterator[str]:
-    """Yield the names under which the guides may explain a label: the whole label, and the label without its variable
-    parts."""
-    linear = reduce(lambda words, pair: words.replace(*pair), LINEAR_WORDS, label)
-    stems = [re.sub(end, "", linear) for end in ("", *VARIABLE_ENDINGS)]
-    yield from dict.fromkeys([label, *stems, *(stem.replace("_", " ") for stem in stems)])
+def _record(entry: Entry, text: str) -> EntryRecord:
+    return EntryRecord(kind=entry.kind, name=entry.names[0], text=text, guide=entry.guide)
 
 
-def _entries_named(name: str, folded: Callable[[str], str] = str) -> list[Entry]:
-    """Return the entries with a name, and the keys whose last part is the name. The function `folded` is applied to an
-    entry's names before the comparison."""
+def _named(name: str, fold: Callable[[str], str]) -> list[Entry]:
+    """Return the entries with a name, and the keys whose last part it is."""
+    name = fold(name)
     return [
         entry
         for entry in entries()
-        if name in [folded(_plain(entry_name)) for entry_name in entry.names]
+        if name in [fold(_plain(each)) for each in entry.names]
         or (entry.kind == "key" and entry.names[0].endswith(f".{name}"))
     ]
 
 
 @cache
 def entries() -> tuple[Entry, ...]:
-    """Return all entries, in the order of the guides."""
-    of_guides = (entry for guide, text in _guides(files("vctune"), "vctune") for entry in _entries(guide, text))
-    return (*of_guides, *map(_claim, CLAIMS.values()))
+    """Return all entries."""
+    codes = _rows(CODES, "## 3 Messages\n")
+    return (
+        *(
+            Entry("code", (row["code"].strip("`"),), f"{row['meaning']}\n\nWhat to do: {row['what to do']}", CODES)
+            for row in codes
+        ),
+        *(entry for kind, guide in FILES.items() for entry in _keys(SCHEMAS[kind](), guide)),
+        *(entry for part in (NumbersRecord, FeltRecord, RowYardstickRecord) for entry in _columns(part)),
+        *map(_term, _rows(TERMS, "## Glossary\n")),
+        *(_claim(claim) for claim in CLAIMS.values()),
+    )
 
 
-def _claim(claim: Claim) -> Entry:
-    """Return a claim as an entry: its sentences for all kinds of display, its explanation, and the place of its
-    proof."""
-    sentences = "; ".join(f"“{sentence}”" for sentence in dict.fromkeys(map(claim.said_of, DISPLAYS.values())))
-    statement = f"The certificate's claim {sentences}."
+def _keys(schema: dict[str, Any], guide: str) -> Iterator[Entry]:
+    """Yield the keys of a file from its schema; the text on a table lists the keys in it."""
+    described = dict(_described(schema, schema, ""))
+    for key, text in described.items():
+        linear, rotary = (unit_of(tuple(key.split(".")), units) for units in (LINEAR, ROTARY))
+        turned = linear != rotary and re.search(rf"(^|, ){re.escape(linear)}(?=[.,;])", text)
+        inner = [f"- `{other}`: {said}" for other, said in described.items() if other.rpartition(".")[0] == key]
+        unit = f" Unit for a rotary device: {rotary}." if turned else ""
+        yield Entry("key", (key,), "\n".join([text + unit, *(["", *inner] if inner else [])]), guide)
+
+
+def _described(schema: dict[str, Any], table: dict[str, Any], path: str) -> Iterator[tuple[str, str]]:
+    """Yield the keys in a table of a schema, each with its description and its default."""
+    for name, entry in table["properties"].items():
+        form, key = entry.get("items", entry), f"{path}.{name}" if path else name
+        union = form.get("oneOf", form.get("anyOf", [form]))
+        forms = [schema["$defs"][one["$ref"].rpartition("/")[2]] for one in union if "$ref" in one]
+        whole = [] if len(forms) < len(union) else forms[:1]  # a number or a range is described by the key alone
+        said = [
+            str(each["description"])
+            for each in ([*whole] if form is not entry else [*whole, entry])
+            if "description" in each
+        ]
+        default = entry.get("default")
+        if default not in (None, "") and not forms:
+            said.append(f"Default {str(default).lower() if isinstance(default, bool) else default}.")
+        yield key, " ".join(said)
+        for one in forms:
+            yield from _described(schema, one, key) if "properties" in one else ()
+
+
+def _columns(part: type[Part]) -> Iterator[Entry]:
+    """Yield the columns of a sweep's table, which have the labels of the numbers in it."""
+    for name, shown in how_shown(part).items():
+        unit = LINEAR.of(shown.of)
+        yield Entry("key", (name,), f"Column of a sweep: {shown.label}{f', {unit}' if unit else ''}.", COLUMNS)
+
+
+def _claim(claim: Any) -> Entry:
+    """Return a claim: its sentences for all kinds of display, its explanation, and the place of its proof."""
+    said = "; ".join(f"“{sentence}”" for sentence in dict.fromkeys(map(claim.said_of, DISPLAYS.values())))
     proof = f"Proved by `vctune.{claim.margin}`. Its witness is {claim.witness}."
-    return Entry("claim", (claim.id, claim.label), "\n\n".join([statement, claim.explain, proof]), CLAIMS_GUIDE)
+    text = "\n\n".join([f"The certificate's claim {said}.", claim.explain, proof])
+    return Entry("claim", (claim.id, claim.label), text, PROOFS)
 
 
-def _guides(folder: Traversable, place: str) -> Iterator[tuple[str, str]]:
-    """Yield the path and the text of each guide of the package."""
-    for child in sorted(folder.iterdir(), key=lambda path: (path.is_dir(), path.name)):
-        if child.is_dir():
-            yield from _guides(child, f"{place}/{child.name}")
-        elif child.name == GUIDE:
-            yield f"{place}/{GUIDE}", child.read_text(encoding="utf-8")
+def _rows(guide: str, heading: str) -> Iterator[dict[str, str]]:
+    """Yield the rows of the tables below a heading of a guide."""
+    text = (Path(str(files("vctune"))).parent / guide).read_text(encoding="utf-8").partition(heading)[2]
+    for heads, rows in TABLE.findall(re.split(r"^## ", text, flags=re.MULTILINE)[0]):
+        for row in rows.splitlines():
+            cells = (cell.strip().replace("\\|", "|") for cell in CELLS.split(row.strip("|")))
+            yield dict(zip((head.strip() for head in heads.split("|")), cells, strict=True))
 
 
-def _entries(guide: str, text: str) -> Iterator[Entry]:
-    """Yield the entries of a guide: codes, keys, and terms of the glossary. The entry of a table lists the keys in
-    it."""
-    for heads, rows in TABLE.findall(text):
-        for row in rows.splitlines() if _cells(heads) == CODES else ():
-            code, meaning, remedy = (cell.replace("\\|", "|") for cell in _cells(row.strip("|")))
-            yield Entry("code", (code.strip("`"),), f"{meaning}\n\nWhat to do: {remedy}", guide)
-    for reference in KEY_TABLES.findall(text):
-        rows = KEY_ROW.findall(reference)
-        for key, meaning in rows:
-            inner = [
-                f"- `{other}`: {meaning_of_inner}"
-                for other, meaning_of_inner in rows
-                if other.rpartition(".")[0] == key
-            ]
-            linear, rotary = (unit_of(tuple(key.split(".")), units) for units in (LINEAR, ROTARY))
-            turned = f" Unit for a rotary device: {rotary}." if linear != rotary else ""
-            yield Entry("key", (key,), "\n".join([meaning + turned, *(["", *inner] if inner else [])]), guide)
-    for glossary in GLOSSARY.findall(text):
-        for heads, rows in TABLE.findall(glossary):
-            yield from (_term(guide, _cells(heads), _cells(row.strip("|"))) for row in rows.splitlines())
-
-
-def _cells(row: str) -> list[str]:
-    """Return the cells of a row of a table in Markdown."""
-    return [cell.strip() for cell in CELLS.split(row)]
-
-
-def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
-    """Return a glossary row as an entry. If the row has several words or symbols, each is a name of the entry."""
-    row = {head: cell.replace("\\|", "|") for head, cell in zip(heads, cells, strict=True)}
-    symbols = [
-        part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part.strip()
-    ]
+def _term(row: dict[str, str]) -> Entry:
+    """Return a row of the glossary. If the row has several words or symbols, each is a name of the entry."""
+    symbols = [part for pair in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in pair]
     terms = row["term"].split(", ")
-    names = [*terms, *(symbol.split(" = ")[0] for symbol in symbols)]
+    names = [*terms, *(symbol.split(" = ")[0] for symbol in symbols if symbol.strip())]
     names += [term.split()[-1] for term in terms if re.search(r" [A-Za-z]_\w+$", term)]
     names += re.findall(r"`(?:\w+\.)*([a-z]+_\w+)`", row.get("in the code", ""))
-    details = [f"{label}: {row[label]}" for label in ("symbol", "unit", "in the code") if row.get(label)]
-    text = "\n\n".join([row["meaning"], "; ".join(details)]) if details else row["meaning"]
-    return Entry("term", (row["term"], *names), text, guide)
+    details = "; ".join(f"{label}: {row[label]}" for label in ("symbol", "unit", "in the code") if row.get(label))
+    return Entry("term", (row["term"], *names), "\n\n".join(filter(None, (row["meaning"], details))), TERMS)
 
 
 def _plain(name: str) -> str:
     """Return a name in the form used for comparisons: without quotes, brackets and formula marks."""
     return re.sub(r"[\[\]`$\\{}\"']", "", name).strip()
+
+
+def example_names() -> list[str]:
+    """Return the names of the example problems."""
+    return sorted(path.stem for path in _examples().glob("*.toml"))
+
+
+def write_example(name: str, folder: Path) -> Path:
+    """Write the problem file of an example, which names the JSON Schema of this installation for editors. The function
+    never replaces an existing file."""
+    if name not in example_names():
+        raise InputError.of(name, "unknown-name", f"is no example; there are: {', '.join(example_names())}")
+    schema = (Path(str(files("vctune"))) / "document/problem.schema.json").as_uri()
+    text = (_examples() / f"{name}.toml").read_text(encoding="utf-8")
+    path = folder / f"{name}.toml"
+    if path.exists():
+        raise InputError.of(str(path), "file-exists", "is there already; name another folder by --out, or remove it")
+    make_folder(folder)
+    write_together({path: SCHEMA_LINE.sub(lambda _: f"#:schema {schema}\n", text)})
+    return path
+
+
+def _examples() -> Path:
+    """Return the folder of the example problems: inside an installed package, or next to the package in a checkout."""
+    package = Path(str(files("vctune")))
+    inside = package / PROBLEMS
+    return inside if inside.is_dir() else package.parent / PROBLEMS

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vctune.api.result import Files, Rows, Table, write
 from vctune.document.log import read_log, read_log_map
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.records.identification_json import (
@@ -16,8 +17,9 @@ from vctune.document.records.identification_json import (
     IdentificationRecord,
     device_text,
 )
-from vctune.document.text.errors import InputError
-from vctune.document.text.output_files import Content, make_folder, write_together
+from vctune.document.text.errors import InputError, printable
+from vctune.document.text.output_files import make_folder
+from vctune.exit_codes import ExitCode
 from vctune.report.paths import IDENTIFICATION_FIGURES, report_paths
 
 if TYPE_CHECKING:
@@ -40,6 +42,44 @@ class Identification:
     def file(self) -> ProblemFile:
         """The device as a problem."""
         return problem_file(self.text, Path(DEVICE_FILE))
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """The exit code of the command."""
+        return ExitCode.OK
+
+    def rows(self) -> Rows:
+        """Yield the recordings, the parameters with their intervals, the warnings and the remarks."""
+        record = self.record
+        yield ((printable(record.name), "bold"),)
+        for each in record.recordings:
+            left = "" if each.residual_share is None else f", residual {each.residual_share:.2%}"
+            yield (f"{printable(each.source)}: {each.kind}, {each.used} of {each.samples} samples{left}",)
+        rows = [
+            (each.key, *(f"{value:.5g}" for value in (each.value, each.low, each.high)), each.unit, each.limit)
+            for each in record.numbers
+        ]
+        yield Table(rows, ("number", "value", "from", "to", "", "limited by"), right=(1, 2, 3))
+        if record.unmodelled:
+            worst = max(record.unmodelled, key=lambda point: point[1] or 0.0)
+            yield (f"unmodelled: up to {worst[1]:.3g} of the response, at {worst[0]:.4g} Hz",)
+        yield from ((("warning:", "yellow"), f" {printable(warning)}") for warning in record.warnings)
+        yield from (((printable(remark), "dim"),) for remark in record.remarks)
+
+    def files(self, folder: Path, *, report: bool = True) -> Files:
+        """Return device.toml, identification.json and the report, in place of those of an earlier identification."""
+        value = json.dumps(self.record.to_json(), indent=1, allow_nan=False) + "\n"
+        files: Files = {folder / DEVICE_FILE: self.text, folder / FILE: value}
+        files |= dict.fromkeys(report_paths(folder, IDENTIFICATION_FIGURES))
+        if report:
+            from vctune.report.identification import identification_files
+
+            files |= identification_files(self.found, self.record, folder)
+        return files
+
+    def steps(self, folder: Path) -> list[str]:
+        """Return no next step: a problem file follows, and the guide tells its use."""
+        return []
 
 
 def identify(
@@ -69,8 +109,7 @@ def identify(
     Raises
     ------
     InputError
-        If a file cannot be read or does not determine the device; the message states line, column and remedy. Also if
-        there is no log or if SciPy is not installed.
+        If there is no log, or a file cannot be read or does not determine the device; with line, column and remedy.
     """
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
     if not paths:
@@ -113,17 +152,9 @@ def write_identification(identified: Identification, folder: str | Path, *, repo
     InputError
         If the folder cannot be written.
     """
-
-    folder = Path(folder)
-    make_folder(folder)
-    value = json.dumps(identified.record.to_json(), indent=1, allow_nan=False) + "\n"
-    files: dict[Path, Content] = {folder / DEVICE_FILE: identified.text, folder / FILE: value}
-    if report:
-        from vctune.report.identification import identification_files
-
-        files |= identification_files(identified.found, identified.record, folder)
-    write_together(files, [path for path in report_paths(folder, IDENTIFICATION_FIGURES) if path not in files])
-    return folder / DEVICE_FILE
+    make_folder(Path(folder))
+    write(identified.files(Path(folder), report=report))
+    return Path(folder) / DEVICE_FILE
 
 
 def _versions() -> dict[str, str | None]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from vctune.api.argument_ranges import RESOLUTIONS
+from vctune.api.result import Files, Rows, code_of
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve
@@ -20,7 +21,7 @@ from vctune.document.building import design_for as design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile
 from vctune.document.text.errors import InputError, Mistake
-from vctune.document.text.output_files import write_together
+from vctune.exit_codes import ExitCode
 from vctune.model.gains import AnyCoupling
 from vctune.model.problem import Problem
 from vctune.running import seconds_left, unlimited
@@ -43,6 +44,7 @@ class AdmissibleGains:
     region: Region  # the cells; `interrupted` states whether the search was stopped
     solved: Solved  # the result of solving the problem
     marked: Design | None = None
+    late: bool = False  # whether the time limit ended the search
 
     @property
     def areas(self) -> dict[str, float]:
@@ -66,9 +68,40 @@ class AdmissibleGains:
         impossible = self.solved.status is Status.INFEASIBLE or (kinds == Kind.INFEASIBLE).all()
         return Status.INFEASIBLE if impossible else Status.UNDECIDED
 
+    @property
+    def exit_code(self) -> ExitCode:
+        """The code of the status; undecided if the search did not examine the whole plane."""
+        return ExitCode.UNDECIDED if self.region.interrupted else code_of(self.status)
+
     def record(self) -> dict[str, Any]:
         """Return the object of region.json."""
         return region_record(self.file, self.region, self.designs).to_json()
+
+    def rows(self) -> Rows:
+        """Yield the share of the plane for each verdict, and the axes of the plane."""
+        lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in self.areas.items()]
+        if self.region.interrupted:
+            lines[-1] += (
+                f"  {'out of time' if self.late else 'interrupted'}: the search did not examine the whole plane"
+            )
+        keys = self.region.plane.keys
+        x, y = (keys[axis] for axis in self.region.plane.axes)
+        yield from ((line,) for line in [*lines, f"of the plane {x} by {y}"])
+
+    def files(self, folder: Path) -> Files:
+        """Return region.json and its picture, also of a search that the time limit has ended."""
+        from vctune.report.region_figure import region_figure
+        from vctune.report.style import svg
+
+        with unlimited():
+            figure = region_figure(self.file.problem, self.region, self.designs, self.marked)
+            text = json.dumps(self.record(), allow_nan=False) + "\n"
+            return {folder / REGION_FILE: text, folder / PICTURE: svg(figure, Path(PICTURE).stem)}
+
+    def steps(self, folder: Path) -> list[str]:
+        """Return the next steps."""
+        more = ["run it again with more time to decide more cells"]
+        return [f"open {folder / PICTURE}", *more * self.region.interrupted]
 
 
 def region(
@@ -91,13 +124,12 @@ def region(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem.
     x, y : str, optional
-        Dotted keys of two free variables; None for the usual keys of the display (see `axes_of`). If other
-        variables are free, a cell is feasible if some values within their bounds suffice.
+        Dotted keys of two free variables; None for the usual keys of the display. For other free variables, some
+        values within their bounds suffice.
     gains, coupling : DesignSource, optional and AnyCoupling, optional
         A design that the picture marks, or its file.
     resolution : float
-        Side of the smallest cell as a share of the plane's side, 1/2048 to 1/8, rounded down to a power of
-        1/2.
+        Side of the smallest cell as a share of the plane's side, 1/2048 to 1/8, rounded down to a power of 1/2.
     solved : Solved, optional
         The result of `solve` for the problem; None to solve it first.
     time_limit : float
@@ -114,8 +146,7 @@ def region(
     Raises
     ------
     InputError
-        If the problem or the design is invalid, if they are for different kinds of device, if x and y do not span a
-        plane, or if the resolution is out of range.
+        If the problem, the design or the resolution is invalid, or if x and y do not span a plane.
     """
     file = problem_of(problem)
     x, y = axes_of(file.problem, x, y)
@@ -132,7 +163,7 @@ def region(
         with limited(max(seconds_left() - DRAWING, seconds_left() / 2)):
             across = plane(file.problem, x, y, levels)
             cells = divide(file.problem, across, across.coarsest_squares(), progress, stopped)
-            return AdmissibleGains(file, cells, solved, design)
+            return AdmissibleGains(file, cells, solved, design, late=cells.interrupted and not stopped())
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
@@ -156,14 +187,3 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
     if mistakes := unknown or plane_errors(file.problem, x, y):
         raise InputError(file.source, mistakes)
     return file
-
-
-def write_region(found: AdmissibleGains, folder: Path) -> None:
-    """Write region.json and its picture, also of a search that the time limit has ended."""
-    from vctune.report.region_figure import region_figure
-    from vctune.report.style import svg
-
-    with unlimited():
-        text = json.dumps(found.record(), allow_nan=False) + "\n"
-        figure = region_figure(found.file.problem, found.region, found.designs, found.marked)
-        write_together({folder / REGION_FILE: text, folder / PICTURE: svg(figure, Path(PICTURE).stem)})

@@ -1,19 +1,43 @@
-"""Provide `vctune solve` as a function."""
+"""Provide `vctune solve` and `vctune report` as functions."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
 from math import inf
+from pathlib import Path
+from shlex import quote
+from typing import Any
 
-from vctune.api.argument_ranges import GAPS
+from vctune.api.argument_ranges import GAPS, STDIN
+from vctune.api.result import DESIGN_FILE, GAINS_FILE, Files, Line, Rows, Table, code_of, write
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve as find
+from vctune.design.verdict.design_record import record_of
+from vctune.design.verdict.judge import Status
 from vctune.design.verdict.prices import with_prices
 from vctune.design.verdict.repair import with_repairs
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.text.errors import InputError
+from vctune.document.gains_file import gains_text, numbers_text
+from vctune.document.reading import ProblemFile
+from vctune.document.records.design_json import DesignRecord, RepairRecord, design_of, read_design
+from vctune.document.records.part import text
+from vctune.document.records.printed_json import ReportRecord as ReportRecord
+from vctune.document.records.simulation_json import simulation_beside
+from vctune.document.text.codes import has_code
+from vctune.document.text.date import today
+from vctune.document.text.errors import InputError, printable
+from vctune.document.text.output_files import make_folder
+from vctune.document.text.toml import called
+from vctune.exit_codes import ExitCode
+from vctune.report.paths import REPORT as REPORT
+from vctune.report.paths import report_paths
 from vctune.running import time_limit as limited
+
+COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 
 def solve(
@@ -33,11 +57,9 @@ def solve(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem.
     gap : float, optional
-        Share by which the error may exceed the proved lower bound on the error of every design; None for no
-        such proof.
+        Share by which the error may exceed the proved lower bound of every design's; None for no such proof.
     prices : bool
-        Whether to compute the prices of a certified local optimum: the decrease of the error if a parameter of
-        the device were better by 1 %.
+        Whether to compute the prices of an optimum: how the error falls if a parameter of the device is 1 % better.
     time_limit : float
         Seconds after which the function returns the result so far; `cut` then names the missing parts.
     progress : Progress
@@ -48,22 +70,19 @@ def solve(
     Solved
         `status`, and `judgement` with the best design and its proved claims. Without a design, `judgement` is None,
         `reason` states why, and `repairs` lists changes of one value that give a design, the least error first. A
-        refuted or idle design also has `repairs`. `prices`, if requested, begins with the greatest decrease of the
-        error.
+        refuted or idle design also has `repairs`.
 
     Raises
     ------
     InputError
-        If the problem is invalid; if the gap is out of range; or if a gap is requested and vctune cannot bound the
-        error from below.
+        If the problem is invalid; if the gap is out of range; or if vctune cannot bound the error from below.
     """
     file = problem_of(problem)
     if gap is not None:
         require_gap(gap)
     with limited(time_limit):
         solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
-        known = f"; {solved.known}"
-        progress(f"pricing the device{known}")
+        progress(f"pricing the device; {solved.known}")
         return with_prices(solved) if prices else solved
 
 
@@ -72,3 +91,168 @@ def require_gap(gap: float) -> None:
     low, high = GAPS
     if not low <= gap <= high:
         raise InputError.of("gap", "bad-option", f"{gap:g} is out of range: must be from {low:g} to {high:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """The record of a design, or of the reason why there is none, with the file of its problem."""
+
+    file: ProblemFile
+    found: DesignRecord
+    exit_code: ExitCode
+    resumes: bool = False  # whether running the command again goes on with the work
+
+    def rows(self) -> Rows:
+        """Yield the status and the proved claims, the numbers, the repairs and the warnings."""
+        return rows_of(self.found)
+
+    def files(self, folder: Path) -> Files:
+        """Return design.json and gains.toml, in place of an earlier report and, without a design, earlier gains."""
+        record, kind = self.found, self.file.problem.device.kind
+        files: Files = {folder / DESIGN_FILE: json_text(record), folder / GAINS_FILE: None}
+        if record.design is not None and record.certificate is not None:
+            origin: dict[str, str | float] = {
+                "problem": self.file.problem.name,
+                "sha256": self.file.sha256,
+                "vctune": str(record.versions["vctune"]),
+                "verdict": record.certificate.verdict,
+                "numbers": numbers_text(kind, *record.design),
+            }
+            if (hands := record.certificate.hands) is not None and hands.walls is not None:
+                origin["corner_hz"] = hands.walls.corner_hz
+            files[folder / GAINS_FILE] = gains_text(kind, *record.design, origin, record.problem.units)
+        return files | dict.fromkeys(report_paths(folder))
+
+    def steps(self, folder: Path) -> list[str]:
+        """Return the next steps: resume, look at the report, repair the problem, or use the design."""
+        design, source, named = folder / DESIGN_FILE, self.file.source, self.file.source != str(called(STDIN))
+        look = [f"open {folder / REPORT}" if (folder / REPORT).exists() else f"vctune report {quote(str(design))}"]
+        again = ["run it again to resume"] * (self.resumes and self.found.status == Status.CERTIFIED.value)
+        if self.found.repairs:
+            name = source if named else "the problem"
+            return [*again, f"write {self.found.repairs[0].needs} into {name} and solve again", *look]
+        if self.found.status != Status.CERTIFIED.value:
+            return [*again, *look]
+        check = f"in CI vctune check {quote(source)} {quote(str(folder / GAINS_FILE))}"
+        return [*again, *look, f"vctune export {quote(str(design))}", *[check] * named]
+
+
+def designed(file: ProblemFile, solved: Solved, *, strict: bool = False) -> Design:
+    """Return a solved problem as the result of a command; if `strict`, a warning is a failure."""
+    from vctune.design.nlp.ipopt import ipopt_version
+
+    record = record_of(file, solved, ipopt_version(), today())
+    cut = any(has_code(warning, "time-limit") for warning in record.warnings)
+    if strict and record.warnings and not cut:
+        return Design(file, record, ExitCode.FAILED)
+    open_ = cut or (solved.optimality is not None and not solved.optimality.proved)
+    undecided = open_ and solved.status is Status.CERTIFIED
+    return Design(file, record, ExitCode.UNDECIDED if undecided else code_of(solved.status))
+
+
+def rows_of(record: DesignRecord) -> Rows:
+    """Yield what a design says: its status and claims, its numbers, its repairs and its warnings."""
+    idle = ", but it hardly uses its velocity loop" if record.idle else ""
+    limp = ", but its K_p holds no static force" if record.felt and record.felt.limp and not idle else ""
+    colour = COLOURS["undecided" if idle else record.status]
+    name = printable(record.problem.name)
+    yield (name, "bold"), ": ", (f"{record.status}{idle}", f"bold {colour}"), limp
+    yield from ((line,) for line in (record.promise, record.reason) if line)
+    groups = {
+        group: [(group, row.label, row.value, row.unit) for row in rows if not row.detail]
+        for group, rows in record.groups().items()
+    }
+    first = [row for group in ("gains", "coupling") for row in groups.pop(group, [])]
+    limits = [("limited by", "", "", line) for line in record.limits]
+    if record.gains is not None:
+        yield Table([*first, *limits, *(row for rows in groups.values() for row in rows)], right=(2,), groups=True)
+    if record.repairs:
+        yield ("any one of these alone would do:",)
+        width = max(len(repair.needs) for repair in record.repairs)
+        yield from (_repair(repair, width) for repair in record.repairs)
+    elif record.repairs is not None:
+        yield ("vctune found no change of a single value that makes the problem feasible",)
+    yield from ((("warning:", "yellow"), f" {warning}") for warning in record.warnings)
+
+
+def _repair(repair: RepairRecord, width: int) -> Line:
+    old = "true" if repair.turns_off else "inf" if repair.old is None else text(repair.old, 12)
+    end = f"  instead of {old}: {repair.change}, error {text(repair.error, 4)}"
+    return "  ", (repair.needs.ljust(width), "bold"), end
+
+
+def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> Path:
+    """Write gains.toml and design.json, and remove the report of an earlier design.
+
+    Parameters
+    ----------
+    problem : ProblemSource
+        The problem that was solved.
+    solved : Solved
+        Result of `solve`.
+    folder : str or Path
+        Folder for the files; the function creates it if it does not exist.
+
+    Returns
+    -------
+    Path
+        The path of design.json.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written. The function then changes no file.
+    """
+    make_folder(Path(folder))
+    write(designed(problem_of(problem), solved).files(Path(folder)))
+    return Path(folder) / DESIGN_FILE
+
+
+def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: str | Path | None = None) -> Path:
+    """Write the report of a design, report.html and its figures, without solving again.
+
+    Parameters
+    ----------
+    design : str or Path or Mapping[str, Any] or DesignRecord
+        Path of a design.json, the file's object, or its record.
+    folder : str or Path, optional
+        Folder for the report; the function creates it if it does not exist. None for the folder of the
+        design.json; required if `design` is no path. If the folder of the design.json, or without a path this
+        folder, has a simulation.json of the design, the report also shows the simulation.
+
+    Returns
+    -------
+    Path
+        The path of report.html.
+
+    Raises
+    ------
+    InputError
+        If there is no such design, if its object is invalid, or if the folder is missing or cannot be written.
+    """
+    from vctune.report.page import write_report as draw
+
+    if isinstance(design, str | Path):
+        record, beside = read_design(Path(design)), Path(design).parent
+    elif folder is None:
+        raise InputError.of("folder", "bad-option", "is missing; name the folder of the report")
+    else:
+        record, beside = design if isinstance(design, DesignRecord) else design_of(dict(design), "design"), Path(folder)
+    folder = beside if folder is None else Path(folder)
+    make_folder(folder)
+    draw(record, folder, simulation_beside(beside, record))
+    return folder / REPORT
+
+
+def known_record(source: Any) -> DesignRecord | None:
+    """Read the record of a design from a file or an object. Return None if the source states a problem."""
+    if isinstance(source, DesignRecord):
+        return source
+    if isinstance(source, str | Path) and Path(source).suffix == ".json":
+        return read_design(Path(source))
+    return design_of(dict(source), "design") if isinstance(source, Mapping) and "schema" in source else None
+
+
+def json_text(record: DesignRecord) -> str:
+    """Return the text of a design.json."""
+    return json.dumps(record.to_json(), indent=2, allow_nan=False) + "\n"

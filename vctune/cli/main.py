@@ -7,7 +7,8 @@ from importlib import import_module
 
 import click
 
-from vctune.api.messages import InputError, coded
+from vctune.document.text.codes import coded
+from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 from vctune.interrupt import RECEIVED
 
@@ -15,9 +16,6 @@ EPILOG = (
     "Exit codes: 0 certified or passed, 1 infeasible, violated or failed, 2 bad usage or input, "
     "3 undecided, 4 internal error, 130 interrupted (SIGINT or SIGTERM)."
 )
-
-
-# Names of the commands
 COMMANDS = (
     "bench", "bound", "check", "compare", "example", "explain", "export", "identify", "region", "report",
     "schema", "simulate", "solve", "sweep",
@@ -40,10 +38,11 @@ class _Commands(click.Group):
 def _print_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
-    from vctune.api.messages import versions
-    from vctune.cli.printing.output import emit
+    from vctune.cli.runner import emit
+    from vctune.design.nlp.ipopt import ipopt_version
+    from vctune.version import versions
 
-    emit("\n".join(f"{name} {number}" for name, number in versions().items()))
+    emit("\n".join(f"{name} {number}" for name, number in versions(ipopt_version()).items()))
     context.exit()
 
 
@@ -64,8 +63,8 @@ def execute() -> int:
     """Run the command line and return one of the codes in `ExitCode`."""
     try:
         code = main(standalone_mode=False)
-    except InputError as error:
-        code = _complain(str(error), ExitCode.BAD_INPUT)
+    except InputError as error:  # a refusal that is a verdict on valid input states its own code
+        code = _complain(str(error), getattr(error, "exit_code", ExitCode.BAD_INPUT))
     except click.ClickException as error:
         click.UsageError(coded(error.format_message(), "usage"), getattr(error, "ctx", None)).show()
         code = ExitCode.BAD_INPUT
@@ -78,7 +77,10 @@ def execute() -> int:
     except Exception as error:  # an error in vctune itself: report it without a traceback
         if RECEIVED:
             raise KeyboardInterrupt from None
-        place = _innermost(error)
+        trace = error.__traceback__
+        while trace is not None and trace.tb_next is not None:
+            trace = trace.tb_next
+        place = f"{trace.tb_frame.f_globals.get('__name__')}:{trace.tb_lineno}" if trace else "?"
         message = f"internal error at {place}: {type(error).__name__}: {error}; please report it"
         code = _complain(coded(message, "internal-error"), ExitCode.INTERNAL)
     return int(code or ExitCode.OK)
@@ -88,10 +90,3 @@ def _complain(message: str, code: ExitCode) -> ExitCode:
     with suppress(OSError):
         click.echo(message, err=True)
     return code
-
-
-def _innermost(error: Exception) -> str:
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
-    return f"{trace.tb_frame.f_globals.get('__name__')}:{trace.tb_lineno}" if trace else "?"

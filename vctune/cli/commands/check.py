@@ -6,77 +6,57 @@ from pathlib import Path
 
 import click
 
-from vctune.cli.printing.options import out_option, output_options, time_limited
+from vctune.cli.options import PATH, command, jobs_option, out_option, time_limited
+from vctune.cli.runner import Run, emit, worst
 
 
-@click.command(short_help="Prove gains that already exist.")
-@click.argument("paths", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="PROBLEM... [GAINS]...")
-@click.option(
-    "--region", "baseline", type=click.Path(path_type=Path), help="Prove the cells and gains of this region.json again."
-)
+@command("Prove gains that already exist.", "github")
+@click.argument("paths", type=PATH, nargs=-1, required=True, metavar="PROBLEM... [GAINS]...")
+@click.option("--region", "baseline", type=PATH, help="Prove the cells and gains of this region.json again.")
 @click.option("--strict", is_flag=True, help="Fail the check if there is a warning.")
-@click.option("--jobs", type=click.IntRange(1, 512), default=1, show_default=True, help="Number of files at a time.")
-@out_option("NAME/lost.json and its picture, if a part of a region is no longer proved")
-@output_options("github")
+@jobs_option("Number of files at a time.", 512)
+@out_option("NAME/lost.json and its picture")
 @time_limited
-def check(
-    paths: tuple[Path, ...],
-    style: str,
-    quiet: bool,
-    baseline: Path | None,
-    strict: bool,
-    jobs: int,
-    out: Path,
-) -> int:
-    """Prove gains that already exist. Each verdict is printed as soon as it is known, in the order of the files and
-    with regions last; --format json is one list at the end. The exit code is the code of the worst result.
+def check(run: Run, paths: tuple[Path, ...], baseline: Path | None, strict: bool, jobs: int, out: Path) -> int:
+    """Prove gains that already exist. Each verdict is printed as soon as it is known; --format json is one list at the
+    end. The exit code is the code of the worst result.
 
-    Without GAINS, PROBLEM must fix all gains and the whole coupling. With several GAINS files, the command checks
-    PROBLEM with each of them. A folder stands for all .toml files in it. Several problems may each be followed by their
-    own GAINS: PROBLEM GAINS... PROBLEM GAINS...
+    Without GAINS, PROBLEM must fix all gains and the whole coupling. A folder stands for all .toml files in it. GAINS
+    are gains files, region.json files, or YAML files: parameters of a ROS 2 admittance_controller, each of whose
+    selected axes is checked with the device of PROBLEM (name it x, y, z, rx, ry or rz for only this axis). Several
+    problems are each followed by their own: PROBLEM GAINS... PROBLEM GAINS...
 
-    A YAML file in place of GAINS is a parameter file of a ROS 2 admittance_controller. The command checks each axis
-    that the YAML file selects with the device of PROBLEM: a servo, or a device whose [gains] are fixed. Rotations
-    need a rotary device, and translations a linear one. If an axis does not fit, the command skips it and exits with
-    code 3. Several PROBLEMs before the YAML file share the axes. A PROBLEM whose name is x, y, z, rx, ry or rz is only
-    for this axis.
-
-    With --region, the check passes only if vctune can still prove the feasible cells and the gain sets of a region.json
-    for PROBLEM. `vctune region` writes this file. In a command with several problems, name the region.json after its
-    PROBLEM, as GAINS.
+    A region.json passes if its cells and gain sets can still be proved.
     """
     import json
     from dataclasses import replace
 
-    from vctune.api.checking import check_object, record_lost
-    from vctune.api.folders import folder_name
-    from vctune.api.gate import planned, started
-    from vctune.cli.printing.exits import of_check, worst
-    from vctune.cli.printing.formats import one_of, summary
-    from vctune.cli.printing.output import emit, warn_of_doubts
-    from vctune.cli.printing.progress import progress_on_stderr
+    from vctune.api.checking import CODES, check_object, planned, record_lost, started
+    from vctune.api.result import folder_name
+    from vctune.cli.formats import github, summary, text
 
-    problems, tasks = planned(paths, baseline)
-    warn_of_doubts(*problems, quiet=quiet)
+    problems, plan = planned(paths, baseline)
+    run.doubt(*problems)
     checks, objects = [], []
+    line = github if run.style == "github" else text
     try:
-        with started(tasks, jobs) as works:
+        with started(plan, jobs) as works:
             for work in works:
-                with progress_on_stderr("vctune check", shown=not quiet) as progress:
+                with run.progress() as progress:
                     found = [replace(checked, strict=strict) for checked in work(progress)]
                 checks += found
                 for checked in found:
-                    if style == "json":
+                    if run.style == "json":
                         objects.append(check_object(checked))
-                    elif style == "github" or not quiet:
-                        emit(one_of(checked, style))
+                    elif run.style == "github" or not run.quiet:
+                        emit(line(checked))
                     elif checked.finding is None:
-                        click.echo(one_of(checked, style), err=True)
+                        click.echo(line(checked), err=True)
                     if said := record_lost(checked, out / folder_name(checked.name)):
                         click.echo(said, err=True)
     finally:  # a command that is ended prints what it knows
-        if style == "json":
+        if run.style == "json":
             emit(json.dumps(objects, indent=2, allow_nan=False))
-        elif style == "text" and not quiet and len(checks) > 1:
+        elif run.style == "text" and not run.quiet and len(checks) > 1:
             emit(summary(checks))
-    return worst(of_check(checked.result) for checked in checks)
+    return worst([CODES[checked.result] for checked in checks])

@@ -5,16 +5,19 @@ from __future__ import annotations
 import re
 import shutil
 import textwrap
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
 
-from vctune.cli.printing.options import output_options
+from vctune.cli.options import command
+from vctune.cli.runner import Run
 
 if TYPE_CHECKING:
     from vctune.document.records.printed_json import EntryRecord
 
 WIDEST = 100  # Greatest width of the text, characters
+TITLES = {"code": "Codes", "key": "Keys of files", "term": "Terms", "claim": "Claims"}
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -24,55 +27,37 @@ def _names(context: click.Context, parameter: click.Parameter, incomplete: str) 
     return sorted({name for entry in entries() for name in entry.names if name.startswith(incomplete)})
 
 
-@click.command(short_help="Explain a code, a key, a term or a claim.")
+@command("Explain a code, a key, a term or a claim.")
 @click.argument("name", required=False, metavar="[CODE|KEY|TERM|CLAIM]", shell_complete=_names)
-@output_options()
-def explain(name: str | None, style: str, quiet: bool) -> int:
-    """Explain a NAME with the text of the project's guides. Without NAME, list all names.
+def explain(run: Run, name: str | None) -> int:
+    """Explain a NAME. Without NAME, list all names.
 
     NAME is a code, a key of a problem or log file, a term or symbol of the glossary, or the id of a claim in
     design.json. A code is the word in brackets after an error or a warning.
     """
-    from vctune.api.explaining import contents
-    from vctune.api.explaining import explain as found_in_guides
-    from vctune.cli.printing.output import answer
-    from vctune.exit_codes import ExitCode
+    from vctune.api import explaining
 
-    if name is None:
-        found = contents()
-        answer(style, quiet, found.to_json, lambda: click.echo(_contents(found.entries)))
-    else:
-        found = found_in_guides(name)
-        answer(style, quiet, found.to_json, lambda: click.echo("\n\n".join(map(_page, found.entries))))
-    return ExitCode.OK
+    found = explaining.contents() if name is None else explaining.explain(name)
+    pages = _contents(found.entries) if name is None else map(_page, found.entries)
+    run.say(found.to_json, lambda: (("\n\n".join(pages),) for _ in range(1)))
+    return 0
 
 
-def _contents(entries: list[EntryRecord]) -> str:
-    """Return all known names, by kind."""
-    titles = {"code": "Codes", "key": "Keys of files", "term": "Terms", "claim": "Claims"}
-    lists = {kind: ", ".join(dict.fromkeys(entry.name for entry in entries if entry.kind == kind)) for kind in titles}
-    return "\n\n".join(f"{titles[kind]}\n{_filled(names, '  ')}" for kind, names in lists.items())
+def _contents(entries: list[EntryRecord]) -> Iterator[str]:
+    """Yield all known names, by kind."""
+    for kind, title in TITLES.items():
+        names = ", ".join(dict.fromkeys(entry.name for entry in entries if entry.kind == kind))
+        yield f"{title}\n{_filled(names, '  ')}"
 
 
 def _page(entry: EntryRecord) -> str:
-    """Return an entry as plain text: its name, the text of the guide, and the name of the guide."""
-    blocks = re.split(r"(```.*?```)", entry.text, flags=re.DOTALL)
-    parts = [_verbatim(block) if block.startswith("```") else _paragraphs(block) for block in blocks]
-    return "\n\n".join([f"{entry.name} ({entry.kind})", *filter(None, parts), f"from {entry.guide}"])
-
-
-def _verbatim(block: str) -> str:
-    """Return the content of a fenced block of code, indented."""
-    return textwrap.indent("\n".join(block.splitlines()[1:-1]), "    ")
-
-
-def _paragraphs(text: str) -> str:
-    """Return Markdown without links, emphasis and formula marks, with filled paragraphs and items of lists."""
-    plain = re.sub(r"\[([^\]]+)\]\([^)]*\)", r"\1", text)
+    """Return an entry as plain text: without the links, emphasis and formula marks of Markdown, in filled lines."""
+    plain = re.sub(r"\[([^\]]+)\]\([^)]*\)", r"\1", entry.text)
     plain = re.sub(r"\*\*|[`$]", "", plain).replace("\\|", "|").replace(r"\lvert ", "|").replace(r" \rvert", "|")
     plain = re.sub(r"_\{(\w+)\}", r"_\1", plain)
     items = re.split(r"\n\s*\n|\n(?=- )", plain.strip())
-    return "\n".join(_filled(item, "  " if item.startswith("- ") else "") for item in items)
+    text = "\n".join(_filled(item, "  " if item.startswith("- ") else "") for item in items)
+    return f"{entry.name} ({entry.kind})\n\n{text}\n\nfrom {entry.guide}"
 
 
 def _filled(text: str, indent: str) -> str:

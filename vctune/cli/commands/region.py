@@ -7,106 +7,57 @@ from pathlib import Path
 import click
 
 from vctune.api.argument_ranges import RESOLUTIONS, VARIABLES
-from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limited
-
-# Default axes in the help text
-SHOWN = (
-    "gains.velocity; impedance display: coupling.damping; servo: coupling.mass",
-    "gains.position; impedance display: coupling.stiffness; servo: coupling.drag",
-)
+from vctune.cli.options import PATH, command, out_option, problem_argument, time_limited
+from vctune.cli.runner import Run
 
 
-@click.command(short_help="Find the whole set of feasible gains, cell by cell.")
+@command("Find the whole set of feasible gains, cell by cell.")
 @problem_argument
-@click.argument("gains", type=click.Path(path_type=Path), required=False)
-@click.option(
-    "--x",
-    type=click.Choice(VARIABLES),
-    show_default=SHOWN[0],
-    help="Variable on the horizontal axis of the plane.",
-)
-@click.option(
-    "--y", type=click.Choice(VARIABLES), show_default=SHOWN[1], help="Variable on the vertical axis of the plane."
-)
+@click.argument("gains", type=PATH, required=False)
+@click.option("--x", type=click.Choice(VARIABLES), metavar="KEY", help="Horizontal axis of the plane.")
+@click.option("--y", type=click.Choice(VARIABLES), metavar="KEY", help="Vertical axis of the plane.")
 @click.option(
     "--resolution",
     type=click.FloatRange(*RESOLUTIONS),
+    metavar="SHARE",
     default=1 / 256,
     show_default="1/256",
-    help="Side of the smallest cell, relative to the side of the plane.",
+    help="Least side of a cell, as a share of the plane's.",
 )
 @out_option()
-@output_options()
 @time_limited
 def region(
-    problem: Path,
-    gains: Path | None,
-    x: str | None,
-    y: str | None,
-    resolution: float,
-    out: Path,
-    style: str,
-    quiet: bool,
+    run: Run, problem: Path, gains: Path | None, x: str | None, y: str | None, resolution: float, out: Path
 ) -> int:
     """Find all gains of PROBLEM that meet its constraints.
 
-    The command divides the plane of two variables into cells. vctune proves each cell feasible throughout or infeasible
-    throughout, or leaves it undecided at the given resolution. If the coupling is free, a point is feasible if some
-    coupling within its bounds meets the constraints. The command writes OUT/NAME/region.json, a baseline for `vctune
-    check --region`, and region.svg. The picture marks the best design, and also GAINS if you name a file.
+    vctune proves each cell of the plane of two variables feasible or infeasible throughout, or leaves it undecided.
+    Other free variables may have any values within their bounds. The axes are gains.velocity and gains.position, for
+    an impedance display coupling.damping and coupling.stiffness, for a servo coupling.mass and coupling.drag. The
+    command writes region.json, a baseline for `vctune check --region`, and region.svg with the best design and GAINS.
 
-    The exit code is 0 if feasible gains exist, 1 if vctune proves that none exist, and 3 if it proves neither. After
-    Ctrl-C or the time limit, the command writes the cells decided so far and exits with code 3. A second Ctrl-C ends
-    the command at once.
+    After Ctrl-C or the time limit, it writes the cells decided so far, with code 3. A second Ctrl-C ends it at once.
     """
-    from vctune import read_problem
-    from vctune.api.folders import design_folder
-    from vctune.api.regions import (
-        PICTURE,
-        REGION_FILE,
-        axes_of,
-        best_design,
-        design_for,
-        require_plane,
-        write_region,
-    )
+    from vctune import interrupt, read_problem
+    from vctune.api.regions import REGION_FILE, axes_of, best_design, design_for, require_plane
     from vctune.api.regions import region as find
-    from vctune.cli.printing.exits import of_status
-    from vctune.cli.printing.output import answer, warn, warn_of_doubts
-    from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.exit_codes import ExitCode
-    from vctune.interrupt import interrupt_noted
+    from vctune.api.result import design_folder, write
 
-    read = read_problem(problem)
-    x, y = axes_of(read.problem, x, y)
-    file = require_plane(read, x, y)
-    folder = design_folder(file, out)
-    warn_of_doubts(file, quiet=quiet)
+    file = read_problem(problem)
+    x, y = axes_of(file.problem, x, y)
+    folder = design_folder(require_plane(file, x, y), out)
+    run.doubt(file)
     given = design_for(file, gains) if gains else None
-    with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
+    with run.progress(problem.name) as progress:
         solved = best_design(file.problem, progress)
-        with interrupt_noted() as stopped:  # from here on, an interrupt would lose work
+        with interrupt.interrupt_noted() as stopped:  # from here on, an interrupt would lose work
             found = find(file, x, y, given, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
-            late = found.region.interrupted and not stopped()
             progress("drawing")
-            write_region(found, folder)
-    interrupted = found.region.interrupted
-    if interrupted:
-        holds = f"{folder / REGION_FILE}: holds what was decided before"
-        if late:
-            warn("time-limit", f"{holds} the time limit")
-        else:
-            warn("interrupted", f"{holds} the interrupt")
-    lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]
-    if interrupted:
-        lines[-1] += f"  {'out of time' if late else 'interrupted'}: the search did not examine the whole plane"
-    lines.append(f"of the plane {x} by {y}")
-    steps = [f"open {folder / PICTURE}", *(["run it again with more time to decide more cells"] * interrupted)]
-
-    def table() -> None:
-        from vctune.cli.printing.design_table import print_lines
-
-        print_lines(lines, folder, steps)
-
-    answer(style, quiet, found.record, table)
-    return ExitCode.UNDECIDED if interrupted else of_status(found.status)
+            write(found.files(folder))
+    if found.region.interrupted:
+        by = "time limit" if found.late else "interrupt"
+        run.warn(
+            "time-limit" if found.late else "interrupted",
+            f"{folder / REGION_FILE}: holds what was decided before the {by}",
+        )
+    return run.show(found, found.record, folder)

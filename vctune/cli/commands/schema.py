@@ -21,7 +21,7 @@ def schema(kind: str) -> None:
     """
     import json
 
-    from vctune.api.messages import schema_of
-    from vctune.cli.printing.output import emit
+    from vctune.cli.runner import emit
+    from vctune.document.records.json_schemas import SCHEMAS
 
-    emit(json.dumps(schema_of(kind), indent=2))
+    emit(json.dumps(SCHEMAS[kind](), indent=2))

@@ -31,7 +31,6 @@ Code = Literal[
     "log-signal",
     "log-text",
     "log-unexplained",
-    "many-points",
     "missing-key",
     "missing-package",
     "more-mistakes",

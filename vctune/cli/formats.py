@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vctune.api.checking import Checked, CheckVerdict
-from vctune.api.messages import printable
+from vctune.document.text.errors import printable
 
 WORDS = {
     CheckVerdict.PASSED: "passed",
@@ -34,12 +34,13 @@ def summary(checks: list[Checked]) -> str:
 def github(checked: Checked) -> str:
     """Return workflow commands that annotate the line of a check: its message, then its warnings. A text that is longer
     than an annotation stands as a whole after it, in the log of the job."""
+    level_of_warnings = "error" if checked.strict else "warning"
     levels = {CheckVerdict.PASSED: "notice", CheckVerdict.UNDECIDED: "warning"}
     place = f"file={_property(str(checked.source))},line={checked.line},title={_property('vctune: ' + checked.name)}"
     lines = []
     for level, said in (
         (levels.get(checked.verdict, "error"), checked.message),
-        *((_warning_level(checked), warning) for warning in checked.warnings),
+        *((level_of_warnings, warning) for warning in checked.warnings),
     ):
         message = said.removeprefix(f"{printable(str(checked.source))}:{checked.line}: ")
         first = message.split("\n")[0]
@@ -50,18 +51,9 @@ def github(checked: Checked) -> str:
     return "\n".join(lines)
 
 
-def _warning_level(checked: Checked) -> str:
-    return "error" if checked.strict else "warning"
-
-
 def _data(message: str) -> str:
     return message.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 
 def _property(value: str) -> str:
     return _data(value).replace(":", "%3A").replace(",", "%2C")
-
-
-def one_of(checked: Checked, style: str) -> str:
-    """Return a check in the format "text" or "github"."""
-    return github(checked) if style == "github" else text(checked)

@@ -10,22 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from vctune.api.folders import DESIGN_FILE
+from vctune.api.result import DESIGN_FILE, Files, RefusedError, Rows, Table, write
+from vctune.api.solving import REPORT, designed
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
+from vctune.design.solve import solve as find
 from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design_for as design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile
-from vctune.document.records.design_json import read_design
+from vctune.document.records.design_json import DesignRecord, read_design
 from vctune.document.records.simulation_json import FILE, SimulationRecord
-from vctune.document.records.simulation_json import simulation_of as simulation_of
-from vctune.document.text.errors import InputError
-from vctune.document.text.output_files import Content, write_together
+from vctune.document.text.errors import InputError, printable
+from vctune.exit_codes import ExitCode
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.report.experiments import HEADINGS as HEADINGS
-from vctune.report.experiments import measured_rows as measured_rows
+from vctune.report.experiments import HEADINGS, measured_rows
 from vctune.simulation.simulation_record import simulation_record, trace_arrays
 from vctune.simulation.two_runs import Simulated
 from vctune.simulation.two_runs import simulate as run
@@ -46,12 +46,42 @@ class Simulation:
         runs = [experiment.design for experiment in self.experiments]
         return all(run_of_design.traces.diverged is None and run_of_design.mode.radius < 1 for run_of_design in runs)
 
+    @property
+    def exit_code(self) -> ExitCode:
+        """Failed if the design is not stable in an experiment."""
+        return ExitCode.OK if self.stable else ExitCode.FAILED
+
+    def measured(self) -> SimulationRecord:
+        """Return the record of simulation.json."""
+        return simulation_record(self.file, self.gains, self.coupling, list(self.experiments))
+
     def record(self) -> dict[str, Any]:
         """Return the object of simulation.json."""
-        return self._measured().to_json()
+        return self.measured().to_json()
 
-    def _measured(self) -> SimulationRecord:
-        return simulation_record(self.file, self.gains, self.coupling, list(self.experiments))
+    def rows(self) -> Rows:
+        """Yield the measures of each run."""
+        yield ((printable(self.file.problem.name), "bold"),)
+        rows = [tuple(map(printable, row)) for row in measured_rows(self.measured())]
+        yield Table(rows, HEADINGS)
+
+    def files(self, folder: Path) -> Files:
+        """Return simulation.json, traces.npz and their figure, in the report of the folder's design if it is this."""
+        from vctune.report.page import report_files, simulation_files
+
+        traces, record = BytesIO(), self.measured()
+        np.savez(traces, **trace_arrays(list(self.experiments)))  # type: ignore[arg-type]
+        text = json.dumps(record.to_json(), indent=1, allow_nan=False) + "\n"
+        files: Files = {folder / FILE: text, folder / "traces.npz": traces.getbuffer()}
+        design = _record_in(folder)
+        if design is not None and record.is_of(design):
+            return {**files, **report_files(design, folder, record)}
+        return {**files, **simulation_files(record, folder)}
+
+    def steps(self, folder: Path) -> list[str]:
+        """Return the next step."""
+        shown = REPORT if (folder / REPORT).exists() else "simulation.svg"
+        return [f"open {folder / shown}"]
 
 
 def simulate(
@@ -69,8 +99,7 @@ def simulate(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem.
     gains : DesignSource, optional
-        Gains, SI units, given together with `coupling`; or a gains file or its path; None for the design of
-        `solve`.
+        Gains, SI units, given together with `coupling`; or a gains file or its path; None for the design of `solve`.
     coupling : AnyCoupling, optional
         Coupling of the design, SI units.
     experiment : Experiment or str, optional
@@ -85,13 +114,12 @@ def simulate(
     Raises
     ------
     InputError
-        If the problem or the design is invalid; if they are for different kinds of device; if there is no such
-        experiment; or if solving finds no design.
+        If the problem or the design is invalid, or if there is no such experiment or no design.
     """
     file = problem_of(problem)
     chosen = (experiment,) if isinstance(experiment, Experiment) else chosen_experiments(file, experiment)
     if gains is None:
-        law, coupling = _solved_design(file, progress)
+        law, coupling = _found(file, find(file.problem, progress))
     else:
         design = design_for(file, gains, coupling)
         law, coupling = design.gains, design.coupling
@@ -114,47 +142,29 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
     return chosen
 
 
-def design_in(folder: Path, file: ProblemFile) -> tuple[Gains, AnyCoupling] | None:
-    """Return the design of this version of the problem in a folder; None if there is none."""
+def designed_in(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling]:
+    """Return the design of this problem in the folder, else that which solving it finds. A folder without any design
+    gets it; another design stays. Refuse a problem without a design."""
+    record = _record_in(folder)
+    if record is not None and record.problem.sha256 == file.sha256 and record.design is not None:
+        return record.design
+    solved = find(file.problem, progress)
+    if not (folder / DESIGN_FILE).exists():
+        write(designed(file, solved).files(folder))
+    return _found(file, solved)
+
+
+def _record_in(folder: Path) -> DesignRecord | None:
+    """Return the record of the design in a folder; None if there is none that can be read."""
     try:
-        record = read_design(folder / DESIGN_FILE)
+        return read_design(folder / DESIGN_FILE)
     except InputError:
         return None
-    return record.design if record.problem.sha256 == file.sha256 else None
 
 
-def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
-    """Solve a problem, but without repairs and prices, and return the result."""
-    from vctune.design.solve import solve
-
-    return solve(file.problem, progress)
-
-
-def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
-    """Write simulation.json, traces.npz and their figure."""
-    from vctune.report.page import report_files, simulation_files
-
-    value, traces = simulation.record(), BytesIO()
-    record = simulation_of(value)
-    np.savez(traces, **trace_arrays(list(simulation.experiments)))  # type: ignore[arg-type]
-    try:
-        design = read_design(folder / DESIGN_FILE)
-    except InputError:
-        design = None
-    text = json.dumps(value, indent=1, allow_nan=False) + "\n"
-    measured: dict[Path, Content] = {folder / FILE: text, folder / "traces.npz": traces.getbuffer()}
-    if design is not None and record.is_of(design):
-        write_together({**measured, **report_files(design, folder, record)})
-    else:
-        write_together({**measured, **simulation_files(record, folder)})
-    return value
-
-
-def _solved_design(file: ProblemFile, progress: Progress) -> tuple[Gains, AnyCoupling]:
-    """Return the design that vctune finds for a problem. Refuse a problem without a design."""
-    from vctune.design.solve import solve
-
-    solved = solve(file.problem, progress)
+def _found(file: ProblemFile, solved: Solved) -> tuple[Gains, AnyCoupling]:
+    """Return the design that vctune has found for a problem. Refuse a problem without a design."""
     if solved.judgement is None:
-        raise InputError.of(file.source, "no-design", f"nothing to simulate: {solved.reason}")
+        message = f"nothing to simulate: {solved.reason}"
+        raise RefusedError(file.problem.name, "no-design", message, ExitCode.FAILED)
     return solved.judgement.gains, solved.judgement.coupling

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from typing import Any
 
+from vctune.api.result import Files, Rows, write
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
+from vctune.document.records.part import text
 from vctune.document.records.rows_json import SweepRecord
 from vctune.document.study_file import Study, build_study
 from vctune.document.study_file import read_study as read_study
 from vctune.document.text.codes import has_code
-from vctune.document.text.errors import InputError
-from vctune.document.text.output_files import make_folder, write_together
-from vctune.study.executors import WorkerPool, available_cores, worker_pool
+from vctune.document.text.errors import InputError, printable
+from vctune.document.text.output_files import make_folder
+from vctune.exit_codes import ExitCode
+from vctune.study.executors import available_cores, worker_pool
 from vctune.study.rows import open_rows
 from vctune.study.study_table import Table, csv_text, summary, table_of
 from vctune.study.sweep import OnDone
 from vctune.study.sweep import sweep as run
+
+ROWS, TABLE, PICTURE = "rows.jsonl", "table.csv", "error.svg"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +47,48 @@ class Swept:
     def summary(self) -> SweepRecord:
         """Counts by status, the yardstick, the best and the worst design, and the corner without designs."""
         return summary(self.study, self.table)
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """Failed if a point failed or no design is certified; undecided if a point reached the time limit."""
+        found = self.summary
+        if found.status.get("failed") or not (found.best or self.cut):
+            return ExitCode.FAILED
+        return ExitCode.UNDECIDED if self.cut else ExitCode.OK
+
+    def rows(self) -> Rows:
+        """Yield counts by status, the best and the worst design, the yardstick, and the corner without designs."""
+        found = self.summary
+        idle = {"certified": f" ({found.idle} idle)" if found.idle else ""}
+        counts = ", ".join(f"{count} {status}{idle.get(status, '')}" for status, count in found.status.items())
+        yield (printable(found.study), "bold"), f": {found.points} points, {counts}"
+        for label, row in (("best", found.best), ("worst", found.worst)):
+            if row:  # only the keys of axes contain a dot
+                axes = ", ".join(f"{key} = {text(value, 6)}" for key, value in row.items() if "." in key)
+                yield (f"{label:<5}  error {text(row['error'])} at {axes}{', idle' if row['idle'] else ''}",)
+        on, unit = found.yardstick, found.units["reference_impedance"]
+        shared = f"over   {text(on.band_hz)} Hz with Z_0 = {text(on.reference_impedance)} {unit}"
+        varied = f"except {', '.join(on.varied)}: errors at different values of it are not comparable"
+        yield (f"{shared}, {varied if on.varied else 'at every point'}",)
+        if (corner := found.corner) is not None:
+            spans = ", ".join(
+                f"{key} from {text(low, 6)} to {text(corner.high[key], 6)}" for key, low in corner.low.items()
+            )
+            yield (f"none   at {corner.points} points, {corner.share:.0%} of those with {spans}",)
+            yield (f"       most often: {printable(corner.reason)}",)
+
+    def files(self, folder: Path) -> Files:
+        """Return the table of the sweep and, for one or two axes, its picture."""
+        from vctune.report.style import figure_file
+        from vctune.report.sweep_figure import sweep_figure
+
+        figure = sweep_figure(self.table, grid=self.study.sample.kind == "grid")
+        picture = figure_file(figure, folder, Path(PICTURE).stem) if figure else {folder / PICTURE: None}
+        return {folder / TABLE: csv_text(self.table), **picture}
+
+    def steps(self, folder: Path) -> list[str]:
+        """Return the next step."""
+        return [f"open {folder / (PICTURE if (folder / PICTURE).exists() else TABLE)}"]
 
     def __repr__(self) -> str:
         return f"Swept({self.table!r})"
@@ -97,10 +144,15 @@ def sweep(
         or if there is no such executor or its workers cannot be reached.
     """
     study = _study(problem, axes, sample)
-    with worker_pool(executor, jobs or available_cores()) as pool, _kept(folder) as place:
-        swept = _swept(study, place / "rows.jsonl", pool, on_done, restart=restart, time_limit=time_limit)
+    with ExitStack() as opened:
+        pool = opened.enter_context(worker_pool(executor, jobs or available_cores()))
+        place = Path(opened.enter_context(tempfile.TemporaryDirectory()) if folder is None else folder)
+        make_folder(place)
+        with open_rows(place / ROWS, study, restart=restart, time_limit=time_limit) as rows:
+            table = table_of(study, rows, run(study, rows, pool, on_done, time_limit))
+            swept = Swept(study, table, rows.dropped)
         if folder is not None:
-            _write(swept, place)
+            write(swept.files(place))
     return swept
 
 
@@ -115,31 +167,3 @@ def _study(problem: ProblemSource | Study, axes: Mapping[str, Any] | None, sampl
     raise InputError.of(
         "study", "missing-key", 'is missing; name the numbers that vary, {"device.mass": [...]}', key="axes"
     )
-
-
-@contextmanager
-def _kept(folder: str | Path | None) -> Iterator[Path]:
-    """Yield the given folder, and create it if needed; if no folder is given, yield a temporary folder."""
-    if folder is None:
-        with tempfile.TemporaryDirectory() as name:
-            yield Path(name)
-    else:
-        make_folder(Path(folder))
-        yield Path(folder)
-
-
-def _swept(study: Study, path: Path, pool: WorkerPool, on_done: OnDone, *, restart: bool, time_limit: float) -> Swept:
-    """Solve the points of a study that have no row in the file, and return the sweep with the rows of all points."""
-    with open_rows(path, study, restart=restart, time_limit=time_limit) as rows:
-        return Swept(study, table_of(study, rows, run(study, rows, pool, on_done, time_limit)), rows.dropped)
-
-
-def _write(swept: Swept, folder: Path) -> None:
-    """Write the table of a sweep and, for one or two axes, its picture."""
-    from vctune.report.style import figure_file
-    from vctune.report.sweep_figure import sweep_figure
-
-    figure = sweep_figure(swept.table, grid=swept.study.sample.kind == "grid")
-    pictures = figure_file(figure, folder, "error") if figure else {}
-    stale = [] if figure else [folder / "error.svg"]
-    write_together({folder / "table.csv": csv_text(swept.table), **pictures}, stale)

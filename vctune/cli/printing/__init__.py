@@ -1,1 +1,0 @@
-"""Define what all commands share: options, tables, formats, progress, exit codes."""
