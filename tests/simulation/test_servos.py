@@ -403,6 +403,6 @@ def test_gains_of_a_servo_are_refused_and_its_coupling_is_taken():
 def test_commands_are_shown_in_their_unit():
     for tables, unit in ((ARM, "m/s"), (WALKER, "m")):
         simulation = simulate(tables | {"experiment": [{"name": "servo", "operator": {"cycles": 1}}]})
-        record = simulation._measured()
+        record = simulation.measured()
         assert record.command_unit == unit
         assert measured_rows(record)[0][HEADINGS.index("motor")].endswith(f" {unit}")
