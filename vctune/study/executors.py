@@ -73,8 +73,8 @@ def _process_pool(jobs: int) -> Iterator[WorkerPool]:
     """Yield worker processes on this machine, and end them afterwards."""
 
     def started() -> ProcessPoolExecutor:
-        executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _begin_worker)
-        with _for_workers():
+        with _for_workers():  # also for the process that tracks the semaphores of the executor
+            executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _begin_worker)
             for _ in range(jobs):
                 executor.submit(int)  # starts a worker, as long as none is idle
         return executor
