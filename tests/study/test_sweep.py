@@ -308,8 +308,8 @@ def test_a_worker_killed_from_outside_costs_no_row(tmp_path):
     path = write_study(tmp_path, MANY.format(12), FIXED)
     process = started("sweep", path, "--jobs", "2", cwd=tmp_path)
     wait_for_rows(process, tmp_path / "results/study/rows.jsonl", 5)
-    server = [pid for pid in family(process) if b"forkserver" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-    os.kill(max(server), signal.SIGKILL)
+    workers = [pid for pid in family(process) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    os.kill(max(workers), signal.SIGKILL)
     _, err = process.communicate(timeout=120)
     assert process.returncode == ExitCode.OK and err == ""
     rows = rows_in(tmp_path / "results/study/rows.jsonl")
@@ -366,7 +366,7 @@ def test_a_file_cut_anywhere_keeps_its_whole_rows(tmp_path_factory, finished, da
     path = tmp_path_factory.mktemp("cut") / "rows.jsonl"
     path.write_bytes(whole[:cut])
     with open_rows(path, plan, restart=False) as rows:
-        assert len(rows.places) == whole[:cut].count(b"\n") - 1
+        assert len(rows.known) == whole[:cut].count(b"\n") - 1
     assert path.read_bytes() == whole[: whole.rindex(b"\n", 0, cut) + 1]
 
 
@@ -378,9 +378,9 @@ def test_files_of_one_study_may_be_concatenated_torn_or_not(tmp_path_factory, fi
     path = tmp_path_factory.mktemp("merged") / "rows.jsonl"
     path.write_bytes(whole[:cut] + whole)
     with open_rows(path, plan, restart=False) as rows:
-        assert len(rows.places) == 3
+        assert len(rows.known) == 3
         assert rows.dropped == (whole[cut - 1 : cut] != b"\n")
-        assert {row["point"]["device.damping"] for row in rows.read(rows.places)} == {1.0, 2.0, 3.0}
+        assert {row["point"]["device.damping"] for row in rows.known.values()} == {1.0, 2.0, 3.0}
 
 
 def test_an_empty_file_is_begun(tmp_path):
@@ -492,9 +492,7 @@ def test_summary_of_a_table(tmp_path):
     json.dumps(found.to_json(), allow_nan=False)
 
 
-def test_workers_have_one_thread_where_no_server_starts_them(monkeypatch):
-    """Windows has no forkserver: each worker then starts when it is first needed, long after the pool."""
-    monkeypatch.setattr("vctune.study.executors.multiprocessing.get_all_start_methods", lambda: ["spawn"])
+def test_workers_have_one_thread_whenever_they_start(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     with worker_pool("processes", 1) as pool:
         assert pool.executor.submit(os.getenv, "OMP_NUM_THREADS").result() == "1"

@@ -93,7 +93,8 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
     Returns
     -------
     Checked
-        `result`, `message` and `warnings`; `finding.again` contains the verdicts on cells and gain sets.
+        `result`, `message` and `warnings`; `finding.region` contains the verdicts on cells, `finding.certified` those
+        on gain sets.
 
     Raises
     ------
@@ -121,9 +122,9 @@ def record_lost(checked: Checked, folder: Path) -> str:
     from vctune.study.region_check import RegionFinding
 
     finding = checked.finding
-    if not isinstance(finding, RegionFinding) or finding.again.cut:
+    if not isinstance(finding, RegionFinding) or finding.cut:
         return ""
-    if not finding.again.lost:
+    if not finding.lost:
         gone = [path for name in LOST if (path := folder / name).exists()]
         for path in gone:
             path.unlink()
@@ -134,7 +135,7 @@ def record_lost(checked: Checked, folder: Path) -> str:
 
     make_folder(folder)
     record = json.dumps(finding.record(), indent=2, allow_nan=False)
-    write({folder / LOST[0]: record + "\n", **figure_file(lost_figure(finding.again), folder, "lost")})
+    write({folder / LOST[0]: record + "\n", **figure_file(lost_figure(finding), folder, "lost")})
     return f"the lost cells and gain sets are listed and drawn in {folder}: {', '.join(LOST)}"
 
 

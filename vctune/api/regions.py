@@ -29,7 +29,7 @@ from vctune.running import time_limit as limited
 from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
-from vctune.study.region_record import Design, region_record
+from vctune.study.region_check import Design, region_record
 
 REGION_FILE, PICTURE = "region.json", "region.svg"
 SOLVING = 0.5  # Greatest share of a time limit for solving the problem

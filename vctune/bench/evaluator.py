@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import simpson
+from scipy.linalg import expm
 
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
@@ -192,24 +194,8 @@ def _motion(case: Case, t: Floats, order: int) -> tuple[Floats, Floats]:
     and (n, order)."""
     rates = np.zeros((len(t), order + 1, order + 1))
     rates[:, 0, 0], rates[:, 0, order], rates[:, 1:order, 0] = -case.damping / case.mass, 1 / case.mass, 1.0
-    whole = _exponentials(rates * t[:, None, None])
+    whole = expm(rates * t[:, None, None])
     return whole[:, :order, :order], whole[:, :order, order]
-
-
-def _exponentials(A: Floats) -> Floats:
-    """Return e^A for each matrix, by scaling, Taylor's series and squaring."""
-    norms = np.abs(A).sum(axis=2).max(axis=1)
-    # the scaled norm is at most 1/16; 1e-300 avoids the logarithm of 0
-    halvings = np.maximum(np.ceil(np.log2(np.maximum(norms, 1e-300))) + 4, 0)
-    scaled = A / 2.0 ** halvings[:, None, None]
-    total = term = np.broadcast_to(np.eye(A.shape[-1]), A.shape)
-    for k in range(1, 16):
-        term = term @ scaled / k
-        total = total + term
-    for k in range(int(halvings.max())):
-        at = halvings > k
-        total[at] = total[at] @ total[at]
-    return total
 
 
 def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
@@ -218,10 +204,7 @@ def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
     square = squared_error(problem, case, np.geomspace(band.min, band.max, points))
     if problem.transparency.norm == "peak":
         return np.sqrt(square.max(axis=-1))
-    simpson = np.full(points, 2.0)
-    simpson[1::2] = 4.0
-    simpson[[0, -1]] = 1.0
-    return np.sqrt(square @ (simpson / simpson.sum()))
+    return np.sqrt(simpson(square, dx=1 / (points - 1), axis=-1))
 
 
 def squared_error(problem: Problem, case: Case, omega: Any) -> Any:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 from math import inf, pi, sqrt
 
@@ -13,18 +12,15 @@ from vctune.analysis.demands import error_terms, ratio_minima, response, weighte
 from vctune.analysis.extrema import Floats
 from vctune.analysis.feel import felt_impedance
 from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
-from vctune.analysis.loops_in_hands import loops_in_any_hand, loops_in_hands
+from vctune.analysis.requirement import Requirement, in_any_hand, in_hands, on_band
 from vctune.analysis.resonance import round_at_resonance
 from vctune.analysis.sampled_loop import Complex
 from vctune.design.prepared import pose
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Coupling, Gains, coupling_impedance, series_coupling
-from vctune.model.hands import Hand, Hands
-from vctune.model.loop.llewellyn import required_resistance
-from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
+from vctune.model.hands import Hands
 from vctune.model.numbers.units import hertz
 from vctune.model.problem import Band, Problem
-from vctune.model.sampled.hand_loop import offered
 from vctune.proof.claims.registry import ClaimId
 
 POINTS = 400  # Number of frequencies of a curve without a resonance
@@ -36,7 +32,7 @@ SPRING, DAMPER = 200.0, 14.0  # The two environments of the paper (section 5) on
 
 
 @dataclass(frozen=True, slots=True)
-class Requirement:
+class Required:
     """What one claim requires of the coupling, and what the coupling offers, over the frequency hz, Hz."""
 
     claim: ClaimId
@@ -57,107 +53,66 @@ class Requirement:
         return self.offered / self.required
 
 
-def requirements(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Requirement]:
+def requirements(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Required]:
     """Return the requirement of each claim of a problem that compares the coupling with a resistance."""
-    found = []
+    device, found = problem.device, []
     if (hands := problem.hands_met) is not None:
-        found.append(_in_hands(problem, hands, gains, coupling))
+        of_hands, devices = hands, [device, *_others(problem)]
+        minima = least_ratios_in_hands(device, hands, gains, coupling)
+        shown = list(dict.fromkeys(each.hand for each in minima))[:WORST]
+        alone = {
+            f"R in {hand.in_words(problem.units)}": in_hands(device, Hands(hand, hand), gains, PER_DECADE)
+            for hand in shown
+        }
+        stated = [in_hands(each, of_hands, gains, PER_DECADE) for each in devices]
+        curves = _curves(problem, coupling, stated, alone, minima[0].ratio, minima[0].omega)
+        found.append(replace(curves, where=minima[0].hand.in_words(problem.units)))
     if problem.any_hand:
-        found.append(_in_any_hand(problem, gains, coupling))
+        stated = [in_any_hand(each, gains, PER_DECADE) for each in [device, *_others(problem)]]
+        first = least_ratios_in_any_hand(device, gains, coupling)[0]
+        found.append(_curves(problem, coupling, stated, {}, first.ratio, first.omega))
     if problem.passive:
-        found.append(_on_band(problem, gains, coupling))
+        omega, cases = 2 * pi * frequencies(problem), pose(problem).cases
+        stated = [on_band(case.device, gains, omega) for case in cases]
+        alone = {"R of the stated device": stated[0]} if len(cases) > 1 else {}
+        if device.operator is not None:
+            alone["R without operator"] = on_band(device.bare, gains, omega)
+        each_least = [ratio_minima(case, gains, series_coupling(coupling)) for case in cases]
+        ratio, at = min((float(each.value[0]), float(each.omega[0])) for each in each_least)
+        curves = _curves(problem, coupling, stated, alone, ratio, at)
+        found.append(replace(curves, band=problem.stability.band))
     return found
 
 
-def _in_hands(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> Requirement:
-    device = problem.device
-
-    def required(device: Device, hands: Hands = hands) -> tuple[Floats, Floats]:
-        loops = loops_in_hands(device, hands, per_decade=PER_DECADE)
-        return loops.theta[loops.theta > 0], loops.required(gains)[:, loops.theta > 0].max(axis=0)
-
-    theta, stated = required(device)
-    minima, shown = least_ratios_in_hands(device, hands, gains, coupling), list[Hand]()
-    for each in minima:
-        shown += [each.hand] if each.hand not in shown else []
-    scale, others = _scale(device, theta), {}
-    for hand in shown[:WORST]:
-        others[f"R in {hand.in_words(problem.units)}"] = scale * _positive(required(device, Hands(hand, hand))[1])
-    least = minima[0]
-    return Requirement(
-        "hands", *_named(problem), theta / (2 * pi * device.sample_time),
-        scale * offered(coupling, device, theta, FLOATS),
-        scale * _positive(_worst(problem, theta, stated, required)), others,
-        *_finite(least.ratio, least.omega), least.hand.in_words(problem.units),
-    )  # fmt: skip
+def _others(problem: Problem) -> list[Device]:
+    return [case.device for case in pose(problem).hand_cases if case.device != problem.device]
 
 
-def _in_any_hand(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Requirement:
-    device = problem.device
+def _curves(
+    problem: Problem,
+    coupling: AnyCoupling,
+    of: list[Requirement],
+    others: dict[str, Requirement],
+    least: float,
+    at: float,
+) -> Required:
+    """Return the curves of a claim for the devices of a problem, the stated one first; its least ratio is at `at`,
+    rad/s."""
+    first, kind = of[0], problem.device.kind
+    places = first.places[first.places > 0]
+    # the curves of an impedance display are divided by sin^2(theta/2)
+    scale = np.sin(places / 2) ** 2 if kind.inverse else 1.0
 
-    def required(device: Device) -> tuple[Floats, Floats]:
-        loops = loops_in_any_hand(device, PER_DECADE)
-        return loops.theta[loops.theta > 0], loops.required(gains)[0, loops.theta > 0]
+    def shown(each: Requirement) -> Floats:
+        R = scale * np.interp(places, each.places, each.required[0])
+        return np.where(R > 0, R, np.nan)
 
-    theta, stated = required(device)
-    scale = _scale(device, theta)
-    least = least_ratios_in_any_hand(device, gains, coupling)[0]
-    return Requirement(
-        "any_hand", *_named(problem), theta / (2 * pi * device.sample_time),
-        scale * offered(coupling, device, theta, FLOATS),
-        scale * _positive(_worst(problem, theta, stated, required)), {},
-        *_finite(least.ratio, least.omega),
-    )  # fmt: skip
-
-
-def _worst(
-    problem: Problem, theta: Floats, stated: Floats, required: Callable[[Device], tuple[Floats, Floats]]
-) -> Floats:
-    """Return the greatest R of the devices of an uncertain problem, at the angles of the stated device."""
-    others = [required(case.device) for case in pose(problem).hand_cases if case.device != problem.device]
-    return np.fmax.reduce([stated, *(np.interp(theta, *curve) for curve in others)])
-
-
-def _on_band(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Requirement:
-    """Return the requirement of any passive hand on the stability band, in the frequency model."""
-    hz, virtual = frequencies(problem), series_coupling(coupling)
-    cases = pose(problem).cases
-    curves = [_required(case, gains, hz) for case in cases]
-    others = {"R of the stated device": curves[0]} if len(cases) > 1 else {}
-    if problem.device.operator is not None:
-        others["R without operator"] = _required(replace(problem, device=problem.device.bare), gains, hz)
-    minima = [ratio_minima(case, gains, virtual) for case in cases]
-    least = min(minima, key=lambda each: float(each.value[0]))
-    return Requirement(
-        "passive", *_named(problem), hz, coupling_impedance(virtual, 2 * pi * hz).re + 0 * hz,
-        np.fmax.reduce(curves), others, *_finite(float(least.value[0]), float(least.omega[0])),
-        band=problem.stability.band,
-    )  # fmt: skip
-
-
-def _required(problem: Problem, gains: Gains, hz: Floats) -> Floats:
-    loop = response(problem.device, gains, 2 * pi * hz)
-    with np.errstate(all="ignore"):
-        return _positive(np.where(loop.resistance > 0, required_resistance(loop, FLOATS), np.nan))
-
-
-def _named(problem: Problem) -> tuple[str, str]:
-    """Return name and unit of the offered curve."""
-    kind = problem.device.kind
-    return f"Re {kind.couples}", kind.coupling_unit(problem.units)
-
-
-def _scale(device: Device, theta: Floats) -> Floats | float:
-    """Return s^2 with s = sin(theta/2) for an impedance display, whose curves are divided by s^2; otherwise 1."""
-    return np.sin(theta / 2) ** 2 if device.kind.inverse else 1.0
-
-
-def _positive(required: Floats) -> Floats:
-    return np.where(required > 0, required, np.nan)
-
-
-def _finite(ratio: float, omega: float) -> tuple[float | None, float | None]:
-    return (ratio, hertz(omega)) if abs(ratio) < inf else (None, None)
+    known = (least, hertz(at)) if abs(least) < inf else (None, None)
+    turn = 2 * pi * (1.0 if first.claim == "passive" else problem.device.sample_time)
+    offered = scale * replace(first, places=places).offered(coupling) + 0 * places
+    names, alone = (f"Re {kind.couples}", kind.coupling_unit(problem.units)), {n: shown(e) for n, e in others.items()}
+    required = np.fmax.reduce([shown(each) for each in of])
+    return Required(first.claim, *names, places / turn, offered, required, alone, *known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,32 +129,28 @@ class Transparency:
 def frequencies(problem: Problem) -> Floats:
     """Return the frequencies of the curves of the frequency model, Hz."""
     bands = (problem.transparency.band, problem.stability.band)
-    nyquist = problem.nyquist / (2 * pi)
-    low = min(band.min for band in bands if band.min > 0) / (2 * pi)
-    high = max(band.max for band in bands if np.isfinite(band.max)) / (2 * pi)
-    hz = np.geomspace(low / 10, min(high * 10, nyquist * (1 - 1e-9)), POINTS)
-    return round_at_resonance(problem.device, hz)
+    low = min(band.min for band in bands if band.min > 0)
+    high = max(band.max for band in bands if np.isfinite(band.max))
+    omega = np.geomspace(low / 10, min(high * 10, problem.nyquist * (1 - 1e-9)), POINTS)
+    return round_at_resonance(problem.device, omega / (2 * pi))
 
 
 def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Transparency:
     """Return the three terms of the error, and the error: the root of the weighted sum of their squares."""
     hz = frequencies(problem)
-    omega = 2 * pi * hz
-    squares = error_terms(problem, gains, coupling, omega)
-    error = np.sqrt(weighted_square(problem.transparency.weights, squares)) + 0 * omega
-    admittance, tracking, share = (np.sqrt(part) + 0 * omega for part in astuple(squares))
-    return Transparency(hz, admittance, tracking, share, error)
+    squares = error_terms(problem, gains, coupling, 2 * pi * hz)
+    error = weighted_square(problem.transparency.weights, squares)
+    return Transparency(hz, *(np.sqrt(each) + 0 * hz for each in (*astuple(squares), error)))
 
 
 def handle_impedance(
     problem: Problem, gains: Gains, coupling: AnyCoupling
 ) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
     """Return frequencies and the impedance at the handle for several environments, with the ideal impedance of each."""
-    hz = frequencies(problem)
-    s = np.asarray(2j * pi * hz, np.complex128)
-    units, damper, spring = problem.units, DAMPER, SPRING
-    if problem.device.units == "rotary":
-        wanted = problem.transparency
+    hz, device, wanted = frequencies(problem), problem.device, problem.transparency
+    omega, units, damper, spring = 2 * pi * hz, problem.units, DAMPER, SPRING
+    s = np.asarray(1j * omega, np.complex128)
+    if device.units == "rotary":
         damper = wanted.reference_impedance
         spring = damper * sqrt(wanted.band.min * wanted.band.max)
     environments: dict[str, Complex | None] = {
@@ -209,13 +160,13 @@ def handle_impedance(
         "rigid": None,
     }
     moves = np.ones(hz.size, bool)
-    if problem.device.servo is not None:  # with a rigid environment a servo is at rest
+    if device.servo is not None:  # with a rigid environment a servo is at rest
         del environments["rigid"]
-        C = response(problem.device, gains, 2 * pi * hz).C_scaled
+        C = response(device, gains, omega).C_scaled
         moves = np.hypot(C.re, C.im) > UNMOVED
     felt = {}
     for name, Z_e in environments.items():
-        impedance = felt_impedance(problem.device, gains, coupling, 2 * pi * hz, Z_e)
+        impedance = np.abs(felt_impedance(device, gains, coupling, omega, Z_e))
         ideal = np.full(hz.size, np.inf) if Z_e is None else np.abs(Z_e)
-        felt[name] = np.where(moves, np.abs(impedance), np.nan), ideal
+        felt[name] = np.where(moves, impedance, np.nan), ideal
     return hz, felt

@@ -13,7 +13,7 @@ from vctune.document.records.identification_json import IdentificationRecord, de
 from vctune.identification.identify import Identified
 from vctune.identification.study import Curves, Lines, covered
 from vctune.report.design_figures import Shown
-from vctune.report.page import figure_entries, templates
+from vctune.report.page import figure_entries
 from vctune.report.paths import IDENTIFICATION_FIGURES, REPORT
 from vctune.report.style import (
     BLUE,
@@ -28,16 +28,10 @@ from vctune.report.style import (
     legend_above,
     svg,
 )
-from vctune.report.typography import span
+from vctune.report.typography import span, templates, words
 
 WINDOW = 600  # Greatest number of samples in the enlarged part of a log
 MOST_POINTS = 2000  # Greatest number of drawn points of a log, up to a factor of 2
-READING = (
-    "For each log, the recorded signal and its fit where they differ most, and the difference over the whole log; "
-    "of a response, the measured lines with twice their standard deviation and the fit. The grey area is the box with "
-    "the unmodelled disc; it contains every measured magnitude. The last panel shows each parameter: dots are single "
-    "records and directions with twice their standard deviation, and the bar is the box, relative to its middle."
-)
 
 
 def identification_files(found: Identified, record: IdentificationRecord, folder: Path) -> dict[Path, str]:
@@ -50,7 +44,7 @@ def identification_files(found: Identified, record: IdentificationRecord, folder
     finding = f"The fit leaves at most {100 * left:.2g} % unexplained."
     with rc_context(STYLE):
         figure = _figure(found, record)
-    picture, shown = svg(figure, name), [Shown(name, "Recorded and fitted", finding, put(READING), figure)]
+    picture, shown = svg(figure, name), [Shown(name, "Recorded and fitted", finding, put(words("identified")), figure)]
     page = (
         templates()
         .get_template("identification.html.j2")

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 from matplotlib import rc_context
 
 from vctune.document.reading import parse_problem
@@ -21,8 +19,8 @@ from vctune.report.experiments import HEADINGS, measured_rows
 from vctune.report.paths import REPORT, report_paths
 from vctune.report.simulation_figure import simulation_figure
 from vctune.report.style import INK, PAPER, STYLE, svg
-from vctune.report.tables import asked, assumptions, claim_lines
-from vctune.report.typography import DIGITS, html, plain, quantity
+from vctune.report.tables import asked, claim_lines, dynamics
+from vctune.report.typography import plain, quantity, templates
 from vctune.report.verdict import doubt, limits, summary
 
 
@@ -51,17 +49,6 @@ def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, s
     return {folder / f"{shown.name}.svg": svg(shown.figure, shown.name)}
 
 
-def templates(put: Callable[[str], str] = lambda text: text) -> Environment:
-    """Return Jinja's environment of the pages' templates, with its filters for numbers and mathematics."""
-    folder = PackageLoader("vctune", "report")
-    found = Environment(loader=folder, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    found.filters["math"] = lambda text: Markup(html(put(text)))
-    found.filters["amount"] = lambda value, unit="", digits=DIGITS: (
-        "" if value is None else str(quantity(value, unit, digits))
-    )
-    return found
-
-
 def figure_entries(shown: Sequence[Shown], pictures: dict[str, str]) -> list[dict[str, str]]:
     """Return name, title, finding, reading and SVG element of each figure."""
     return [
@@ -75,10 +62,17 @@ def _design_page(
     record: DesignRecord, problem: Problem, figures: list[dict[str, str]], simulation: SimulationRecord | None
 ) -> str:
     """Return the HTML of the page about a design, or about the reason why a problem has no design."""
-    head, groups, translated = summary(record, problem), record.groups(), problem.units.translated
+    head, groups = summary(record, problem), record.groups()
     date = f"{record.date} · " if record.date else ""
+
+    def put(text: str) -> str:
+        text = problem.units.translated(text)
+        for key in ("safety_factor", "max_sensitivity"):  # words for the problem's numbers
+            text = re.sub(rf"(?<![.\w]){key}\b", f"{getattr(problem.stability, key):g}", text)
+        return text
+
     return (
-        templates(lambda text: _with_stated_numbers(translated(text), problem))
+        templates(put)
         .get_template("page.html.j2")
         .render(
             record=record,
@@ -93,7 +87,7 @@ def _design_page(
             terms=_error_terms(record),
             limits=limits(record),
             claims=claim_lines(record, problem),
-            assumptions=assumptions(problem),
+            dynamics=dynamics(problem.device),
             figures=figures,
             bounded=[key.rpartition(".")[2] for key in record.at_bound],
             groups=groups,
@@ -104,24 +98,14 @@ def _design_page(
 
 
 def _error_terms(record: DesignRecord) -> list[tuple[str, str, str]]:
-    """Return words, formula and value of each term of the error, and of the error."""
+    """Return words, formula and value of the error and of each of its terms."""
     terms = record.transparency
     if terms is None:
         return []
     shown = {row.label for row in terms.rows(record.units)}
-    labels = {"admittance": terms.admittance_label, "tracking": terms.tracking_label, "coupling": terms.coupling_label}
-    return [("all together", "error", str(quantity(terms.error, digits=3)))] + [
-        (IN_WORDS[term], label, str(quantity(getattr(terms, term), digits=3)))
-        for term, label in labels.items()
-        if label in shown
-    ]
-
-
-def _with_stated_numbers(text: str, problem: Problem) -> str:
-    """Return a text with the problem's numbers in place of the words `safety_factor` and `max_sensitivity`."""
-    for key in ("safety_factor", "max_sensitivity"):
-        text = re.sub(rf"(?<![.\w]){key}\b", f"{getattr(problem.stability, key):g}", text)
-    return text
+    found = [("all together", "error", terms.error)]
+    found += [(said, getattr(terms, f"{term}_label"), getattr(terms, term)) for term, said in IN_WORDS.items()]
+    return [(said, label, str(quantity(size, digits=3))) for said, label, size in found if label in {*shown, "error"}]
 
 
 def _css_string(text: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import cos, degrees, inf, log10, pi, sin
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,9 +13,9 @@ from vctune.analysis.margins import loop_margins
 from vctune.analysis.responses import Loop
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.report.curves import NOTHING, Requirement, Transparency, handle_impedance, requirements, transparency
+from vctune.report.curves import NOTHING, Required, Transparency, handle_impedance, requirements, transparency
 from vctune.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, decades, frequency_axis, shade
-from vctune.report.tables import in_place
+from vctune.report.typography import in_place, limit
 
 SHALLOW = 1e-9  # Least shown value as a share of the top of the axis; at Nyquist R may vanish
 LEAST_SPAN = 0.1  # Least span of ratios that sets the limits of the axis
@@ -22,7 +23,7 @@ THIN = ((RED, "--"), (INK, ":"), (GREY, "-."))  # Colours and dashes of further 
 
 
 def draw_required(
-    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, requirement: Requirement | None = None
+    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, requirement: Required | None = None
 ) -> Axes:
     """Draw Re Z_c of the coupling and the R that the hands require, over frequency.
 
@@ -39,7 +40,7 @@ def draw_required(
         Gains of the design.
     coupling : AnyCoupling
         Coupling of the design.
-    requirement : Requirement, optional
+    requirement : Required, optional
         Which requirement to draw; by default the first of the problem.
 
     Returns
@@ -61,7 +62,7 @@ def draw_required(
 
 
 def draw_ratio(
-    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, requirement: Requirement | None = None
+    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, requirement: Required | None = None
 ) -> Axes:
     """Draw Re Z_c / R over frequency, on an axis around 1, with its least value and the safety factor.
 
@@ -75,7 +76,7 @@ def draw_ratio(
         Gains of the design.
     coupling : AnyCoupling
         Coupling of the design.
-    requirement : Requirement, optional
+    requirement : Required, optional
         Which requirement to draw; by default the first of the problem.
 
     Returns
@@ -98,15 +99,10 @@ def draw_ratio(
     return axes
 
 
-def _frequencies(axes: Axes, drawn: Requirement) -> None:
+def _frequencies(axes: Axes, drawn: Required) -> None:
     frequency_axis(axes, drawn.hz[0], drawn.hz[-1])
     if drawn.band is not None:
         shade(axes, drawn.band, BLUE, "requested band")
-
-
-def nyquist_view(problem: Problem) -> tuple[float, float, float]:
-    """Return the left edge, the right edge and half the height of the area that a Nyquist plot shows."""
-    return -1.2 - 1 / problem.stability.max_sensitivity, 1.1, 1.1
 
 
 def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
@@ -126,25 +122,22 @@ def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
     Axes
         The given axes.
     """
-    limit, curve = problem.stability.max_sensitivity, Loop(problem.device, gains).L.at()
+    most, curve = problem.stability.max_sensitivity, Loop(problem.device, gains).L.at()
     margins = loop_margins(problem.device, gains)
-    left, right, up = nyquist_view(problem)
     axes.plot(curve.values.real, curve.values.imag, color=BLUE, label="L up to Nyquist")
     angle = np.linspace(0, 2 * pi, 181)
     axes.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=1, linestyle="--", label="unit circle")
-    axes.fill(
-        -1 + np.cos(angle) / limit, np.sin(angle) / limit,
-        facecolor="none", edgecolor=RED, hatch="///", linewidth=1, label=f"|S| > {limit:g}",
-    )  # fmt: skip
+    circle: Any = {"facecolor": "none", "edgecolor": RED, "hatch": "///", "linewidth": 1}
+    axes.fill(-1 + np.cos(angle) / most, np.sin(angle) / most, label=f"|S| > {most:g}", **circle)
     axes.plot(-1, 0, "+", color=RED, markersize=10, label="-1")
     if margins.gain < inf:
-        axes.plot(-1 / margins.gain, 0, "o", color=ORANGE, label=f"gain margin {20 * log10(margins.gain):.3g} dB")
+        label = f"gain margin {limit(20 * log10(margins.gain), 'dB', 3)}"
+        axes.plot(-1 / margins.gain, 0, "o", color=ORANGE, label=label)
     if margins.phase < inf:
-        place = -cos(margins.phase), -sin(margins.phase)
-        axes.plot(*place, "s", color=GREEN, label=f"phase margin {degrees(margins.phase):.3g}°")
-    axes.set(
-        xlim=(left, right), ylim=(-up, up), aspect="equal", xlabel="Re L, dimensionless", ylabel="Im L, dimensionless"
-    )
+        label = f"phase margin {limit(degrees(margins.phase), 'deg', 3)}"
+        axes.plot(-cos(margins.phase), -sin(margins.phase), "s", color=GREEN, label=label)
+    axes.set(xlim=(-1.2 - 1 / most, 1.1), ylim=(-1.1, 1.1), aspect="equal")
+    axes.set(xlabel="Re L, dimensionless", ylabel="Im L, dimensionless")
     return axes
 
 

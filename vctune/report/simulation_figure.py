@@ -11,6 +11,7 @@ from vctune.document.records.simulation_json import ExperimentRecord, RunRecord,
 from vctune.report.design_figures import Shown
 from vctune.report.experiments import simulation_finding
 from vctune.report.style import BLUE, GREY, ORANGE, RED, WIDTH, canvas, round_numbers
+from vctune.report.typography import words
 
 
 def simulation_figure(simulation: SimulationRecord) -> Shown:
@@ -28,12 +29,8 @@ def simulation_figure(simulation: SimulationRecord) -> Shown:
         for axes in (left, right):
             axes.set(xlim=xlim, xlabel=named[experiment.axis])
             axes.set_xticks(round_numbers(*xlim, 3))
-    return Shown(
-        "simulation", "The design and a regular PID in simulated experiments", simulation_finding(simulation),
-        "Each panel shows the force of the hand over position (springs) or velocity, without the first cycle: on the "
-        "left a regular PID, on the right this design, on the same device with the same friction. Loading and "
-        "unloading should coincide with the dashed line, which is the rendered environment.", figure,
-    )  # fmt: skip
+    title = "The design and a regular PID in simulated experiments"
+    return Shown("simulation", title, simulation_finding(simulation), words("simulation"), figure)
 
 
 def _draw(axes: Axes, experiment: ExperimentRecord, run: RunRecord | None, title: str, colour: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,89 +24,71 @@ FEW = 40  # Greatest number of points with large markers
 def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
     """Return the figure of the error over the axes that vary; None unless one or two axes vary."""
     finite = np.logical_and.reduce([np.isfinite(column) for column in table.axes.values()])
-    table = table.subset(np.flatnonzero(finite))
-    varied = {key: column for key, column in table.axes.items() if np.unique(column).size > 1}
+    varied = {key: column[finite] for key, column in table.axes.items() if np.unique(column[finite]).size > 1}
+    if len(varied) not in (1, 2):
+        return None
+    certified, idle = table.certified[finite], table.idle[finite]
+    error = np.where(certified, table.numbers["error"][finite], np.nan)
+    labels = [heading(key, table.units.get(key, "")) for key in varied]
     with rc_context(STYLE):
+        figure = canvas(8, 5, right=0.3, top=0.45)
+        axes = figure.subplots()
         if len(varied) == 1:
-            return _line(table, *varied.items())
-        if len(varied) == 2:
-            return _map(table, *varied.items(), grid=grid)
-    return None
-
-
-def _line(table: Table, axis: tuple[str, Floats]) -> Figure:
-    figure, axes = _frame()
-    key, x = axis
-    order, certified = np.argsort(x, kind="stable"), table.certified
-    error = np.where(certified, table.numbers["error"], np.nan)[order]
-    axes.plot(x[order], error, "o-", color=BLUE, markersize=4 if x.size <= FEW else 1.5, label="certified")
-    if not certified.all():
-        floor, at_floor = np.zeros(np.count_nonzero(~certified)), axes.get_xaxis_transform()
-        axes.plot(x[~certified], floor, "x", color=RED, transform=at_floor, clip_on=False, label="no certified design")
-    _ring_idle(axes, table, x, table.numbers["error"])
-    _scale(axes, "x", x)
-    axes.set(xlabel=_heading(table, key), ylabel="transparency error")
-    axes.legend(loc="best")
+            (x,) = varied.values()
+            y, none, labels = error, np.zeros(np.count_nonzero(~certified)), [*labels, "transparency error"]
+            floor = axes.get_xaxis_transform()
+            _line(axes, x, error)
+        else:
+            x, y = varied.values()
+            none, floor = y[~certified], axes.transData
+            _map(figure, axes, (x, y), error, grid=grid)
+        if not certified.all():
+            axes.plot(
+                x[~certified], none, "x", color=RED, markersize=4, transform=floor, clip_on=False,
+                label="no certified design",
+            )  # fmt: skip
+        if idle.any():  # designs whose velocity loop has hardly any effect
+            ring: Any = {"markersize": 9, "markerfacecolor": "none", "markeredgecolor": RED}
+            axes.plot(x[idle], y[idle], "o", label="idle: the loop hardly works", **ring)
+        for values, spaced in zip(varied.values(), (axes.set_xscale, axes.set_yscale), strict=False):
+            _space(values, spaced)
+        axes.set(xlabel=labels[0], ylabel=labels[1])
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     return figure
 
 
-def _map(table: Table, across: tuple[str, Floats], up: tuple[str, Floats], *, grid: bool) -> Figure:
-    figure, axes = _frame()
-    (x_key, x), (y_key, y) = across, up
-    certified = table.certified
-    error = np.where(certified, table.numbers["error"], np.nan)
-    norm = LogNorm() if _wide(error[certified]) else None
+def _line(axes: Axes, x: Floats, error: Floats) -> None:
+    order = np.argsort(x, kind="stable")
+    size = 4 if x.size <= FEW else 1.5
+    axes.plot(x[order], error[order], "o-", color=BLUE, markersize=size, label="certified")
+
+
+def _map(figure: Figure, axes: Axes, places: tuple[Floats, Floats], error: Floats, *, grid: bool) -> None:
+    """Colour the cells of a grid, or points, by the error."""
+    found = error[np.isfinite(error)]
+    wide = found.size and found.min() > 0 and found.max() > WIDE * found.min()
+    colours: Any = {"cmap": COLOURS, "norm": LogNorm() if wide else None}
     if grid:
-        columns, i = np.unique(x, return_inverse=True)
-        rows, j = np.unique(y, return_inverse=True)
+        (columns, i), (rows, j) = (np.unique(each, return_inverse=True) for each in places)
         cells = np.full((rows.size, columns.size), np.nan)
         cells[j, i] = error
-        drawn: Any = axes.pcolormesh(
-            columns, rows, np.ma.masked_invalid(cells), cmap=COLOURS, norm=norm, rasterized=True
-        )
+        drawn: Any = axes.pcolormesh(columns, rows, np.ma.masked_invalid(cells), rasterized=True, **colours)
+        axes.grid(visible=False)
     else:
-        drawn = axes.scatter(x[certified], y[certified], c=error[certified], cmap=COLOURS, norm=norm, s=18)
-    if certified.any():
+        x, y = (each[np.isfinite(error)] for each in places)
+        drawn = axes.scatter(x, y, c=found, s=18, **colours)
+    if found.size:
         figure.colorbar(drawn, label="transparency error")
-    if not certified.all():
-        axes.plot(x[~certified], y[~certified], "x", color=RED, markersize=4, label="no certified design")
-    _ring_idle(axes, table, x, y)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
-    _scale(axes, "x", x)
-    _scale(axes, "y", y)
-    axes.set(xlabel=_heading(table, x_key), ylabel=_heading(table, y_key))
-    axes.grid(visible=not grid)
-    return figure
 
 
-def _ring_idle(axes: Axes, table: Table, x: Floats, y: Floats) -> None:
-    """Draw rings around the designs whose velocity loop has hardly any effect."""
-    at, label = table.idle, "idle: the loop hardly works"
-    if at.any():
-        axes.plot(x[at], y[at], "o", markersize=9, markerfacecolor="none", markeredgecolor=RED, label=label)
-
-
-def _frame() -> tuple[Figure, Axes]:
-    figure = canvas(8, 5, right=0.3, top=0.45)
-    return figure, figure.subplots()
-
-
-def _heading(table: Table, key: str) -> str:
-    return heading(key, table.units.get(key, ""))
-
-
-def _scale(axes: Axes, which: str, values: Floats) -> None:
+def _space(values: Floats, spaced: Callable[[str], None]) -> None:
     """Space an axis as its points are: on a logarithmic scale if their ratios are more even than their differences."""
     steps = np.unique(values)
     if steps[0] > 0 and _uneven(np.log(steps)) < _uneven(steps):
-        (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+        spaced("log")
 
 
 def _uneven(values: Floats) -> float:
     steps = np.diff(values)
     return float(steps.std() / steps.mean())
-
-
-def _wide(values: Floats) -> bool:
-    return bool(values.size and values.min() > 0 and values.max() > WIDE * values.min())

@@ -1,4 +1,4 @@
-"""The tables of a page: requirements, claims with their values, and assumptions."""
+"""The tables of a page: requirements, and claims with their values."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import NamedTuple
 
 from vctune.analysis.demands import ratio_minima, unmodelled_maxima
-from vctune.document.records.certificate_json import InnerLoopRecord
+from vctune.document.records.certificate_json import InnerLoopRecord, WallsRecord
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
@@ -16,7 +16,7 @@ from vctune.model.numbers.units import hertz
 from vctune.model.parts import PART_NUMBERS, PARTS
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import CLAIMS, ClaimId
-from vctune.report.typography import quantity, span
+from vctune.report.typography import in_place, limit, quantity, span
 
 
 class Line(NamedTuple):
@@ -110,140 +110,64 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
 
 
 def _value_and_limit(claim: ClaimId, record: DesignRecord, problem: Problem) -> tuple[str, str]:
-    """Return the computed value of a claim and its limit, as texts."""
+    """Return the computed value of a claim, rounded to the safe side, and its limit, as texts."""
     loop, design = record.inner_loop, record.design
     if claim == "unmodelled" and design is not None:
-        return f"peak {quantity(float(-unmodelled_maxima(problem, design[0]).value[0]))}", "< 1"
+        return f"peak {limit(float(-unmodelled_maxima(problem, design[0]).value[0]), up=True)}", "< 1"
     if claim == "sensitivity" and loop is not None:
         return f"peak {peak_in_words(loop)}", f"≤ {problem.stability.max_sensitivity:g}"
     if claim == "stable" and loop is not None:
-        return "; ".join([str(quantity(loop.spectral_radius)), *margins_in_words(loop)]), "< 1"
+        return "; ".join([str(limit(loop.spectral_radius, up=True)), *margins_in_words(loop)]), "< 1"
     found = _least_ratio(claim, record, problem)
-    return found, f"≥ {problem.stability.safety_factor:g}" if found else ""
+    return (f"least ratio {found}", f"≥ {problem.stability.safety_factor:g}") if found else ("", "")
 
 
 def _least_ratio(claim: ClaimId, record: DesignRecord, problem: Problem) -> str:
     """Return the least ratio that a claim bounds, in words; "" for other claims."""
     proof, units = record.certificate, problem.units
     assert proof is not None and record.design is not None, "a claim is about a design"
-    hands, any_hand = proof.hands, proof.any_hand
-    found = ""
-    if claim in ("passive", "any_hand"):
-        if any_hand is not None:
-            found = in_place(any_hand.min_ratio, any_hand.worst_hz)
-        elif hands is None or hands.min_ratio != proof.min_ratio:
-            found = in_place(proof.min_ratio, proof.worst_hz)
-        else:
-            least = ratio_minima(problem, *record.design)
-            found = in_place(float(least.value[0]), hertz(float(least.omega[0])))
-            found += "" if problem.uncertainty is None else ", of the nominal device"
-    elif claim in ("hands", "worlds") and hands is not None:
-        found = f"{in_place(hands.min_ratio, hands.worst_hz)}, in the hand of {hands.worst_hand.in_words(units)}"
-        if hands.worst_world is not None:
-            world = hands.worst_world.row(None, units)
-            found += f", with {world.value} {world.unit}"
-    elif claim == "walls" and hands is not None and (walls := hands.walls) is not None:
-        found = f"{in_place(walls.min_ratio, walls.worst_hz)}, in the hand of {walls.worst_hand.in_words(units)}"
-        found += f"; multiplier with its corner at {quantity(walls.corner_hz, 'Hz')}"
-    return f"least ratio {found}" if found else ""
+    hands = proof.hands
+    if claim == "any_hand" and proof.any_hand is not None:
+        return in_place(proof.any_hand.min_ratio, proof.any_hand.worst_hz)
+    if claim == "passive":
+        if hands is None or hands.min_ratio != proof.min_ratio:
+            return in_place(proof.min_ratio, proof.worst_hz)
+        least = ratio_minima(problem, *record.design)
+        found = in_place(float(least.value[0]), hertz(float(least.omega[0])))
+        return found + ("" if problem.uncertainty is None else ", of the nominal device")
+    part = hands.walls if hands is not None and claim == "walls" else hands if claim in ("hands", "worlds") else None
+    if part is None:
+        return ""
+    found = f"{in_place(part.min_ratio, part.worst_hz)}, in the hand of {part.worst_hand.in_words(units)}"
+    if isinstance(part, WallsRecord):
+        return f"{found}; multiplier with its corner at {quantity(part.corner_hz, 'Hz')}"
+    world = part.worst_world and part.worst_world.row(None, units)
+    return f"{found}, with {world.value} {world.unit}" if world else found
 
 
 def peak_in_words(loop: InnerLoopRecord) -> str:
     """Return the peak of |S| and its frequency."""
-    return in_place(loop.peak_sensitivity, loop.peak_sensitivity_hz)
+    return in_place(loop.peak_sensitivity, loop.peak_sensitivity_hz, up=True)
 
 
 def margins_in_words(loop: InnerLoopRecord) -> list[str]:
     """Return the finite margins of a velocity loop."""
     sizes = {
-        "gain": quantity(loop.gain_margin_db, "dB", 3),
-        "phase": quantity(loop.phase_margin_deg, "deg", 3),
-        "delay": quantity(loop.delay_margin_s, "s", 3),
+        "gain": limit(loop.gain_margin_db, "dB", 3),
+        "phase": limit(loop.phase_margin_deg, "deg", 3),
+        "delay": limit(loop.delay_margin_s, "s", 3),
     }
     return [f"{name} margin {size}" for name, size in sizes.items() if size.value != "none"]
 
 
-def in_place(value: float | None, hz: float | None) -> str:
-    """Return an extremum and its frequency; without a frequency it is the limit for high frequencies."""
-    where = "where ω → ∞" if hz is None else f"at {quantity(hz, 'Hz')}"
-    return f"{quantity(value)} {where}"
-
-
-def assumptions(problem: Problem) -> list[str]:
-    """Return the assumptions of a problem's certificate (model/README.md, section 11)."""
-    device, uncertain = problem.device, problem.uncertainty
-    within = "with exactly the parameters above" if uncertain is None else "with any parameters in the box above"
-    moves = {"linear": "moves along one axis and is linear", "rotary": "turns about one axis and is linear"}[
-        device.units
-    ]
-    lines = [
-        f"The device {moves}, {within}: {'no dry friction, no backlash,' * (device.servo is None)} no saturated motor.",
-        f"The loop contains only these dynamics: {_stated(device)}. All other parts are ideal: no quantisation of the "
-        "encoder, no rounding.",
-    ]
-    if device.servo is not None:
-        lines.append(
-            "The servo does not yield: however hard the hand pushes, the motion follows only the command. A load on "
-            "the hand's side of the force sensor is a part of the hand, operator.mass; a load on the robot's side has "
-            "no effect."
-        )
-    if uncertain is not None and uncertain.unmodelled:
-        lines.append(
-            "In addition, the mechanism's response may deviate by the radius above, independently at each frequency"
-            + ("; the claim in the box of hands does not cover this." if problem.hands_met is not None else ".")
-        )
-    if problem.any_hand:
-        lines.append(
-            "The hand is any linear, time-invariant, passive hand. The claim is about the exact sampled loop at every "
-            "frequency, including aliasing. It includes neither friction nor the encoder's rounding, which determine "
-            "whether the handle chatters."
-        )
-    if problem.passive:
-        lines.append(
-            "The hand is any linear, time-invariant, passive hand. The claim is about the stability band in the "
-            "frequency model, which has no aliasing. Outside the proved band such a hand can make the handle oscillate."
-        )
-    if problem.hands_met is not None:
-        lines.append(
-            "A hand of the box is a linear mass, damper and spring that do not change while the hand holds the handle. "
-            "The claim is about the exact sampled loop at every frequency, including aliasing. It does not cover a "
-            "hand outside the box."
-        )
-    if problem.worlds is not None:
-        linear = problem.worlds.linear.in_words(problem.units)
-        lines.append(
-            f"The environment is one of {linear}: a mass, a damper and a spring, stepped by the trapezoidal rule, "
-            + (
-                "that do not change. The spring may be a wall: a force that depends only on the position and rises "
-                "with slopes within the range of stiffness. A wall is one-sided or piecewise linear, at any position, "
-                "and is stepped by the trapezoidal rule or by backward Euler. The claim covers neither a wall that "
-                "moves, nor a damper that acts on one side, nor an environment outside the box."
-                if problem.worlds.walls
-                else "linear and unchanging. The claim covers neither a one-sided wall nor an environment "
-                "outside the box."
-            )
-        )
-        return [problem.units.translated(line) for line in lines]
-    lines.append(
-        "The environment is passive as it runs in the firmware, sample by sample, and may be a one-sided wall. A mass "
-        "that is stepped explicitly is not passive."
-        if problem.hands_met is not None or problem.any_hand
-        else "The environment is passive as it runs in the firmware. A mass that is stepped explicitly is not passive."
-    )
-    return [problem.units.translated(line) for line in lines]
-
-
-def _stated(device: Device) -> str:
+def dynamics(device: Device) -> str:
+    """Return the dynamics that a device's loop contains, in words."""
     if (servo := device.servo) is not None:
-        low_pass = f"a servo of {quantity(servo.bandwidth_hz, 'Hz')} and order {servo.order}"
-        late = f"a {servo.command} command every {quantity(device.sample_time, 's')}"
-        stated = [low_pass, f"delay {quantity(servo.delay, 's')}", late]
-        return ", ".join([*stated, *_parts(device)])
-    stated = [f"hold “{device.hold}” of {quantity(device.sample_time, 's')}"]
-    stated += [f"delay {quantity(device.delay, 's')}"] if device.delay > 0 else []
-    return ", ".join([*stated, *_parts(device)])
-
-
-def _parts(device: Device) -> list[str]:
-    """Return the names of the parts that a device has in addition to a servo."""
-    return [part.stated for key, part in PARTS.items() if key != "servo" and getattr(device, key) is not None]
+        stated = [f"a servo of {quantity(servo.bandwidth_hz, 'Hz')} and order {servo.order}"]
+        stated += [f"delay {quantity(servo.delay, 's')}"]
+        stated += [f"a {servo.command} command every {quantity(device.sample_time, 's')}"]
+    else:
+        stated = [f"hold “{device.hold}” of {quantity(device.sample_time, 's')}"]
+        stated += [f"delay {quantity(device.delay, 's')}"] if device.delay > 0 else []
+    parts = [part.stated for key, part in PARTS.items() if key != "servo" and getattr(device, key) is not None]
+    return ", ".join([*stated, *parts])

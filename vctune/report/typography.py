@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from html import escape, unescape
-from math import floor, inf, log10
-from typing import NamedTuple
+from math import floor, inf, isfinite, log10
+from typing import Any, NamedTuple
 
-from vctune.document.records.part import NOTHING
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
+
+from vctune.document.records.part import NOTHING, text
 
 THIN = "\u202f"  # Thin space between a number and its unit
 DIGITS = 4  # Number of significant digits where a reader does not need to copy the number
+SAME = 1e-9  # Relative difference within which a limit equals a round number
 PLAIN = (0.1, 1e4)  # Sizes between which a number keeps its unit without a prefix
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 PREFIXED = ("N", "Hz", "m", "s", "W")  # First letters of the units that take a prefix
@@ -76,6 +81,21 @@ def _number(value: float | None, power: int, digits: int) -> str:
     return f"{scaled:.10g}".replace("-", "−")
 
 
+def limit(value: float | None, unit: str = "", digits: int = DIGITS, *, up: bool = False) -> Quantity:
+    """Return a limit as `quantity` does, rounded to the safe side: up if smaller ones would be better, else down."""
+    if value is None or not isfinite(value):
+        return quantity(value, unit, digits)
+    near = value + (-SAME if up else SAME) * abs(value)  # what equals a round number but for an error of floats stays
+    rounding = Context(prec=digits, rounding=ROUND_CEILING if up else ROUND_FLOOR)
+    return quantity(float(rounding.create_decimal_from_float(near)), unit, digits)
+
+
+def in_place(value: float | None, hz: float | None, *, up: bool = False) -> str:
+    """Return an extremum, rounded to the safe side, and its frequency; without one it is the limit for high ones."""
+    where = "where ω → ∞" if hz is None else f"at {quantity(hz, 'Hz')}"
+    return f"{limit(value, up=up)} {where}"
+
+
 def tick(value: float) -> str:
     """Return the text at a tick of an axis. Very large and very small powers of ten are written as powers."""
     power = round(log10(value)) if value > 0 else 0
@@ -115,3 +135,24 @@ def svg_texts(svg: str) -> str:
         return f"{found[1]}{SYMBOL.sub(lowered, escape(plain(unescape(found[2])), quote=False))}{found[3]}"
 
     return re.sub(r"(<text[^>]*>)([^<]*)(</text>)", typeset, svg)
+
+
+def templates(put: Callable[[str], str] = lambda text: text) -> Environment:
+    """Return Jinja's environment of the pages' templates, with its filters for numbers and mathematics."""
+    escaped = select_autoescape(("html.j2",))
+    found = Environment(
+        loader=PackageLoader("vctune", "report"), autoescape=escaped, undefined=StrictUndefined, trim_blocks=True
+    )
+    found.filters |= {
+        "math": lambda text: Markup(html(put(text))),
+        "amount": lambda value, unit="", digits=DIGITS: "" if value is None else str(quantity(value, unit, digits)),
+        "limit": limit,
+        "plain": text,
+    }
+    return found
+
+
+def words(name: str, *of: Any) -> str:
+    """Return a sentence of words.txt.j2 about something, by its name."""
+    made = getattr(templates().get_template("words.txt.j2").module, name)(*of)
+    return re.sub(r"[ \n]+", " ", made).strip()  # a thin space stays

@@ -9,13 +9,13 @@ from typing import Literal, NamedTuple
 from vctune.analysis.demands import transparency_error
 from vctune.document.records.certificate_json import CertificateRecord
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.records.gains_json import SpringRecord
 from vctune.document.records.part import text
 from vctune.model.gains import Gains
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import CLAIMS
 from vctune.report.curves import NOTHING
+from vctune.report.typography import words
 
 LITTLE_USE = 0.75  # Share of the error without a loop at or above which a design is of little use
 MOST = 3  # Greatest number of active constraints on the first screen
@@ -37,15 +37,11 @@ class Summary:
     """The verdict on a design for the first screen."""
 
     kind: Kind
+    sign: str  # the kind as one character
     word: str  # the verdict
     sentence: str  # the proved claim, or the reason why nothing is proved
     measure: str  # quality of the design; "" without a design
     next: str  # advice on the next step
-
-    @property
-    def sign(self) -> str:
-        """The kind as one character."""
-        return SIGNS[self.kind]
 
 
 class Limit(NamedTuple):
@@ -53,18 +49,14 @@ class Limit(NamedTuple):
 
     words: str
     formula: str
-    worth: str
+    worth: str = ""
 
 
 def summary(record: DesignRecord, problem: Problem) -> Summary:
     """Return the verdict on a design."""
     kind, word, sentence = _verdict(record, problem)
-    measure, found = _measure(record, problem), record.optimality
-    if record.felt and record.felt.limp and not record.idle:
-        measure += " Its K_p holds no static force: a steady push moves the handle on, also into a wall."
-    if found is not None and found.gap is not None:
-        measure += f" No other design lowers the {found.of} by more than {100 * found.gap:.3g} %."
-    return Summary(kind, word, sentence, measure, _next(record, problem, kind))
+    measure = words("measure", record, problem, _without_loop(problem))
+    return Summary(kind, SIGNS[kind], word, sentence, measure, words("next", record, problem, kind))
 
 
 def doubt(record: DesignRecord, problem: Problem) -> str:
@@ -80,8 +72,7 @@ def limits(record: DesignRecord) -> list[Limit]:
     prices: dict[str, float] = {}
     for each in record.active:
         prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
-    dearest = sorted(prices, key=lambda demand: -prices[demand])
-    found = []
+    dearest, found = sorted(prices, key=lambda demand: -prices[demand]), list[Limit]()
     for formula, demand in zip(record.limits[:MOST], dearest, strict=False):
         name = next((name for part, name in NAMES.items() if part in demand), "Constraint")
         found.append(Limit(name, formula, f"with this limit 1 % weaker: error {-prices[demand]:+.2g} %"))
@@ -89,37 +80,22 @@ def limits(record: DesignRecord) -> list[Limit]:
     if found and hands is not None:
         world = hands.worst_world.row(None, record.units) if hands.worst_world else None
         beyond = f", with {'a ' * world.unit.endswith('spring')}{world.value} {world.unit}" if world else ""
-        found.append(Limit("Worst hand", hands.worst_hand.in_words(record.units) + beyond, ""))
+        found.append(Limit("Worst hand", hands.worst_hand.in_words(record.units) + beyond))
     best = min(record.prices or [], key=lambda price: price.change, default=None)
     if best is not None and best.worth != "no difference":
-        found.append(Limit("Best change of the device", f"{best.key} better by 1 %: error {best.worth}", ""))
+        found.append(Limit("Best change of the device", f"{best.key} better by 1 %: error {best.worth}"))
     return found
-
-
-def _next(record: DesignRecord, problem: Problem, kind: Kind) -> str:
-    if kind == "good":
-        return "`vctune export design.json` makes the controller."
-    if record.repairs:
-        return "make one of the changes below in the problem file, and solve it again."
-    if record.status == "certified":
-        if problem.bounds.fixed:
-            return "delete gains from the problem file; `vctune solve` then looks for better ones."
-        return "a more useful design needs weaker constraints or a better device; see what limits this one."
-    if record.status == "undecided":
-        return "solve it with more time, or with weaker constraints: nothing is proved."
-    return "weaken several constraints, or take a better device: no change of one number is known to suffice."
 
 
 def _little_use(record: DesignRecord, problem: Problem) -> bool:
     """Return whether a design is idle, has no error, or hardly reduces the error of the device without a loop."""
     error = record.transparency.error if record.transparency is not None else None
-    useless = LITTLE_USE * _without_loop(problem) if problem.device.kind.banded else inf
-    return record.idle or error is None or error >= useless
+    return record.idle or error is None or error >= LITTLE_USE * _without_loop(problem)
 
 
 def _without_loop(problem: Problem) -> float:
-    """Return the error of an admittance display without a velocity loop and without a coupling."""
-    return transparency_error(problem, Gains(0.0, 0.0), NOTHING).error
+    """Return the error of an admittance display without a velocity loop and without a coupling; inf for others."""
+    return transparency_error(problem, Gains(0.0, 0.0), NOTHING).error if problem.device.kind.banded else inf
 
 
 def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
@@ -133,47 +109,12 @@ def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
         return "bad", "violated", f"Not for use: {_failed(proof, 'refuted', record.units)}."
     if record.status == "undecided":
         return "doubtful", "undecided", f"Not proved, so not for use: {_failed(proof, 'undecided', record.units)}."
-    sentence = f"Proved {record.promise}{_for_devices(problem)}."
-    if _little_use(record, problem):
-        return "doubtful", "certified, of little use", sentence
-    return "good", "certified", sentence
-
-
-def _for_devices(problem: Problem) -> str:
-    """Return the devices for which the claim holds, in words; "" if it holds only for the stated device."""
     widths = problem.uncertainty.half_widths if problem.uncertainty is not None else ()
     known = [f"{key} ± {100 * width:.3g} %".replace("_hz", "").replace("_", " ") for key, width in widths if width]
-    return f"; for every device within {', '.join(known)}" if known else ""
-
-
-def _measure(record: DesignRecord, problem: Problem) -> str:
-    """Return a sentence about the quality of a design, whether it is proved or not; "" without a design."""
-    transparency, units, wanted = record.transparency, problem.units, problem.transparency
-    if transparency is None:
-        return ""
-    low, high = wanted.band.hz
-    where = f"{'in the mean' if wanted.norm == 'rms' else 'at most'} from {low:.4g} to {high:.4g} Hz"
-    reference = f"{wanted.reference_impedance:.4g} {units.damping}"
-    if isinstance(record.coupling, SpringRecord):
-        wall = f"A wall may be as stiff as {text(record.coupling.stiffness, 8)} {units.stiffness}"
-        moved = f"in free motion the handle is {text(transparency.admittance, 3)} of Z_0 = {reference}"
-        return f"{wall}; {moved}, {where}."
-    if (contact := record.contact) is not None and contact.stiffest_contact is not None:
-        bears = f"The stiffest contact is {text(contact.stiffest_contact, 7)} {units.stiffness}"
-        late = (
-            f"with a latency of {text(1e3 * contact.latency_s, 3)} ms, contacts up to {text(contact.stiffness, 7)} "
-            f"{units.stiffness} need a drag of at least {text(contact.rest_drag, 4)} {units.damping}"
-        )
-        return f"{bears}; {late}."
-    if record.idle:
-        return (
-            f"The velocity loop hardly moves the handle: |1 - G_he| is {text(transparency.tracking, 3)}, "
-            "and 1 means no loop at all."
-        )
-    off = f"The handle differs from the ideal by {text(transparency.error, 3)} of Z_0 = {reference}, {where}"
-    if not problem.device.kind.banded:
-        return f"{off}."
-    return f"{off}; the device without a loop differs by {text(_without_loop(problem), 3)}."
+    devices = f"; for every device within {', '.join(known)}" if known else ""
+    useless = _little_use(record, problem)
+    word = "certified, of little use" if useless else "certified"
+    return "doubtful" if useless else "good", word, f"Proved {record.promise}{devices}."
 
 
 def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:

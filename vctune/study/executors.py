@@ -11,9 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from multiprocessing.connection import wait
-from multiprocessing.context import BaseContext, SpawnContext, SpawnProcess
 from typing import Any
 
 from vctune.document.text.errors import InputError
@@ -35,10 +33,10 @@ class WorkerPool:
     """Workers that solve points."""
 
     executor: Executor  # executor that receives the points
-    max_pending: int  # greatest number of points that are handed out and not yet solved
-    worker_died: tuple[type[BaseException], ...]  # exceptions that mean a dead worker
-    unreachable: tuple[type[BaseException], ...]  # exceptions that mean an unreachable cluster
-    renew: Callable[[], None]  # function to call after a worker has died
+    max_pending: int = 1  # greatest number of points that are handed out and not yet solved
+    worker_died: tuple[type[BaseException], ...] = ()  # exceptions that mean a dead worker
+    unreachable: tuple[type[BaseException], ...] = ()  # exceptions that mean an unreachable cluster
+    renew: Callable[[], None] = lambda: None  # function to call after a worker has died
 
 
 def available_cores() -> int:
@@ -50,16 +48,14 @@ def available_cores() -> int:
 def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
     """Start workers or connect to them, and release them at the end of the block."""
     kind, _, address = choice.partition(":")
-    if kind == "dask" and address == "" and choice != "dask":
-        raise _refusal(choice, "has no address: write dask:HOST:PORT, or dask for a cluster on this machine")
-    if kind == "dask":
-        with _dask_pool(choice, address, jobs) as pool:
-            yield pool
+    if choice == "serial":
+        yield WorkerPool(_Serial())
     elif choice == "processes":
-        with _process_pool(jobs) as pool:
-            yield pool
-    elif choice == "serial":
-        yield WorkerPool(_Serial(), 1, (), (), lambda: None)
+        yield from _process_pool(jobs)
+    elif choice == "dask" or (kind == "dask" and address):
+        yield from _dask_pool(choice, address, jobs)
+    elif kind == "dask":
+        raise _refusal(choice, "has no address: write dask:HOST:PORT, or dask for a cluster on this machine")
     else:
         raise _refusal(choice, 'is not "serial", "processes", "dask" or "dask:ADDRESS"')
 
@@ -73,18 +69,21 @@ class _Serial(Executor):
         return done
 
 
-@contextmanager
 def _process_pool(jobs: int) -> Iterator[WorkerPool]:
-    """Yield worker processes on this machine, and end them at the end of the block."""
-    with _for_workers():
-        context = _context()
-    start = partial(ProcessPoolExecutor, jobs, mp_context=context, initializer=_begin_worker)
+    """Yield worker processes on this machine, and end them afterwards."""
+
+    def started() -> ProcessPoolExecutor:
+        with _for_workers():  # also for the process that tracks the semaphores of the executor
+            executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _begin_worker)
+            for _ in range(jobs):
+                executor.submit(int)  # starts a worker, as long as none is idle
+        return executor
 
     def renew() -> None:
         pool.executor.shutdown(wait=False, cancel_futures=True)
-        pool.executor = start()
+        pool.executor = started()
 
-    pool = WorkerPool(start(), PENDING_PER_WORKER * jobs, (BrokenExecutor,), (), renew)
+    pool = WorkerPool(started(), PENDING_PER_WORKER * jobs, (BrokenExecutor,), renew=renew)
     try:
         yield pool
     except BaseException:
@@ -93,22 +92,9 @@ def _process_pool(jobs: int) -> Iterator[WorkerPool]:
     pool.executor.shutdown()  # wait, because idle workers could outlive the pipe that wakes them
 
 
-def _context() -> BaseContext:
-    """Return the start method for processes. If possible, a server process that has already imported the solver starts
-    the workers."""
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return _SpawnForWorkers()
-    from multiprocessing.forkserver import ensure_running
-
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["vctune.study.row"])
-    ensure_running()
-    return context
-
-
 @contextmanager
 def _for_workers() -> Iterator[None]:
-    """Give `ENVIRONMENT` to the processes that start in this block."""
+    """Give `ENVIRONMENT` to the processes that start in this block, and leave Ctrl-C to this one."""
     before, foremost = dict(os.environ), threading.current_thread() is threading.main_thread()
     os.environ.update(ENVIRONMENT)
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if foremost else None
@@ -121,22 +107,9 @@ def _for_workers() -> Iterator[None]:
             signal.signal(signal.SIGINT, handler)
 
 
-class _SpawnedWorker(SpawnProcess):
-    """A process that starts with `ENVIRONMENT`."""
-
-    def start(self) -> None:
-        with _for_workers():
-            super().start()
-
-
-class _SpawnForWorkers(SpawnContext):
-    """The start method "spawn" with `ENVIRONMENT`."""
-
-    Process = _SpawnedWorker
-
-
 def _begin_worker() -> None:
     """Set up a worker process: it leaves Ctrl-C to its parent and ends when its parent ends."""
+    os.environ.update(ENVIRONMENT)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -148,7 +121,6 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-@contextmanager
 def _dask_pool(choice: str, address: str, jobs: int) -> Iterator[WorkerPool]:
     """Yield the workers of a Dask cluster, or refuse a cluster that is absent or of another version."""
     try:
@@ -156,48 +128,35 @@ def _dask_pool(choice: str, address: str, jobs: int) -> Iterator[WorkerPool]:
         from distributed.comm import CommClosedError
     except ImportError:
         raise _refusal(choice, "needs Dask: pip install distributed") from None
-    with _no_logs(), _client(choice, address, jobs) as client:
-        threads = sum(client.nthreads().values())
-        if threads == 0:
-            raise _refusal(choice, "has no workers; start some with: dask worker ADDRESS")
-        _check_versions(choice, client)
-        executor = client.get_executor(pure=False)
-        try:
-            yield WorkerPool(
-                executor, PENDING_PER_WORKER * threads, (KilledWorker,), (CancelledError, CommClosedError), lambda: None
-            )
-        finally:
-            executor.shutdown(wait=False)
-
-
-@contextmanager
-def _no_logs() -> Iterator[None]:
-    """Keep Dask's tracebacks of lost connections off stderr, because vctune's own message covers them."""
     before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
+    logging.disable(logging.CRITICAL)  # Dask's tracebacks of lost connections, which vctune's own message covers
     try:
-        yield
+        with _client(choice, address, jobs) as client:
+            threads = sum(client.nthreads().values())
+            if threads == 0:
+                raise _refusal(choice, "has no workers; start some with: dask worker ADDRESS")
+            _check_versions(choice, client)
+            executor = client.get_executor(pure=False)
+            try:
+                lost = CancelledError, CommClosedError
+                yield WorkerPool(executor, PENDING_PER_WORKER * threads, (KilledWorker,), lost)
+            finally:
+                executor.shutdown(wait=False)
     finally:
         logging.disable(before)
 
 
-@contextmanager
-def _client(choice: str, address: str, jobs: int) -> Iterator[Any]:
-    """Yield a client of a new cluster on this machine, or of the cluster at an address."""
-    from distributed import Client, LocalCluster
+def _client(choice: str, address: str, jobs: int) -> Any:
+    """Return a client of a new cluster on this machine, or of the cluster at an address."""
+    from distributed import Client
 
     if not address:
         with _for_workers():
-            cluster = LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=None)
-        with cluster, Client(cluster) as client:
-            yield client
-        return
+            return Client(n_workers=jobs, threads_per_worker=1, dashboard_address=None)
     try:
-        client = Client(address, timeout=CONNECT_SECONDS)
+        return Client(address, timeout=CONNECT_SECONDS)
     except (OSError, ValueError) as error:
         raise _refusal(choice, f"the scheduler cannot be reached: {error}") from None
-    with client:
-        yield client
 
 
 def _check_versions(choice: str, client: Any) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Units, of_one_device
-from vctune.design.variables import Coordinate, coordinates, keys_for, ranges
+from vctune.design.variables import coordinates, keys_for, ranges
 from vctune.document.text.errors import Mistake
 from vctune.model.numbers.keys import KEYS, keys_of
 from vctune.model.problem import Problem, Range
@@ -36,24 +36,24 @@ class Plane:
         """The keys of the variables."""
         return keys_of(len(self.ranges))
 
+    @property
+    def side(self) -> int:
+        """The number of finest cells along each axis."""
+        return len(self.edges[0]) - 1
+
     def at_full_width(self, key: str) -> bool:
-        """Return whether a variable is free but not an axis, so that each cell may have its own value of this
-        variable."""
+        """Return whether a variable is free but not an axis, so that each cell may have its own value of it."""
         index = self.keys.index(key) if key in self.keys else None
         return index is not None and index not in self.axes and not self.ranges[index].fixed
 
     def coarsest_squares(self) -> Squares:
-        """Return the plane as `COARSEST` by `COARSEST` cells."""
-        side, count = len(self.edges[0]) - 1, COARSEST
-        marks = np.arange(0, side, side // count)
+        """Return the plane as `COARSEST` by `COARSEST` cells, and the line K_p = 0 as pieces as long."""
+        step = self.side // COARSEST
+        marks = np.arange(0, self.side, step)
         i, j = (grid.ravel() for grid in np.meshgrid(marks, marks, indexing="ij"))
-        squares = np.stack((i, i + side // count, j, j + side // count))
-        for place in range(2):
-            if self.has_line(place):
-                line = np.zeros((4, count), np.intp)
-                line[2 * (1 - place)], line[2 * (1 - place) + 1] = marks, marks + side // count
-                squares = np.concatenate((squares, line), axis=1)
-        return squares
+        squares, none = np.stack((i, i + step, j, j + step)), np.zeros_like(marks)
+        lines = [[none, none, marks, marks + step], [marks, marks + step, none, none]]
+        return np.concatenate([squares, *(lines[place] for place in (0, 1) if self.has_line(place))], axis=1)
 
     def has_line(self, place: int) -> bool:
         """Return whether the axis x or y (0 or 1) is a K_p that starts at 0."""
@@ -63,57 +63,51 @@ class Plane:
         """Return the cells as boxes of all variables."""
         low = np.repeat([[bounds.min] for bounds in self.ranges], squares.shape[1], axis=1)
         high = np.repeat([[bounds.max] for bounds in self.ranges], squares.shape[1], axis=1)
-        for place, axis in enumerate(self.axes):
-            low[axis], high[axis] = (self.edges[place][squares[2 * place + k]] for k in (0, 1))
+        for axis, edges, ends in zip(self.axes, self.edges, (squares[:2], squares[2:]), strict=True):
+            low[axis], high[axis] = edges[ends]
         return Cells(low, high)
 
     def areas(self, squares: Squares) -> Floats:
         """Return each cell's share of the finest cells of the plane, shape (n,); 0 for a piece of the line K_p = 0."""
-        side = len(self.edges[0]) - 1
-        return (squares[1] - squares[0]) * (squares[3] - squares[2]) / side**2
+        return (squares[1] - squares[0]) * (squares[3] - squares[2]) / self.side**2
 
 
 def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     """Return the reasons why vctune cannot find a region of the problem in the plane of x and y."""
-    bounds, mistakes = dict(zip(keys_for(problem), ranges(problem), strict=True)), []
+    bounds, faults = dict(zip(keys_for(problem), ranges(problem), strict=True)), list[tuple[str, str]]()
     free = [key for key in bounds if not bounds[key].fixed]
     names = f"free are {', '.join(free)}" if free else "the problem fixes every number"
     if of_one_device(problem) is None:
-        mistakes.append(
-            Mistake("no-plane", "uncertainty", "a region is proved for one device; leave the table out of this problem")
-        )
+        faults.append(("uncertainty", "a region is proved for one device; leave the table out of this problem"))
     if problem.worlds is not None:
         message = "a region is proved with every passive environment; leave the table out of this problem"
-        mistakes.append(Mistake("no-plane", "environment", message))
+        faults.append(("environment", message))
     if x == y:
-        mistakes.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))
-    mistakes += [
-        Mistake("no-plane", key, f"is fixed at {bounds[key].min:g} and spans no plane; {names}")
+        faults.append((x, "is both axes of the plane; choose another for x or y"))
+    faults += [
+        (key, f"is fixed at {bounds[key].min:g} and spans no plane; {names}")
         for key in dict.fromkeys((x, y))
         if bounds[key].fixed
     ]
-    mistakes += [
-        Mistake("no-plane", key, "is free but not an axis; fix it, or name it as x or y")
+    faults += [
+        (key, "is free but not an axis; fix it, or name it as x or y")
         for key in (bounds if problem.device.kind.inverse else KEYS[:2])
         if key not in (x, y) and not bounds[key].fixed
     ]
-    return mistakes
+    return [Mistake("no-plane", key, message) for key, message in faults]
 
 
 def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
-    """Return the plane of two free variables of a problem."""
+    """Return the plane of two free variables of a problem, its edges equally spaced in the optimiser's coordinates."""
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
     coordinate_of = {c.index: c for c in coordinates(problem.in_units(impedance, time), integrator=True)}
-    keys, bounds = keys_for(problem), ranges(problem)
+    keys, bounds, edges = keys_for(problem), ranges(problem), list[Floats]()
     axes, units = (keys.index(x), keys.index(y)), Units(impedance, time, 1.0).to_si((1.0,) * len(keys))
-    edges = [_edges(coordinate_of[axis], units[axis], bounds[axis], 2**levels) for axis in axes]
+    for axis in axes:
+        along = coordinate_of[axis]
+        inner = [along.to_x(z) * units[axis] for z in np.linspace(along.low, along.high, 2**levels + 1)[1:-1]]
+        edges.append(np.array([bounds[axis].min, *(float(f"{x:.{DIGITS}g}") for x in inner), bounds[axis].max]))
     return Plane(axes, (edges[0], edges[1]), bounds)
-
-
-def _edges(coordinate: Coordinate, unit: float, bounds: Range, count: int) -> Floats:
-    """Return the edges of an axis in SI units, equally spaced in the optimiser's coordinate."""
-    inner = [coordinate.to_x(z) * unit for z in np.linspace(coordinate.low, coordinate.high, count + 1)[1:-1]]
-    return np.array([bounds.min, *(float(f"{x:.{DIGITS}g}") for x in inner), bounds.max])
 
 
 def halved(squares: Squares, across: Flags) -> Squares:

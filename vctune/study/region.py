@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +25,10 @@ from vctune.study.plane import Plane, Squares, halved
 from vctune.study.region_estimate import COUPLING_DAMPING, changes, estimate
 
 TOGETHER = 512  # Number of cells that the search judges together; the data of this many cells fit into memory
-# The keys of the variables whose growth makes the constraints easier to meet
-EASING = "coupling.mass", "coupling.drag"
+EASING = "coupling.mass", "coupling.drag"  # Variables whose growth makes the constraints easier to meet
 
 Progress = Callable[[str], None]
+Kinds = NDArray[np.intp]
 
 
 class Kind(IntEnum):
@@ -40,9 +39,6 @@ class Kind(IntEnum):
     INFEASIBLE = 2
 
 
-Kinds = NDArray[np.intp]
-
-
 @dataclass(frozen=True, slots=True)
 class Region:
     """The cells of a plane, each with its verdict."""
@@ -50,7 +46,7 @@ class Region:
     plane: Plane  # the variables and their edges
     squares: Squares  # the cells, shape (4, n)
     kinds: Kinds  # verdict on each cell, `Kind`
-    damping: Floats
+    damping: Floats  # b_c that meets the constraints throughout a feasible cell; nan elsewhere and if b_c is given
     interrupted: bool = False  # whether undecided cells remain that were not examined or could be divided further
 
     def area(self, kind: Kind) -> float:
@@ -69,35 +65,21 @@ def region(
     of_device = of_one_device(problem)
     assert of_device is not None
     problems = [of_device, *problems_beside(of_device)]
-    across = partial(_across, problems, plane)
-    return divided(plane, squares, partial(_judged, problems, plane), across, progress, stopped)
-
-
-def divided(
-    plane: Plane,
-    squares: Squares,
-    judged: Callable[[Squares], tuple[Kinds, Floats]],
-    across: Callable[[Squares], Flags],
-    progress: Progress = lambda stage: None,
-    stopped: Callable[[], bool] = lambda: False,
-) -> Region:
-    """Divide cells of a plane until each is decided or as small as the plane's edges permit."""
     done, decided = list[tuple[Squares, Kinds, Floats]](), 0.0
     while squares.shape[1] and not (stopped() or out_of_time()):
         progress(f"{decided:.1%} of the plane decided, {squares.shape[1]} cells open")
         first, remaining = np.split(squares, [TOGETHER], axis=1)
         try:
-            kinds, damping = judged(first)
+            kinds, damping = _judged(problems, plane, first)
         except OutOfTimeError:
             break
         squares = remaining
-        size = np.maximum(first[1] - first[0], first[3] - first[2])
         decided += plane.areas(first)[kinds != Kind.UNDECIDED].sum()
-        settled = (kinds != Kind.UNDECIDED) | (size == 1)
+        settled = (kinds != Kind.UNDECIDED) | ((first[[1, 3]] - first[[0, 2]]).max(axis=0) == 1)
         done.append((first[:, settled], kinds[settled], damping[settled]))
         open_ones = first[:, ~settled]
         if open_ones.size:
-            squares = np.concatenate((squares, halved(open_ones, across(open_ones))), axis=1)
+            squares = np.concatenate((squares, halved(open_ones, _across(problems, plane, open_ones))), axis=1)
     undecided = squares.shape[1]
     done.append((squares, np.full(undecided, Kind.UNDECIDED, np.intp), np.full(undecided, np.nan)))
     cells, kinds, damping = (np.concatenate(part, axis=-1) for part in zip(*done, strict=True))
@@ -117,29 +99,21 @@ def easiest(cells: Cells, plane: Plane) -> Cells:
     return Cells(low, cells.high)
 
 
-def with_damping(cells: Cells, damping: Floats) -> Cells:
-    """Return the cells with b_c fixed where a value is given."""
-    low, high = cells.low.copy(), cells.high.copy()
-    stated = np.isfinite(damping)
-    low[COUPLING_DAMPING, stated] = high[COUPLING_DAMPING, stated] = damping[stated]
-    return Cells(low, high)
-
-
 @np.errstate(all="ignore")
 def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     """Return the verdict on each cell, and the b_c of a feasible cell if b_c is free."""
-    free = free_damping(plane)
-    cells = easiest(plane.cells(squares), plane)
+    free, cells = free_damping(plane), easiest(plane.cells(squares), plane)
     estimated = estimate(problems, cells, free=free)
-    kinds = np.full(len(cells), Kind.UNDECIDED)
-    with_b_c = with_damping(cells, estimated.damping) if free else cells
-    hopeful = np.flatnonzero(~np.isnan(estimated.damping))
+    met, with_b_c = ~np.isnan(estimated.damping), Cells(cells.low.copy(), cells.high.copy())
+    if free:
+        with_b_c.low[COUPLING_DAMPING, met] = with_b_c.high[COUPLING_DAMPING, met] = estimated.damping[met]
+    hopeful, kinds = np.flatnonzero(met), np.full(len(cells), Kind.UNDECIDED)
     for problem in problems:
         hopeful = hopeful[proved_cells(pose(problem).demands, with_b_c.subset(hopeful))]
     kinds[hopeful] = Kind.FEASIBLE
     for problem, hardest in zip(problems, estimated.places, strict=True):
         undecided = np.flatnonzero(kinds == Kind.UNDECIDED)
-        lost = _proved_infeasible(problem, plane, cells.subset(undecided), hardest.subset(undecided))
+        lost = _proved_infeasible(problem, cells.subset(undecided), hardest.subset(undecided), free=free)
         kinds[undecided[lost]] = Kind.INFEASIBLE
     return kinds, np.where((kinds == Kind.FEASIBLE) & free, estimated.damping, np.nan)
 
@@ -147,21 +121,21 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flags:
     """Return the cells to halve in x: the requirements change more with x than with y, or as much in a longer side."""
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
-    change = changes(problems, cells, plane.axes, free=free)
+    with_x, with_y = (changes(problems, cells, axis, free=free) for axis in plane.axes)
     longer = squares[1] - squares[0] > squares[3] - squares[2]
-    return np.where(change[0] == change[1], longer, change[0] > change[1])
+    return np.where(with_x == with_y, longer, with_x > with_y)
 
 
-def _proved_infeasible(problem: Problem, plane: Plane, cells: Cells, places: Places) -> Flags:
-    """Return the cells of a plane that are proved to contain no design that meets a problem's constraints."""
+def _proved_infeasible(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
+    """Return the cells that are proved to contain no design that meets a problem's constraints."""
     demands = pose(problem).demands
     infeasible = refuted(demands, cells, places)
-    if free_damping(plane):
-        infeasible |= no_damping(demands, cells, places)
-    elif places.in_hands is not None and not infeasible.all():
+    if free:
+        return infeasible | no_damping(demands, cells, places)
+    if places.in_hands is not None and not infeasible.all():
         near = np.flatnonzero(~infeasible)
-        near_cells = cells.subset(near)
-        infeasible[near] = refuted(demands, near_cells, _refined_places(problem, near_cells, places.subset(near)))
+        some = cells.subset(near)
+        infeasible[near] = refuted(demands, some, _refined_places(problem, some, places.subset(near)))
     return infeasible
 
 

@@ -1,9 +1,10 @@
-"""`vctune check --region`: prove the cells and gain sets of an earlier region, the baseline, for the present
-problem."""
+"""The record of a region, and `vctune check --region`: the cells and gain sets of an earlier region, the baseline,
+proved for the present problem."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,13 @@ from vctune.design.variables import keys_for, point, ranges
 from vctune.design.verdict.checked import OUT_OF_TIME, Checked, CheckVerdict
 from vctune.design.verdict.judge import Status, judge_all
 from vctune.document.reading import ProblemFile
+from vctune.document.records.gains_json import ProblemRecord, coupling_record, stated_units
 from vctune.document.records.region_json import (
     AxesRecord,
     CheckedProblemRecord,
+    DemandsRecord,
+    DesignPoint,
+    EdgesRecord,
     RegionCheckRecord,
     RegionDocument,
     read_region,
@@ -25,113 +30,139 @@ from vctune.document.text import toml
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.units import Units
-from vctune.model.problem import Problem
+from vctune.model.problem import Range
 from vctune.study.plane import Plane, Squares, plane_errors
 from vctune.study.region import Kind, Progress, Region, region
-from vctune.study.region_record import Design
+from vctune.version import versions
 
 OTHER_REGION = Note("other-version", "the region was found for another version of the problem (sha256 differs)")
 NOTHING = Note("nothing-proved", "the region lists neither a feasible cell nor gains, so that nothing was to be proved")
 
-
-@dataclass(frozen=True, slots=True)
-class Recheck:
-    """The verdicts of a renewed check of a baseline."""
-
-    region: Region  # the cells that the baseline lists as feasible, divided further if they are not proved as a whole
-    designs: list[Design]  # the gain sets that the baseline lists
-    certified: list[bool]  # for each listed gain set, whether it is still certified
-    units: Units  # units of the problem
-    cut: bool = False  # whether the time limit ended the check
-
-    @property
-    def lost(self) -> bool:
-        """Whether a cell or a gain set is not proved again."""
-        return bool((self.region.kinds != Kind.FEASIBLE).any()) or not all(self.certified)
+Design = tuple[Gains, AnyCoupling]
 
 
-def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lambda stage: None) -> Recheck:
-    """Prove the feasible cells and the gain sets of a baseline again for the present problem."""
-    keys = keys_for(problem)
-    axes = (keys.index(baseline.axes.x), keys.index(baseline.axes.y))
-    plane = Plane(axes, (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges(problem))
-    rechecked = region(problem, plane, _feasible(baseline), progress)
-    designs: list[tuple[Gains, AnyCoupling]] = [listed.design for listed in baseline.designs]
-    judged = judge_all(problem, designs) if designs else []
-    certified = [judgement.status is Status.CERTIFIED for judgement in judged]
-    cut = rechecked.interrupted or any(judgement.certificate.cut for judgement in judged)
-    return Recheck(rechecked, designs, certified, problem.units, cut)
+def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> RegionDocument:
+    """Return the record of a region for region.json."""
+    plane, problem, stability = region.plane, file.problem, file.problem.stability
+    damping = [None if np.isnan(b_c) else b_c for b_c in region.damping.tolist()]
+    cells = zip(region.squares.T.tolist(), region.kinds.tolist(), damping, strict=True)
+    hands: dict[str, Any] = {}
+    if problem.hands_met is not None:
+        box = {name: list(ends) for name, ends in problem.hands.ranges.items()}
+        hands = {"criterion": stability.criterion, "hands": box}
+    return RegionDocument(
+        problem=ProblemRecord(name=problem.name, sha256=file.sha256, text=file.text, **stated_units(problem.device)),
+        demands=DemandsRecord(
+            safety_factor=stability.safety_factor, max_sensitivity=stability.max_sensitivity, **hands
+        ),
+        axes=_axes(plane),
+        others={
+            key: _stated(bounds)
+            for index, (key, bounds) in enumerate(zip(plane.keys, plane.ranges, strict=True))
+            if index not in plane.axes
+        },
+        areas={kind.name.lower(): region.area(kind) for kind in Kind},
+        **({"interrupted": True} if region.interrupted else {}),
+        designs=[
+            DesignPoint.model_validate({"gains": asdict(gains), "coupling": coupling_record(coupling).model_dump()})
+            for gains, coupling in designs
+        ],
+        edges=EdgesRecord(x=plane.edges[0].tolist(), y=plane.edges[1].tolist()),
+        cells=[(*square, Kind(kind).name.lower(), b_c) for square, kind, b_c in cells],
+        versions=versions(None),
+    )
 
 
-def _feasible(baseline: RegionDocument) -> Squares:
-    """Return the feasible cells of a baseline."""
-    feasible = [cell[:4] for cell in baseline.cells if cell[4] == "feasible"]
-    return np.array(feasible, dtype=np.intp).reshape(-1, 4).T
+def _axes(plane: Plane) -> AxesRecord:
+    return AxesRecord.model_validate(dict(zip("xy", (plane.keys[axis] for axis in plane.axes), strict=True)))
+
+
+def _stated(bounds: Range) -> float | dict[str, float] | None:
+    """Return a range as in a file: a number, null for infinity, or its finite ends."""
+    if bounds.fixed:
+        return bounds.min if isfinite(bounds.min) else None
+    return {end: x for end, x in asdict(bounds).items() if isfinite(x)}
 
 
 @dataclass(frozen=True, slots=True)
 class RegionFinding:
-    """The result of a renewed check of a baseline."""
+    """The verdicts of a renewed check of a baseline."""
 
     file: ProblemFile  # the present problem
-    again: Recheck  # verdicts on cells and gain sets
+    region: Region  # the cells that the baseline lists as feasible, divided further if they are not proved as a whole
+    designs: list[Design]  # the gain sets that the baseline lists, and whether each is still certified
+    certified: list[bool]
+    cut: bool  # whether the time limit ended the check
     warnings: list[str]  # warnings for the user
+
+    @property
+    def lost_cells(self) -> Squares:
+        """The cells that are not proved again."""
+        return self.region.squares[:, self.region.kinds != Kind.FEASIBLE]
+
+    @property
+    def lost_area(self) -> float:
+        """Their share of the plane."""
+        return float(self.region.plane.areas(self.lost_cells).sum())
+
+    @property
+    def lost(self) -> bool:
+        """Whether a cell or a gain set is not proved again."""
+        return bool(self.lost_cells.size) or not all(self.certified)
 
     def record(self) -> dict[str, Any]:
         """Return the areas, and the cells and gain sets that are not proved again, in SI units."""
-        again, plane = self.again, self.again.region.plane
-        x, y = (plane.keys[axis] for axis in plane.axes)
-        x_edges, y_edges = plane.edges
-        lost_designs = [design for design, holds in zip(again.designs, again.certified, strict=True) if not holds]
-        cells = _lost(again).T.tolist()
+        plane, (x, y) = self.region.plane, self.region.plane.edges
+        lost_designs = [design for design, holds in zip(self.designs, self.certified, strict=True) if not holds]
         return RegionCheckRecord(
             problem=CheckedProblemRecord(name=self.file.problem.name, sha256=self.file.sha256),
-            status="undecided" if again.cut else "lost" if again.lost else "kept",
-            axes=AxesRecord.model_validate({"x": x, "y": y}),
-            areas={"kept": again.region.area(Kind.FEASIBLE), "lost": _lost_area(again)},
-            lost_cells=[[x_edges[a], x_edges[b], y_edges[c], y_edges[d]] for a, b, c, d in cells],
+            status="undecided" if self.cut else "lost" if self.lost else "kept",
+            axes=_axes(plane),
+            areas={"kept": self.region.area(Kind.FEASIBLE), "lost": self.lost_area},
+            lost_cells=[[float(each) for each in (x[a], x[b], y[c], y[d])] for a, b, c, d in self.lost_cells.T],
             lost_designs=[dict(zip(plane.keys, point(*design), strict=True)) for design in lost_designs],
             warnings=self.warnings,
         ).to_json()
 
+    def message(self) -> str:
+        """Return a phrase that states what is proved again, or what is not."""
+        kept, plane, designs = self.region.area(Kind.FEASIBLE), self.region.plane, len(self.certified)
+        if not self.lost:
+            return f"proved again: {100 * kept:.4g} % of the plane and the listed gain sets, {designs}"
+        what = "not proved again in time" if self.cut else "lost their proof"
+        message = f"{what}: {self.certified.count(False)} of {designs} listed gain sets"
+        if (squares := self.lost_cells).size:
+            spans = [
+                f"{plane.keys[axis]} from {edges[squares[k]].min():g} to {edges[squares[k + 1]].max():g}"
+                for axis, edges, k in zip(plane.axes, plane.edges, (0, 2), strict=True)
+            ]
+            share = f"{100 * self.lost_area:.4g} of {100 * (kept + self.lost_area):.4g} % of the plane"
+            message += f", and {share}, with {spans[0]} and {spans[1]}"
+        return message
+
 
 def check_region_file(file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None) -> Checked:
-    """Prove the cells and gain sets of a region file again for the present problem."""
+    """Prove the feasible cells and the gain sets of a region file again for the present problem."""
     old = read_region(baseline)
     require_record_of(file, old.problem, str(baseline), "region")
     if mistakes := plane_errors(file.problem, old.axes.x, old.axes.y):
         raise InputError(file.source, mistakes)
-    again = recheck(file.problem, old, progress)
-    notes = [] if old.problem.sha256 == file.sha256 else [OTHER_REGION]
-    notes += [OUT_OF_TIME] if again.cut else [] if again.certified or again.region.kinds.size else [NOTHING]
-    finding = RegionFinding(file, again, [note.line for note in notes])
+    again = _again(file, old, progress)
     verdict = CheckVerdict.UNDECIDED if again.cut else CheckVerdict.FAILED if again.lost else CheckVerdict.PASSED
     line = toml.Lines(file.text).locate(("device",)) or 1
-    return Checked(Path(file.source), file.problem.name, verdict, _message(again), line, finding)
+    return Checked(Path(file.source), file.problem.name, verdict, again.message(), line, again)
 
 
-def _lost(again: Recheck) -> Squares:
-    return again.region.squares[:, again.region.kinds != Kind.FEASIBLE]
-
-
-def _lost_area(again: Recheck) -> float:
-    return float(again.region.plane.areas(_lost(again)).sum())
-
-
-def _message(again: Recheck) -> str:
-    """Return a phrase that states what is proved again, or what is not."""
-    kept, lost, designs = again.region.area(Kind.FEASIBLE), _lost_area(again), len(again.certified)
-    if not again.lost:
-        return f"proved again: {100 * kept:.4g} % of the plane and the listed gain sets, {designs}"
-    what = "not proved again in time" if again.cut else "lost their proof"
-    message = f"{what}: {again.certified.count(False)} of {designs} listed gain sets"
-    squares, plane = _lost(again), again.region.plane
-    if squares.size:
-        spans = [
-            f"{plane.keys[axis]} from {edges[squares[k]].min():g} to {edges[squares[k + 1]].max():g}"
-            for axis, edges, k in zip(plane.axes, plane.edges, (0, 2), strict=True)
-        ]
-        share = f"{100 * lost:.4g} of {100 * (kept + lost):.4g} % of the plane"
-        message += f", and {share}, with {spans[0]} and {spans[1]}"
-    return message
+def _again(file: ProblemFile, old: RegionDocument, progress: Progress) -> RegionFinding:
+    problem, keys = file.problem, keys_for(file.problem)
+    axes = (keys.index(old.axes.x), keys.index(old.axes.y))
+    plane = Plane(axes, (np.array(old.edges.x), np.array(old.edges.y)), ranges(problem))
+    feasible = [cell[:4] for cell in old.cells if cell[4] == "feasible"]
+    cells = region(problem, plane, np.array(feasible, dtype=np.intp).reshape(-1, 4).T, progress)
+    designs: list[Design] = [listed.design for listed in old.designs]
+    judged = judge_all(problem, designs) if designs else []
+    cut = cells.interrupted or any(judgement.certificate.cut for judgement in judged)
+    notes = [] if old.problem.sha256 == file.sha256 else [OTHER_REGION]
+    notes += [OUT_OF_TIME] if cut else [] if judged or cells.kinds.size else [NOTHING]
+    certified = [judgement.status is Status.CERTIFIED for judgement in judged]
+    return RegionFinding(file, cells, designs, certified, cut, [note.line for note in notes])

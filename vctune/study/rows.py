@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from math import inf
 from pathlib import Path
@@ -33,8 +33,7 @@ def key_of(problem: Problem) -> str:
 
 
 def constraints_key(problem: Problem) -> str:
-    """Return a digest that is equal for problems that differ only in the weights of the error. Such problems have the
-    same feasible designs."""
+    """Return a digest that is equal for problems with the same feasible designs, which differ only in the weights."""
     return key_of(replace(problem, transparency=replace(problem.transparency, weights=Terms(1.0, 1.0, 1.0))))
 
 
@@ -49,29 +48,18 @@ class Rows:
 
     path: Path  # path of the file, and its file descriptor
     handle: int
-    places: dict[str, int]  # position in the file, bytes, of the latest row of each key that needs no further try
+    known: dict[str, Row] = field(default_factory=dict)  # latest row of each key that needs no further try
     dropped: int = 0  # number of lines that were not complete rows
-
-    def __contains__(self, key: str) -> bool:
-        return key in self.places
 
     def append(self, row: Row) -> None:
         """Append the row of a finished point."""
         line = (json.dumps(row, allow_nan=False) + "\n").encode()
-        place = os.lseek(self.handle, 0, os.SEEK_END)
         try:
             if os.write(self.handle, line) < len(line):
                 raise OSError(28, "No space left on device")
         except OSError as error:
             raise _refusal(self.path, f"cannot grow: {error.strerror}; its rows are kept, run again to go on") from None
-        self.places[row["key"]] = place
-
-    def read(self, keys: Iterable[str]) -> Iterator[Row]:
-        """Yield the rows of given keys, in the order of the keys. Each key must have a row."""
-        with self.path.open("rb") as file:
-            for key in keys:
-                file.seek(self.places[key])
-                yield json.loads(file.readline())
+        self.known[row["key"]] = row
 
 
 @contextmanager
@@ -82,10 +70,10 @@ def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = in
         write_together({path: header})
     elif restart:
         with _opened(path) as handle:
-            _index(path, handle, study)
+            _read(path, handle, study, time_limit)
             write_together({path: header})
     with _opened(path) as handle:
-        yield _index(path, handle, study, time_limit)
+        yield _read(path, handle, study, time_limit)
         os.fsync(handle)
 
 
@@ -109,23 +97,21 @@ def _opened(path: Path) -> Iterator[int]:
         os.close(handle)
 
 
-def _index(path: Path, handle: int, study: Study, time_limit: float = inf) -> Rows:
-    """Find the rows of a file, and cut off a torn last line."""
-    rows, end = Rows(path, handle, {}), 0
-    with path.open("rb") as file:
-        _check_header(path, file.readline(), study)
-        end = file.tell()
-        for line in file:
-            row = _parsed(line)
-            if row is None:
-                rows.dropped += 1
-            elif "schema" in row:
-                _check_header(path, line, study)
-            elif row["status"] != FAILED and row.get("time_limit", time_limit) >= time_limit:
-                rows.places[row["key"]] = end
-            if line.endswith(b"\n"):
-                end += len(line)
-    os.ftruncate(handle, end)
+def _read(path: Path, handle: int, study: Study, time_limit: float) -> Rows:
+    """Read the rows of a file, and cut off a torn last line. Rows that a lower time limit cut short are left out."""
+    header, *lines = path.read_bytes().splitlines(keepends=True)
+    _check_header(path, header, study)
+    rows = Rows(path, handle)
+    for line in lines:
+        row = _parsed(line)
+        if row is None:
+            rows.dropped += 1
+        elif "schema" in row:
+            _check_header(path, line, study)
+        elif row["status"] != FAILED and row.get("time_limit", time_limit) >= time_limit:
+            rows.known[row["key"]] = row
+    torn = lines[-1] if lines and not lines[-1].endswith(b"\n") else b""
+    os.ftruncate(handle, os.fstat(handle).st_size - len(torn))
     return rows
 
 

@@ -26,7 +26,7 @@ from vctune.document.records.rows_json import (
 from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_axes import Axis, number_keys
 from vctune.document.study_file import Study
-from vctune.model.display import DisplayName, stated_display
+from vctune.model.display import stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.study.rows import Rows
 
@@ -72,27 +72,24 @@ def summary(study: Study, table: Table) -> SweepRecord:
     designs."""
     certified, error = table.certified, table.numbers["error"]
     order = np.flatnonzero(certified)[np.argsort(error[certified], kind="stable")]
-    return SweepRecord(
-        study=study.name,
-        points=len(table.status),
-        status=dict(sorted(Counter(table.status).items())),
-        idle=int(table.idle.sum()),
-        yardstick=_yardstick(study),
-        units=table.units,
-        best=table.row(int(order[0])) if order.size else None,
-        worst=table.row(int(order[-1])) if order.size else None,
-        corner=_corner(table) if not certified.all() else None,
-    )
-
-
-def _yardstick(study: Study) -> StudyYardstickRecord:
     measured = study.yardstick.transparency
-    return StudyYardstickRecord(
+    yardstick = StudyYardstickRecord(
         band_hz=list(measured.band.hz),
         reference_impedance=measured.reference_impedance,
         norm=measured.norm,
         weights=asdict(measured.weights),
         varied=[axis.key for axis in study.axes if axis.path[0] == "transparency"],
+    )
+    return SweepRecord(
+        study=study.name,
+        points=len(table.status),
+        status=dict(sorted(Counter(table.status).items())),
+        idle=int(table.idle.sum()),
+        yardstick=yardstick,
+        units=table.units,
+        best=table.row(int(order[0])) if order.size else None,
+        worst=table.row(int(order[-1])) if order.size else None,
+        corner=_corner(table) if not certified.all() else None,
     )
 
 
@@ -121,7 +118,6 @@ class Table:
     reason: list[str]
     numbers: dict[str, Floats]
     system: UnitSystem = "linear"  # the problem's system of units
-    display: DisplayName = "admittance"  # kind of display
 
     @property
     def certified(self) -> NDArray[np.bool_]:
@@ -136,22 +132,9 @@ class Table:
     def units(self) -> dict[str, str]:
         """The unit of each column that has one."""
         units = UNITS[self.system]
-        of_axes = {key: unit_of(number_keys()[key], units) for key in self.axes}
-        of_numbers = {name: units.of(quantity) for name, quantity in QUANTITY_OF_COLUMN.items()}
-        return {
-            name: unit
-            for name, unit in {**of_axes, **of_numbers}.items()
-            if unit and (name in of_axes or name in self.numbers)
-        }
-
-    def headed(self) -> dict[str, Any]:
-        """Return every column by its name with its unit, as in files."""
-        units = self.units
-        return {heading(name, units.get(name, "")): column for name, column in self.columns().items()}
-
-    def __repr__(self) -> str:
-        axes = ", ".join(self.axes)
-        return f"Table({len(self.status)} points over {axes}, {int(self.certified.sum())} certified)"
+        found = {key: unit_of(number_keys()[key], units) for key in self.axes}
+        found |= {name: units.of(QUANTITY_OF_COLUMN[name]) for name in self.numbers}
+        return {name: unit for name, unit in found.items() if unit}
 
     def row(self, i: int) -> dict[str, Any]:
         """Return one row, with None for absent values."""
@@ -161,16 +144,9 @@ class Table:
         """Return all rows, with None for absent values."""
         return [self.row(i) for i in range(len(self.status))]
 
-    def subset(self, chosen: NDArray[np.intp]) -> Table:
-        """Return some of the rows, in the given order."""
-        return Table(
-            {key: column[chosen] for key, column in self.axes.items()},
-            [self.status[i] for i in chosen],
-            self.idle[chosen],
-            [self.reason[i] for i in chosen],
-            {name: column[chosen] for name, column in self.numbers.items()},
-            self.system,
-        )
+    def __repr__(self) -> str:
+        axes = ", ".join(self.axes)
+        return f"Table({len(self.status)} points over {axes}, {int(self.certified.sum())} certified)"
 
 
 def _plain(value: Any) -> Any:
@@ -183,37 +159,31 @@ def _plain(value: Any) -> Any:
 
 
 def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
-    """Return the table of a study."""
+    """Return the table of a study, with the numbers that designs of its display have."""
     values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
-    numbers = {name: np.full(len(keys), nan) for name in _columns(study)}
-    status, idle, reason = [], [], []
-    for i, row in enumerate(rows.read(keys)):
-        status.append(row["status"])
-        idle.append(row["idle"])
-        reason.append(row["reason"] or "")
-        for name, column in numbers.items():
-            column[i] = nan if row[name] is None else row[name]
-    axes, device = {axis.key: values[:, k] for k, axis in enumerate(study.axes)}, study.document["device"]
-    system: UnitSystem = device.get("units") or "linear"
-    return Table(axes, status, np.array(idle, dtype=bool), reason, numbers, system, stated_display(device).name)
-
-
-def _columns(study: Study) -> list[str]:
-    """Return the names of the numerical columns for designs of the study's display."""
-    kind = stated_display(study.document["device"])
-    absent = {COLUMN_OF_KEY[key] for key in set(COLUMN_OF_KEY) - set(kind.stated)}
-    return [name for name in QUANTITY_OF_COLUMN if name not in absent]
+    device, found = study.document["device"], [rows.known[key] for key in keys]
+    absent = {COLUMN_OF_KEY[key] for key in set(COLUMN_OF_KEY) - set(stated_display(device).stated)}
+    return Table(
+        {axis.key: values[:, k] for k, axis in enumerate(study.axes)},
+        [row["status"] for row in found],
+        np.array([row["idle"] for row in found], dtype=bool),
+        [row["reason"] or "" for row in found],
+        {
+            name: np.array([nan if row[name] is None else row[name] for row in found], dtype=float)
+            for name in QUANTITY_OF_COLUMN
+            if name not in absent
+        },
+        device.get("units") or "linear",
+    )
 
 
 def csv_text(table: Table) -> str:
     """Return a table as CSV, with numbers in their shortest exact decimals and blanks for absent values."""
-    stream = StringIO()
+    stream, units = StringIO(), table.units
     writer = csv.writer(stream, lineterminator="\n")
-    columns = table.headed()
-    writer.writerow(columns)
-    for i in range(len(table.status)):
-        plain = (_plain(column[i]) for column in columns.values())
+    writer.writerow(heading(name, units.get(name, "")) for name in table.columns())
+    for row in table.rows():
         writer.writerow(
-            str(value).lower() if isinstance(value, bool) else "" if value is None else value for value in plain
+            str(value).lower() if isinstance(value, bool) else "" if value is None else value for value in row.values()
         )
     return stream.getvalue()
