@@ -117,7 +117,7 @@ def test_fixed_variables_zero_weights_and_idle_demands_are_not_in_the_nlp():
     structure = solved.polished.structure
     assert [index for index, _ in structure.free] == [2]
     assert structure.terms == ("tracking", "coupling")
-    assert structure.capacities[1:] == (0, 0, 0, 0)
+    assert structure.capacities[1:] == (0, 0, 0, 0, 0)
 
 
 def test_peak_norm_is_the_greatest_error():

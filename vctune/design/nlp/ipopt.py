@@ -19,6 +19,8 @@ from vctune.analysis.hardest_hands import AtWall
 from vctune.analysis.sampled_loop import plant_of, pulse_transfer
 from vctune.design.nlp.nlp import compiled
 from vctune.design.nlp.nlp_parameters import (
+    STABILITY_CUT,
+    Layout,
     device_numbers,
     frequency_layout,
     packed,
@@ -153,6 +155,8 @@ def _parameters(
         numbers["ratio"] = _at_frequencies(structure, *stacked(working_set.ratio))
     if working_set.sensitivity:
         numbers["sensitivity"] = _pulse_transfer(working_set.sensitivity, position=position)
+    if working_set.stability:
+        numbers["stability"] = _by_name(STABILITY_CUT, working_set.stability)
     if working_set.peak:
         numbers["peak"] = _at_frequencies(structure, *stacked(working_set.peak))
     if working_set.unmodelled:
@@ -282,6 +286,11 @@ def _required(at: ConstraintPoint, gains: Gains, theta: float) -> Required:
     return required_in_hand(loop_in_hand(plant_in_hand(at.device, at.hand, delays, FLOATS), theta, FLOATS), gains)
 
 
+def _by_name(layout: Layout, objects: Sequence[Any]) -> dict[str, Any]:
+    """Return the fields of objects by name, with one column for each object."""
+    return {name: np.array([getattr(each, name) for each in objects]).T for name in layout}
+
+
 def _demands(
     problem: Problem, structure: NlpStructure, working_set: WorkingSet, tightening: float
 ) -> tuple[Floats, Floats]:
@@ -289,6 +298,7 @@ def _demands(
     levels = (
         log(stability.safety_factor) + tightening,
         -log(stability.max_sensitivity) + tightening,
+        0.0,
         0.0,
         tightening,
         0.0,

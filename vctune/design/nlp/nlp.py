@@ -13,6 +13,7 @@ import casadi as ca
 from vctune.design.nlp.nlp_parameters import (
     PERTURBED_LOOP,
     PULSE_TRANSFER,
+    STABILITY_CUT,
     Layout,
     common_layout,
     device_of,
@@ -138,6 +139,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
     frequency_column, frequency = _symbols("frequency", frequency_layout(structure))
     pulse_column, pulse = _symbols("pulse", PULSE_TRANSFER)
     perturbed_column, perturbed = _symbols("perturbed", PERTURBED_LOOP)
+    cut_column, cut = _symbols("cut", STABILITY_CUT)
     in_hand_column, in_hand = _symbols("held", tables(structure)["in_hand"].layout)
     plant_column, plant = _symbols("plant", plant_layout(structure))
 
@@ -163,6 +165,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "node": ca.vertcat(frequency_column, weight),
             "ratio": frequency_column,
             "sensitivity": pulse_column,
+            "stability": cut_column,
             "peak": frequency_column,
             "unmodelled": perturbed_column,
             "in_hand": in_hand_column,
@@ -172,6 +175,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "node": weight * error2,
             "ratio": ca.log(offered) - ca.log(modulus_excess(loop, SYMBOLS)),
             "sensitivity": ca.log(Pair(1 + L.re, L.im).abs2()) / 2,
+            "stability": cut["open"] + gains.velocity * cut["velocity"] + gains.position * cut["position"],
             "peak": epigraph - ca.log(error2) / 2,
             "unmodelled": _room(perturbed_L) - perturbed["log_radius"],
             "in_hand": _demanded_in_hand(structure, in_hand, gains, coupling, corner),

@@ -53,6 +53,8 @@ WORLDS_IN_HAND: Layout = {
 # Rows that walls add: `walled` is 1 for the condition on walls and 0 for the condition on linear environments; the
 # other rows are the fields of `AtWall`
 WALLS_IN_HAND: Layout = {"walled": 1, "share": 1, "lead": 1}
+# Rows of a tangent of the stability boundary: the fields of `Cut`
+STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 
 
 def in_hand_layout(structure: NlpStructure) -> Layout:
@@ -147,7 +149,7 @@ class Table:
 def tables(structure: NlpStructure) -> dict[str, Table]:
     """Return the tables of an NLP's parameters by name, in their order."""
     frequency = frequency_layout(structure)
-    kinds = (frequency, PULSE_TRANSFER, frequency, PERTURBED_LOOP, in_hand_layout(structure))
+    kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP, in_hand_layout(structure))
     demands = {
         name: Table(layout, count) for name, layout, count in zip(DEMANDS, kinds, structure.capacities, strict=True)
     }

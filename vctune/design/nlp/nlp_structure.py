@@ -18,9 +18,9 @@ from vctune.model.problem import Norm
 from vctune.model.transparency import TERMS, TermName
 
 # Names of the kinds of constraint, in the order of `NlpStructure.capacities`
-DEMANDS = ("ratio", "sensitivity", "peak", "unmodelled", "in_hand")
+DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 # Steps in which the number of slots for each kind of constraint grows, in the order of `DEMANDS`
-CAPACITY_STEPS = (12, 12, 12, 12, 12)
+CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
 IN_WORLDS = 36  # Step for the loops in hands with a box of environments
 
 
@@ -71,7 +71,11 @@ def nlp_structure(
     problem, weights = posed.problem, posed.problem.transparency.weights
     estimate = problem.device.velocity or VelocityEstimate()
     steps = CAPACITY_STEPS if problem.worlds is None else (*CAPACITY_STEPS[:-1], IN_WORLDS)
-    capacities = (-(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True))
+    ratio, sensitivity, stability, *others = (
+        -(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True)
+    )
+    if sensitivity > 0:  # if |S| is near its limit, so is the stability boundary
+        stability = max(stability, CAPACITY_STEPS[DEMANDS.index("stability")])
     return NlpStructure(
         kind=problem.device.kind,
         rigid=problem.bounds.damping.min == inf,
@@ -82,7 +86,7 @@ def nlp_structure(
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),
         norm=problem.transparency.norm,
         panels=panels if problem.transparency.norm == "rms" else 0,
-        capacities=tuple(capacities),
+        capacities=(ratio, sensitivity, stability, *others),
         tracked_peaks=len(working_set.tracked_peaks),
         operator_damping=problem.device.operator is not None and problem.device.operator.damping > 0,
         parts=_parts(problem.device),

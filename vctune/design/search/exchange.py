@@ -11,7 +11,7 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.in_walls import corner_of
-from vctune.analysis.stability import clearly_stable
+from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.nlp.ipopt import NEAR_SIDE, numbers_of, solve
 from vctune.design.nlp.nlp_structure import nlp_structure
 from vctune.design.prepared import Posed, with_device
@@ -37,6 +37,8 @@ from vctune.running import OutOfTimeError, check_time
 
 # Factors of K_p, or of both gains, that the search tries until the loops of a start are stable (`stable`)
 GAIN_REDUCTIONS = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
+STABILITY_MARGIN = 1e-4  # Least distance of a design from the stability boundary, as a share of the open loop's F
+MAX_CUTS = 24  # Greatest number of tangents of the stability boundary, which is a curve in the plane of the gains
 
 
 def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
@@ -65,12 +67,21 @@ def _loop_stable(device: Device, gains: Gains) -> bool:
     return stable_loop(device, gains, model=True) is True
 
 
+def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, outside: Gains) -> bool:
+    """Add a tangent of the stability boundary where a step crosses it."""
+    cuts = (stability_cut(device, inside, outside, STABILITY_MARGIN) for device in problem.device.loops)
+    new = [cut for cut in cuts if cut is not None and cut not in working_set.stability]
+    if len(working_set.stability) + len(new) > MAX_CUTS:
+        return False
+    working_set.stability.extend(new)
+    return bool(new)
+
+
 TIGHTENING = 1e-6  # Relative tightening of the constraints
 ROUNDS = 40  # Greatest number of NLPs in an exchange; one to three are usual
 STALLED = 8  # Number of rounds within which the greatest violation must halve; otherwise the exchange ends
 RADIUS = 2.0  # Half-width of the first trust box, and the greatest half-width, in log coordinates
 GROWTH = 2.0  # Factor by which the exchange widens the trust box after a useful answer
-CLOSER = 4.0  # Factor by which the exchange narrows the trust box after an answer whose loop is unstable
 NEARER = 0.8  # Ratio of successive violations below which an infeasible answer counts as useful
 # Half-width of the trust box at which the exchange ends: 0.1 %, the accuracy to which the search distinguishes basins
 LEAST_RADIUS = 1e-3
@@ -167,6 +178,7 @@ class _Search:
     missed: float = 0.0  # greatest violation of the last answer
     trail: list[float] = field(default_factory=list)  # greatest violation of each answer with stable loops
     start_examined: bool = False  # whether the exchange has evaluated the start as a known design
+    unstable: bool = False  # whether the last answer was unstable
     finished: bool = False
 
 
@@ -182,17 +194,20 @@ def _step(posed: Posed, search: _Search) -> None:
     )
     values = _values(free, solution.z, search.reference)
     gains = design_of(values)[0]
-    sound = all(stable(case, gains) for case in of_own_loops(search.cases))
+    unstable = next((case for case in of_own_loops(search.cases) if not stable(case, gains)), None)
     settled = solution.converged and solution.peak_tracked and not _at_box(free, solution.z, box)
-    search.finished = sound and settled and solution.error > (1 - tolerance) * search.incumbent
+    search.finished = unstable is None and settled and solution.error > (1 - tolerance) * search.incumbent
     if search.finished:
         return
     demands = violations(posed, search.cases, values, search.tightening, search.witnesses)
     search.rounds.append(Round(sum(working_set.sizes()), solution))
-    if not sound:
-        search.radius /= CLOSER
-        search.warm_start = search.reference
+    if unstable is not None:
+        cut = add_stability_cut(unstable, working_set, design_of(search.reference)[0], gains)
+        if not cut or search.unstable:
+            search.radius /= 2
+        search.unstable, search.warm_start = True, search.reference
         return
+    search.unstable = False
     asked = working_set.copy()
     _track_peak(working_set, demands.near_peak)
     joined, admissible = _add_violated(working_set, demands), demands.positive and demands.greatest == 0

@@ -34,6 +34,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
     coupled = f"Re {solved.problem.device.kind.couples}"
     where: list[tuple[str, ConstraintPoint | None]] = [("Re Z_c >= safety_factor R", at) for at in posed.ratio]
     where += [("|S| <= max_sensitivity", at) for at in posed.sensitivity]
+    where += [("stability of the sampled loop", None) for _ in posed.stability]
     where += [("greatest error", at) for at in posed.peak]
     where += [("|1 - S| r < 1 of the unmodelled dynamics", at) for at in posed.unmodelled]
     where += [
