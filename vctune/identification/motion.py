@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vctune.document.recording import Floats, Recording
 from vctune.document.text.codes import Note
-from vctune.identification.box import COULOMB_SHARE, Estimate, jackknife
+from vctune.identification.box import COULOMB_SHARE, Estimate, jackknife, sizes
 from vctune.identification.checks import position_noise
 from vctune.identification.physics import drive
 from vctune.identification.study import Complex, Curves, Study, number, record_of, unexplained
@@ -184,7 +184,7 @@ def _rms(values: Floats) -> float:
 
 def _least_squares(sensitivity: Floats, measured: Floats) -> Floats:
     """Return the least-squares solution by the normal equations, without a copy of a long table."""
-    size = np.maximum(np.sqrt(np.einsum("ij,ij->j", sensitivity, sensitivity)), 1e-300)
+    size = np.maximum(sizes(sensitivity), 1e-300)
     normal, right = sensitivity.T @ sensitivity / np.outer(size, size), sensitivity.T @ measured / size
     return np.asarray(np.linalg.lstsq(normal, right, rcond=None)[0] / size)
 
