@@ -12,8 +12,7 @@ from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import LeastOperator
 from vctune.model.loop.device_response import device_response
-from vctune.model.loop.impedances import LoopResponse
-from vctune.model.loop.loop import loop_response
+from vctune.model.loop.loop import LoopResponse, loop_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 

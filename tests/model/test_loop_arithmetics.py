@@ -17,11 +17,9 @@ from flint import arb, ctx
 from vctune.design.nlp.nlp import SYMBOLS
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
-from vctune.model.loop.affine import Affine, loop_constants
 from vctune.model.loop.device_response import device_response
-from vctune.model.loop.impedances import G_hh_abs2, tracking_abs2
 from vctune.model.loop.llewellyn import required_resistance
-from vctune.model.loop.loop import loop_response
+from vctune.model.loop.loop import Affine, G_hh_abs2, loop_constants, loop_response, tracking_abs2
 from vctune.model.numbers.arithmetic import CURVATURE_BELOW, FLOATS, Arithmetic, Number
 from vctune.model.sampled.velocity_loop import (
     ReturnDifference,

@@ -28,9 +28,9 @@ from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.analysis.sampled_loop import spectral_radius as proved_radius
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
-from vctune.model.loop.impedances import G_hh_abs2, tracking_abs2
 from vctune.model.loop.limits import low_frequency_limit
 from vctune.model.loop.llewellyn import required_resistance
+from vctune.model.loop.loop import G_hh_abs2, tracking_abs2
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 

@@ -19,10 +19,9 @@ from vctune.design.nlp.nlp import SYMBOLS
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains, coupling_impedance
 from vctune.model.loop.device_response import device_response
-from vctune.model.loop.impedances import G_hh_abs2, tracking_abs2
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.loop.llewellyn import required_resistance
-from vctune.model.loop.loop import loop_response
+from vctune.model.loop.loop import G_hh_abs2, loop_response, tracking_abs2
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.transparency import log_quadrature
 from vctune.proof.enclosures.arb_balls import BALLS, device_ball, gains_ball

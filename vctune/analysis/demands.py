@@ -14,9 +14,8 @@ from vctune.analysis.sampled_loop import loop_gain, sensitivity_of
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, series_coupling
 from vctune.model.loop.device_response import device_response
-from vctune.model.loop.impedances import LoopResponse
 from vctune.model.loop.llewellyn import llewellyn_demand, rollett_factor
-from vctune.model.loop.loop import loop_response
+from vctune.model.loop.loop import LoopResponse, loop_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.display import Display
-from vctune.model.loop.affine import Affine, LoopConstants
 from vctune.model.loop.device_response import DeviceResponse
-from vctune.model.loop.impedances import G_hh_abs2, LoopResponse, tracking_abs2
+from vctune.model.loop.loop import Affine, G_hh_abs2, LoopConstants, LoopResponse, tracking_abs2
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 

@@ -15,7 +15,7 @@ from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand
-from vctune.model.loop.affine import Affine
+from vctune.model.loop.loop import Affine
 from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import CommandInHand, LoopInHand, loop_in_hand

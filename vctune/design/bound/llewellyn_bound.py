@@ -12,8 +12,8 @@ from vctune.design.bound.design_boxes import DesignBoxes
 from vctune.design.bound.quadratic_coefficients import Coefficients, loop_at, mapped, quadratic, repeated
 from vctune.design.bound.quadratics import GUARD, Quadratic, lower, upper
 from vctune.model.device import Device
-from vctune.model.loop.affine import LoopConstants
 from vctune.model.loop.device_response import device_response
+from vctune.model.loop.loop import LoopConstants
 from vctune.model.numbers.pair import im_conj_product, re_conj_product
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, Floats, decimal
 

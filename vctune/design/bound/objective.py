@@ -24,8 +24,8 @@ from vctune.design.bound.quadratic_coefficients import (
 from vctune.design.bound.quadratics import BoundedQuotient, lower, upper
 from vctune.interrupt import interrupt_deferred
 from vctune.model.device import Device
-from vctune.model.loop.affine import Affine, LoopConstants, loop_constants
 from vctune.model.loop.device_response import device_response
+from vctune.model.loop.loop import Affine, LoopConstants, loop_constants
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair, re_conj_product
 from vctune.model.problem import Band, Problem

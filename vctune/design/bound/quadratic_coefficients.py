@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vctune.model.device import Device, stacked
-from vctune.model.loop.affine import Affine, LoopConstants, loop_constants
 from vctune.model.loop.device_response import device_response
+from vctune.model.loop.loop import Affine, LoopConstants, loop_constants
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.transparency import Quotient

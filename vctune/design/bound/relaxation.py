@@ -17,7 +17,7 @@ from vctune.design.bound.quadratics import BoundedQuotient, Quadratic, rounded_d
 from vctune.design.bound.worlds_bound import conditions_in_worlds
 from vctune.model.device import Device
 from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.loop.affine import Affine
+from vctune.model.loop.loop import Affine
 from vctune.model.numbers.pair import re_conj_product
 from vctune.model.problem import Problem
 from vctune.model.sampled.velocity_loop import return_difference, sampled_plant, split_delay

@@ -12,7 +12,7 @@ from vctune.analysis.stability import makes_no_turn
 from vctune.design.search.samples import Samples
 from vctune.design.search.start import Missed
 from vctune.model.gains import Gains
-from vctune.model.loop.impedances import LoopResponse
+from vctune.model.loop.loop import LoopResponse
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem
 

@@ -18,8 +18,8 @@ from vctune.design.search.samples import Samples, samples_of
 from vctune.design.search.shapes import scale_limits, scale_per_resistance, time_constants, unit_response
 from vctune.design.search.start import Missed
 from vctune.model.gains import Gains
-from vctune.model.loop.impedances import LoopResponse
 from vctune.model.loop.llewellyn import required_resistance
+from vctune.model.loop.loop import LoopResponse
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem, Range
 from vctune.model.transparency import loop_terms

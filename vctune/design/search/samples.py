@@ -24,8 +24,7 @@ from vctune.design.prepared import Posed
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.loop.device_response import DeviceResponse, device_response
-from vctune.model.loop.impedances import LoopResponse
-from vctune.model.loop.loop import loop_response
+from vctune.model.loop.loop import LoopResponse, loop_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.velocity_loop import ReturnDifference
 from vctune.model.transparency import log_quadrature

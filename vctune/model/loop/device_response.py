@@ -38,8 +38,8 @@ class Spring:
     y_k: Number
     total: Number  # mass of the device and mass of its handle, both without a load, kg
     own_mass: Number
-    bent: Number  # real and imaginary part of g = omega^2 mu/(k + j omega c), which contains no mass
-    bent_im: Number
+    bent: Number  # g/omega^2 = mu/(k + j omega c) = bent - j omega bent_lag, which contains no mass, s^2 and s^3
+    bent_lag: Number
 
 
 class DeviceResponse(NamedTuple):
@@ -121,8 +121,8 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
         loss = omega * parts.viscosity
         below = 1 / (parts.stiffness * parts.stiffness + loss * loss)
         rate = 2 * ops.pi * device.structure.frequency_hz
-        stiff, lossy = rate * rate, 2 * device.structure.damping_ratio * rate * omega
-        flat = omega2 / (stiff * stiff + lossy * lossy)
+        stiff, lossy = rate * rate, 2 * device.structure.damping_ratio * rate
+        flat = 1 / (stiff * stiff + omega2 * (lossy * lossy))
         mass = parts.motor
         spring = Spring(
             parts.handle,
@@ -132,7 +132,7 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
             device.mass,
             device.structure.handle_mass,
             stiff * flat,
-            -lossy * flat,
+            lossy * flat,
         )
     factor = None
     if device.unmodelled is not None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from vctune.model.loop.impedances import LoopResponse
+from vctune.model.loop.loop import LoopResponse
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair, re_conj_product
 

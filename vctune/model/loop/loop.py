@@ -1,64 +1,214 @@
-"""Evaluate the velocity loop at a frequency (model/README.md, sections 1, 2 and 12; paper eqs. 7, 9, 10, 11)."""
+"""Evaluate the velocity loop at a frequency: affine in the gains, and regular at omega = 0 (model/README.md, sections
+1, 2 and 12; paper eqs. 7, 9, 10, 11)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
 from vctune.model.gains import Gains
 from vctune.model.loop.device_response import DeviceResponse
-from vctune.model.loop.impedances import LoopResponse, controller_impedance
-from vctune.model.loop.loop_parts import loop_with_parts, perturbed_loop
-from vctune.model.numbers.arithmetic import Arithmetic
-from vctune.model.numbers.pair import Pair
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.pair import EvenOdd, Pair
+
+Complex = Any  # A `Pair` or an `EvenOdd`
+
+
+@dataclass(frozen=True, slots=True)
+class Affine:
+    """A complex number that is affine in the gains at a frequency: constant + K_v velocity + K_p position."""
+
+    constant: Complex  # the three coefficients; None for 0. An impedance has coefficients in N s/m, 1 and s
+    velocity: Complex = None
+    position: Complex = None
+
+    def driven(self, gains: Gains) -> Complex:
+        """Return the gains' part of the number, K_v velocity + K_p position; None for 0."""
+        velocity = None if self.velocity is None else self.velocity.scaled(gains.velocity)
+        position = None if self.position is None else self.position.scaled(gains.position)
+        return _sum(velocity, position)
+
+    def closed(self, gains: Gains) -> Complex:
+        """Return the number for given gains; None for 0."""
+        return _sum(self.constant, self.driven(gains))
+
+    def mapped(self, of: Callable[[Complex], Any]) -> Affine:
+        """Return the number with a function applied to its coefficients."""
+        return Affine(*(None if each is None else of(each) for each in (self.constant, self.velocity, self.position)))
+
+    def times(self, factor: EvenOdd) -> Affine:
+        """Return the number times a complex factor."""
+        return self.mapped(lambda each: factor * each)
+
+    def plus(self, constant: EvenOdd) -> Affine:
+        """Return a number without a constant plus a constant."""
+        return replace(self, constant=constant)
+
+
+class LoopConstants(NamedTuple):
+    """The constants of the loop at a frequency, which do not depend on the gains. Impedances may have a factor u."""
+
+    controller: Affine  # C_0 and F_s C_0
+    C: Affine
+    D: Affine  # D, D - C_0, N and W
+    miss: Affine
+    numerator: Affine
+    motor: Affine
+
+
+class LoopResponse(NamedTuple):
+    """The loop's impedances times a scale, which is omega with an integrator, and 1 without."""
+
+    C_scaled: Pair  # F_s C_0 = q D times the scale
+    D_scaled: Pair  # D times the scale
+    miss_scaled: Pair  # D - C_0 = (1 - G_he) D times the scale; for an ideal device D - C_0 = Z_d
+    numerator: Pair | None  # N = G_hh D, dimensionless; None if it is 1; 0 for a servo
+    scale2: Number  # the scale squared
+    im_C_conj_D_scaled: Number  # scale * Im(F_s C_0 conj D), which is scale * |D|^2 Im q (model/README.md, section 5)
+    im_slope: Number | None  # `im_C_conj_D_scaled` divided by omega, regular at omega = 0; None if it has a pole there
+    resistance: Number  # Re(N conj D) + b_h |N|^2, not scaled, N s/m
+    operator_relief: Number | None  # 2 b_h Re(F_s C_0 conj N); None without an operator
+
+
+def loop_constants(at: DeviceResponse) -> LoopConstants:
+    """Return the constants of a device's loop at omega > 0, with u = 1."""
+    omega = at.omega
+    found = _constants(at, scaled=False, position=True)
+    return LoopConstants(*(each.mapped(lambda x: Pair(x.even, omega * x.odd)) for each in found))
 
 
 def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResponse:
-    """Evaluate the velocity loop of a device at a frequency (model/README.md, sections 1, 2 and 12)."""
+    """Evaluate the velocity loop of a device at a frequency (model/README.md, sections 1, 2, 12 and 13)."""
+    omega, integral, spring = at.omega, not ops.is_zero(gains.position), at.spring
+    known, nothing = _constants(at, scaled=integral, position=integral), EvenOdd(0, 0, omega * omega)
+    controller, C = (each.closed(gains) or nothing for each in (known.controller, known.C))
+    D, miss, N = (each.closed(gains) or nothing for each in (known.D, known.miss, known.numerator))
+    slope = C.odd * miss.even - C.even * miss.odd  # of Im(F_s C_0 conj(D - C_0))
+    if at.sensor is not None:  # |C_0|^2 is real, so its term contains only the imaginary part of F_s
+        slope = slope - at.sensor.lag * controller.abs2()
+    im_slope = None if integral else slope
+    lossless = at.sensor is None and ops.is_zero(at.damping) and (spring is None or spring.damping is None)
+    if integral and lossless:
+        rest = _lossless_miss(at).closed(gains) or nothing
+        im_slope = omega * (C.even * rest.odd - C.odd * rest.even)
+
+    def re(x: EvenOdd) -> Number:
+        """Return Re(x/u)."""
+        return x.odd if integral else x.even
+
+    def re_conj(x: EvenOdd, y: EvenOdd) -> Number:
+        """Return Re(x conj(y/u))."""
+        if integral:
+            return x.even * y.odd - x.odd * y.even
+        return x.even * y.even + x.square * (x.odd * y.odd)
+
     if at.follows:
-        return _following(at)
-    if at.factor is not None:
-        return perturbed_loop(at, at.factor, gains)
-    if not (at.estimate is None and at.sensor is None and at.spring is None):
-        return loop_with_parts(at, gains, ops)
-    omega, b, integral = at.omega, at.damping, not ops.is_zero(gains.position)
-    loop, reactance = controller_impedance(at, gains, *at.drive, integral=integral), at.mass * omega
-    re_C, C, scale2, im_slope = loop.re, loop.scaled, 1, None
-    if integral:
-        Z_d, scale2 = Pair(b * omega, reactance * omega), omega * omega
-        # re_C is not scaled, so this product contains the scale once, not twice
-        im = b * C.im - Z_d.im * re_C
-        if ops.is_zero(b):
-            im_slope = -(reactance * re_C)
-    else:
-        Z_d = Pair(b, reactance)
-        im_slope = -(at.mass * re_C + b * (gains.velocity * at.drive.lag))
-        im = omega * im_slope
-    resistance, operator_relief = b + re_C, None
+        resistance = 0 * omega
+    elif at.factor is not None:
+        resistance = re(D) if spring is None else re_conj(N, D)
+    else:  # Re W + Re y |W|^2 + Re Z_h |N|^2, of which no two terms cancel
+        W = known.motor.closed(gains) or nothing
+        resistance = re(W)
+        if spring is not None:
+            resistance = resistance + spring.y_c * (W.abs2() if integral else omega * omega * W.abs2())
+            resistance = resistance if spring.damping is None else resistance + spring.damping * N.abs2()
+    operator_relief, simple = None, spring is None and not at.follows
     if at.operator is not None:
-        resistance, operator_relief = resistance + at.operator, 2 * at.operator * re_C
+        resistance = resistance + at.operator * (1 if simple else N.abs2())
+        operator_relief = 2 * at.operator * (re(C) if simple else re_conj(N, C))
+
+    def pair(x: EvenOdd) -> Pair:
+        return Pair(omega * x.odd, -x.even) if integral else Pair(x.even, omega * x.odd)
+
     return LoopResponse(
-        C_scaled=C,
-        D_scaled=Z_d + C,
-        miss_scaled=Z_d,
-        numerator=None,
-        scale2=scale2,
-        im_C_conj_D_scaled=im,
+        C_scaled=pair(C),
+        D_scaled=pair(D),
+        miss_scaled=pair(miss),
+        numerator=None if simple else Pair(N.even, omega * N.odd),
+        scale2=omega * omega if integral else 1,
+        im_C_conj_D_scaled=slope if integral else omega * slope,
         im_slope=im_slope,
         resistance=resistance,
         operator_relief=operator_relief,
     )
 
 
-def _following(at: DeviceResponse) -> LoopResponse:
-    """Return the response of a servo: G_hh = 0, because the hand cannot push it, and G_he = A H for all gains."""
-    drive = Pair(at.drive.re, -(at.omega * at.drive.lag))
-    C = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
-    return LoopResponse(
-        C_scaled=C,
-        D_scaled=Pair(1 + 0 * at.omega, 0 * at.omega),
-        miss_scaled=Pair(1 - at.drive.re, at.omega * at.drive.lag),
-        numerator=Pair(0 * at.omega, 0 * at.omega),
-        scale2=1,
-        im_C_conj_D_scaled=C.im,
-        im_slope=None,
-        resistance=0 * at.omega,
-        operator_relief=None,
-    )
+def _constants(at: DeviceResponse, *, scaled: bool, position: bool) -> LoopConstants:
+    """Return the constants of the loop, with the factor u = j omega if `scaled`: then they are regular at omega = 0."""
+    square = at.omega * at.omega
+
+    def number(even: Number, odd: Number) -> EvenOdd:
+        return EvenOdd(even, odd, square)
+
+    def raised(x: EvenOdd) -> EvenOdd:
+        """Return x times u."""
+        return number(-(square * x.odd), x.even) if scaled else x
+
+    AH = number(at.drive.re, -at.drive.lag)
+    F_s = None if at.sensor is None else number(at.sensor.re, -at.sensor.lag)
+    if at.follows:
+        drive, one = Affine(AH), Affine(number(1 + 0 * at.omega, 0 * at.omega))
+        miss, zero = Affine(number(1 - at.drive.re, at.drive.lag)), Affine(number(0 * at.omega, 0 * at.omega))
+        return LoopConstants(drive, drive if F_s is None else drive.times(F_s), one, miss, zero, one)
+    integrated = None  # A H/(j omega), times u
+    if position:
+        integrated = AH if scaled else number(AH.odd, -(AH.even / square))
+    C_0 = told = Affine(None, raised(AH), integrated)
+    lost, Z_1 = Affine(None), raised(number(at.damping, at.mass))  # C_f - C_0, and Z_1
+    if at.estimate is not None:
+        lost = Affine(None, C_0.velocity * number(-(square * at.estimate.loss), -at.estimate.lag))
+        told = Affine(None, C_0.velocity * number(at.estimate.re, -at.estimate.lag), integrated)  # C_f
+    W, D, miss, N = told.plus(Z_1), told.plus(Z_1), lost.plus(Z_1), Affine(number(1, 0 * at.omega))
+    if at.spring is not None:
+        # y = j omega f with f = g m/(m_1 m_2)/omega^2. The masses alone give j omega m (1 - g) of D_0, y Z_1 = -g
+        # m/m_2 and y Z_2 = -g m/m_1: terms of D_0 cancel near the resonance, where enclosures must be sharp
+        spring, m = at.spring, at.spring.total
+        bent = number(spring.bent, -spring.bent_lag)
+        f, g = bent.scaled(m / (at.mass * spring.own_mass)), bent.scaled(square)
+        y = number(-(square * f.odd), f.even)
+        y_Z_2 = g.scaled(-(m / at.mass))
+        N_0 = (g.scaled(-(m / spring.own_mass)) + y.scaled(at.damping)).plus(1)
+        D_0 = number(square * m * g.odd, m * (1 - g.even)) + y_Z_2.plus(1).scaled(at.damping)
+        if spring.damping is not None:  # the load of the handle adds its mass and damping to Z_2
+            load = number(spring.damping, spring.mass - spring.own_mass)
+            y_Z_2, D_0 = y_Z_2 + y * load, D_0 + load * N_0
+        D, N = told.times(y_Z_2.plus(1)).plus(raised(D_0)), told.times(f if scaled else y).plus(N_0)
+        miss = Affine(raised(D_0), _sum(y_Z_2 * told.velocity, lost.velocity), integrated and y_Z_2 * integrated)
+    if at.factor is not None:  # the mechanism's response times x divides its impedance by x
+        x, size2 = number(at.factor.re, at.factor.im / at.omega), at.factor.abs2()
+        inverse = number(x.even / size2, -(x.odd / size2))
+        D, miss = (replace(each, constant=inverse * each.constant) for each in (D, miss))
+        N = replace(N.times(x), constant=N.constant)
+    return LoopConstants(C_0, C_0 if F_s is None else C_0.times(F_s), D, miss, N, W)
+
+
+def _lossless_miss(at: DeviceResponse) -> Affine:
+    """Return (D - C_0)/(j omega) of a device without damping, load and sensor, regular at omega = 0."""
+    square, spring = at.omega * at.omega, at.spring
+    AH, late, F = EvenOdd(at.drive.re, -at.drive.lag, square), None, EvenOdd(1, 0, square)
+    if at.estimate is not None:
+        late = AH * EvenOdd(-at.estimate.lag, at.estimate.loss, square)
+        F = EvenOdd(at.estimate.re, -at.estimate.lag, square)
+    if spring is None:
+        return Affine(EvenOdd(at.mass, 0, square), late)
+    bent = EvenOdd(spring.bent, -spring.bent_lag, square)
+    carried = bent.scaled(spring.total / at.mass)  # y Z_2/(j omega)^2
+    lost = EvenOdd(-(square * carried.odd), carried.even, square) * AH * F
+    return Affine(bent.scaled(-square).plus(1).scaled(spring.total), _sum(lost, late), carried * AH)
+
+
+def _sum(x: Any, y: Any) -> Any:
+    return y if x is None else x if y is None else x + y
+
+
+def G_hh_abs2(loop: LoopResponse) -> Number:
+    """Return |G_hh|^2 = |N|^2/|D|^2 (paper eq. 10), (m/(N s))^2; 0 for a servo."""
+    above = loop.scale2 if loop.numerator is None else loop.scale2 * loop.numerator.abs2()
+    return above / loop.D_scaled.abs2()
+
+
+def tracking_abs2(loop: LoopResponse) -> Number:
+    """Return |1 - G_he|^2 = |(D - C_0)/D|^2, the squared relative error of the actual against the commanded
+    velocity."""
+    return loop.miss_scaled.abs2() / loop.D_scaled.abs2()

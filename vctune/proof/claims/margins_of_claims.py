@@ -7,10 +7,9 @@ from math import inf, nextafter, pi
 
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, coupling_impedance
-from vctune.model.loop.affine import loop_constants
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import llewellyn_demand, moduli
-from vctune.model.loop.loop import loop_response
+from vctune.model.loop.loop import loop_constants, loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
@@ -73,7 +72,8 @@ def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmeti
     """Return |N|^2 - r^2 |N - N_0|^2 at omega > 0. Where it is positive, N is not 0 for any response within the
     disc."""
     numerator = loop_constants(device_response(design.device.modelled, omega, ops)).numerator
-    return numerator.closed(design.gains).abs2() - radius * radius * numerator.driven(design.gains).abs2()
+    N, driven = numerator.closed(design.gains).abs2(), numerator.driven(design.gains)
+    return N if driven is None else N - radius * radius * driven.abs2()
 
 
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
