@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, ArrayArithmetic, Number
+from vctune.model.numbers.arithmetic import Arithmetic, ArrayArithmetic, Number
 
 Matrix = tuple[tuple[Number, ...], ...]
 Vector = tuple[Number, ...]
@@ -71,33 +71,16 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
     x = norm / 2.0**halvings
     # an entry that is 0 in A may become nonzero in any power of A up to its number of rows
     last = next(n for n in count(len(matrix)) if not x ** (n + 1) / factorial(n + 1) > LEFT_OUT * ops.precision * x)
-    if ops is FLOATS:
-        total = _series([1 / factorial(order) for order in range(1, last + 1)], small)
-    else:
-        total = term = small
-        for order in range(2, last + 1):
-            term = divided(product(term, small), order)
-            total = added(total, term)
+    total = term = small
+    for order in range(2, last + 1):
+        term = divided(product(term, small), order)
+        total = added(total, term)
     # for x <= 1/2 all further terms add up to less than 1.1 times the first of them
     rest = ops.within(1.1 * x ** (last + 1) / factorial(last + 1))
     found = _each(total, rest)
     for _ in range(halvings):
         found = added(scaled(found, 2), product(found, found))
     return rows_of(found)
-
-
-def exponentials_less_one(one: Matrix, other: Matrix, ops: Arithmetic) -> tuple[Matrix, Matrix]:
-    """Return e^A - 1 and e^B - 1. If the entries are doubles, the function computes both matrices together."""
-    if ops is not FLOATS:
-        return exponential_less_one(one, ops), exponential_less_one(other, ops)
-    pairs = [zip(*rows, strict=True) for rows in zip(one, other, strict=True)]
-    both = tuple(
-        tuple(0 if nothing(a) and nothing(b) else np.stack(np.broadcast_arrays(a, b), axis=-1) for a, b in row)
-        for row in pairs
-    )
-    found = exponential_less_one(both, ops)
-    first, second = (tuple(tuple(x if nothing(x) else x[..., k] for x in row) for row in found) for k in (0, 1))
-    return first, second
 
 
 COTH_WITHIN = 2.0  # Norm of A up to which the series computes (A/2) coth(A/2); its radius of convergence is 2 pi
@@ -111,9 +94,6 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
     square = product(half, half)
     ratio = (norm / 2.0**halvings / (2 * pi)) ** 2  # |B_2k|/(2k)! = 2 zeta(2k)/(2 pi)^2k
     last = next(n for n in count(len(matrix)) if not 3.7 * ratio ** (n + 1) > LEFT_OUT * ops.precision * ratio)
-    if ops is FLOATS:
-        shares = [float(bernoulli(2 * k)) / factorial(2 * k) for k in range(1, last + 1)]
-        return rows_of(_doubled(_series(shares, square), square, halvings))
     term = divided(square, 2)
     found = divided(term, 6)
     for k in range(2, last + 1):
@@ -130,52 +110,6 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
         total = added(total, product(quarter, inverse(total)))
         quarter = scaled(quarter, 4)
     return total
-
-
-STEP = 4  # Number of powers of the matrix in each part into which `_series` divides the sum
-
-
-def _series(shares: Sequence[float], x: Block) -> Block:
-    """Return c_1 X + c_2 X^2 + ... in doubles, by the scheme of Paterson and Stockmeyer."""
-    powers = [x.entries]
-    for _ in range(STEP - 1):
-        powers.append(x.ops.matmul(powers[-1], x.entries))
-    padded = np.zeros((-(-len(shares) // STEP), STEP))
-    padded.ravel()[: len(shares)] = shares
-    parts = np.tensordot(padded, np.stack(powers), axes=1)
-    total = parts[-1]
-    for part in parts[-2::-1]:
-        total = part + x.ops.matmul(powers[-1], total)
-    return Block(total, _reached(x.nonzero), x.ops)
-
-
-def _reached(nonzero: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which entries are nonzero in some power of a matrix."""
-    for _ in range(len(nonzero).bit_length()):
-        nonzero = nonzero | nonzero @ nonzero
-    return nonzero
-
-
-def _doubled(less_one: Block, square: Block, times: int) -> Block:
-    """Return f(2^k A) from f(A) - 1 and A^2 in doubles, by f(2A) = f(A) + (A/2)^2/f(A)."""
-    n = len(less_one.nonzero)
-    nonzero = _reached(less_one.nonzero | np.eye(n, dtype=bool))  # an inverse has the nonzero entries of all powers
-    total = np.moveaxis(less_one.entries, (0, 1), (-2, -1)) + np.eye(n)
-    quarter = np.moveaxis(square.entries, (0, 1), (-2, -1)) / 4
-    for k in range(times):
-        total = total + 4.0**k * quarter @ _inverted(total)
-    return Block(np.moveaxis(total, (-2, -1), (0, 1)), nonzero, less_one.ops)
-
-
-def _inverted(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the inverses of matrices, shape (..., n, n). The inverse of a singular matrix is nan."""
-    try:
-        inverses: NDArray[np.float64] = np.asarray(np.linalg.inv(matrices), float)
-    except np.linalg.LinAlgError:
-        regular = np.linalg.matrix_rank(np.nan_to_num(matrices)) == matrices.shape[-1]
-        inverses = np.asarray(np.linalg.inv(np.where(regular[..., None, None], matrices, np.eye(matrices.shape[-1]))))
-        inverses[~regular] = np.nan
-    return inverses
 
 
 @cache

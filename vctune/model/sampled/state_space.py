@@ -19,7 +19,6 @@ from vctune.model.numbers.matrices import (
     column,
     dot,
     exponential_less_one,
-    exponentials_less_one,
     product,
     scaled,
     times,
@@ -85,7 +84,7 @@ def left_by_older(rates: Matrix, older: Number, ops: Arithmetic) -> Vector:
 
 def _halves(rates: Matrix, older: Number, ops: Arithmetic) -> tuple[Matrix, Matrix]:
     """Return e^A - 1 over the part of a sample in which the older force acts, and over the rest."""
-    return exponentials_less_one(scaled(rates, older), scaled(rates, 1 - older), ops)
+    return exponential_less_one(scaled(rates, older), ops), exponential_less_one(scaled(rates, 1 - older), ops)
 
 
 def _moved_on(early: Matrix, late: Matrix) -> Vector:
