@@ -10,12 +10,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from arithmetic import DOUBLES
 from command import run as vctune
 from command import strict
-from device_pairs import real_of
-from firmware import Device as Sampled
-from sampled_device_oracle import Hand as OracleHand
+from device_pairs import tables_of
+from loop import Loop, port
 
 from vctune.design.ros import admittance_check, admittance_repair
 from vctune.design.ros.admittance_problem import corner_hz, coupling_of_admittance
@@ -134,20 +132,15 @@ def test_what_the_joints_lose_is_a_damping_of_every_axis():
 
 def radius(problem, axis, coefficient, hand, *, smoothed=False):
     """Return the spectral radius of the arm under the stepped admittance, and its filter if it is to be."""
-    K_v, K_p = problem.bounds.velocity.min, problem.bounds.position.min
-    memory = Sampled(real_of(problem.device), OracleHand(*hand), DOUBLES)
-    count = memory.size
-
-    def step(state):
-        body, (v, x, x_e, felt) = state[:count], state[count:]
-        force = float(memory.force(body))
-        felt = felt + coefficient * (force - felt) if smoothed else force
-        after = v + T * (felt - axis.damping * v - axis.stiffness * x) / axis.mass
-        x_e = x_e + T / 2 * (v + after)
-        command = K_v * (after - float(body[1])) + K_p * (x_e - float(memory.position(body)))
-        return np.concatenate([memory.wait(body, command), [after, x + T * after, x_e, felt]])
-
-    matrix = np.array([step(unit) for unit in np.eye(count + 4)]).T
+    table = tables_of(problem.device)["device"]
+    if smoothed:
+        table["force_sensor"] = table.get("force_sensor", {}) | {"filter_coefficient": coefficient}
+    held = port(Loop(table, (problem.bounds.velocity.min, problem.bounds.position.min), hand=hand))
+    n = len(held.b)
+    force, (v, x) = np.append(held.c, [0.0, 0.0]), np.eye(n + 2)[n:]
+    after = v + T * (force - axis.damping * v - axis.stiffness * x) / axis.mass
+    body = np.hstack([held.A, np.zeros((n, 2))]) + np.outer(held.b, after)
+    matrix = np.vstack([body, after, x + T * after])
     values = np.linalg.eigvals(matrix)
     return max(abs(z) for z in values if abs(z - 1) > 1e-6)
 

@@ -10,8 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from arithmetic import Digits
-from device_cases import NUM, Case, cases
-from device_pairs import loop
+from device_cases import NUM, Case, cases, loop_of
 from flint import arb, ctx
 
 from vctune.design.nlp.nlp import SYMBOLS
@@ -132,7 +131,7 @@ def test_constants_give_the_loop_for_any_gains(kind):
         omega = np.array(pi / case.device.sample_time * 10 ** rng.uniform(-4, 0))
         constants, loops = (
             loop_constants(device_response(case.device, omega, FLOATS)),
-            loop(case.device, case.gains, omega),
+            loop_of(case.device, case.gains, omega),
         )
         scale = float(np.sqrt(loops.scale2))
         for found, pair in (
@@ -154,8 +153,7 @@ ORACLES = ("R", "G_hh", "tracking", "sensitivity")
 DIGITS = 60
 """Of the oracles' values that are held against balls and enclosures, whose 128 bits are 38."""
 QUICK = Digits(80)
-"""For matrix exponentials, in which nothing cancels but what differences over `STEP` leave out."""
-STEP = QUICK.number("1e-25")
+"""For matrix exponentials, in which nothing cancels."""
 
 
 def true_value(name: str, case: Case, x: Any) -> Any:
