@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from agreement import all_to_all_digits, to_all_digits
 from arithmetic import DIGITS, Digits
+from conftest import DRAWS, WHOLE
 from device_pairs import device_of, tables_of
 from flint import arb, ctx
 from loop import Loop, offered, sensitivity
@@ -102,6 +103,8 @@ def cases(numbers: Iterable[int], seed: int) -> Iterator[tuple[Device, Gains, Ha
 
 SOME = range(0, len(COMBINATIONS), 11)
 """Of all combinations: 11 has no factor in common with their number."""
+EVERY = 1 if DRAWS >= WHOLE else 5
+"""Every which combination a slow run takes; 5 has no factor in common with their number either, 216."""
 FEW = range(0, len(COMBINATIONS), 41)
 """Fewer of them, for what takes long."""
 
@@ -151,7 +154,9 @@ def test_check_numbers(device: Device, law: Gains, hand: Hand, printed: str, pri
     assert to_all_digits(printed_radius, radius(device, law, hand))
 
 
-@pytest.mark.parametrize("numbers", [FEW, pytest.param(range(300), marks=pytest.mark.slow)], ids=["some", "every"])
+@pytest.mark.parametrize(
+    "numbers", [FEW, pytest.param(range(0, 300, EVERY), marks=pytest.mark.slow)], ids=["some", "every"]
+)
 def test_what_the_environment_meets_is_what_the_oracle_says(numbers):
     """Z_seen and R, and the return difference over its open part, of every combination of parts."""
     theta = 2 * pi * np.array(SHARES)
@@ -168,7 +173,9 @@ def test_what_the_environment_meets_is_what_the_oracle_says(numbers):
         assert delta[k] == pytest.approx(complex(1 / S), rel=1e-9, abs=1e-9 * (1 + abs(complex(1 - 1 / S)))), device
 
 
-@pytest.mark.parametrize("numbers", [SOME, pytest.param(range(300), marks=pytest.mark.slow)], ids=["some", "every"])
+@pytest.mark.parametrize(
+    "numbers", [SOME, pytest.param(range(0, 300, EVERY), marks=pytest.mark.slow)], ids=["some", "every"]
+)
 @pytest.mark.parametrize("integrating", [0.0, 1.0])
 def test_next_to_rest_both_forms_differ_by_rho(numbers, integrating):
     """Without an integrator and with little of it, and as exactly anywhere else, of every combination of parts."""
@@ -205,7 +212,7 @@ def test_without_an_integrator_at_rest_the_limit_is_that_of_a_spring_and_a_dampe
 
 
 @pytest.mark.parametrize(
-    "numbers", [SOME, pytest.param(range(len(COMBINATIONS)), marks=pytest.mark.slow)], ids=["some", "every"]
+    "numbers", [SOME, pytest.param(range(0, len(COMBINATIONS), EVERY), marks=pytest.mark.slow)], ids=["some", "every"]
 )
 def test_no_hand_gives_the_environment_nothing(numbers):
     """No force is felt of it: Z_seen = 0, exactly, with every combination of parts."""
@@ -281,7 +288,7 @@ def test_at_0_hz_the_worst_hand_is_a_spring_with_its_mass():
 @pytest.mark.slow
 def test_next_to_0_with_every_part():
     """What vctune says at 0 is the oracle's limit; without an integrator or a spring, next to it."""
-    for device, gains, hand, _ in cases(range(1, len(COMBINATIONS), 3), 66):
+    for device, gains, hand, _ in cases(range(1, len(COMBINATIONS), 3 * EVERY), 66):
         at = 0.0 if gains.position and hand.stiffness else 1e-7
         true = oracle(device, gains, hand, at or 1e-12)
         away = abs(float(required(device, gains, hand, at)) + true.real)
@@ -366,7 +373,7 @@ WIDTHS = (1e-14, 1e-9, 1e-6, 1e-3, 0.05)
 
 
 @pytest.mark.parametrize(
-    "numbers", [FEW, pytest.param(range(len(COMBINATIONS)), marks=pytest.mark.slow)], ids=["some", "every"]
+    "numbers", [FEW, pytest.param(range(0, len(COMBINATIONS), EVERY), marks=pytest.mark.slow)], ids=["some", "every"]
 )
 @np.errstate(all="ignore")
 def test_boxes_of_hands_and_angles_contain_what_the_oracle_says(numbers):

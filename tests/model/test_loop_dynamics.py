@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from agreement import all_to_all_digits, to_all_digits
 from arithmetic import DIGITS, DOUBLES, Digits
+from conftest import drawn
 from device_cases import NUM, Case, cases, loop_of
 from frequency import demanded, estimate, low_pass, offered
 from loop import Loop, matrix, radius
@@ -54,7 +55,7 @@ def turns(case: Case, omega: float) -> bool:
     return any((below > 0) != (above > 0) for below, above in zip(*pairs, strict=True))
 
 
-LONG = [pytest.param(*case, marks=pytest.mark.slow) for case in (("far apart", 120), ("ordinary", 80))]
+LONG = [pytest.param(*case, marks=pytest.mark.slow) for case in (("far apart", drawn(120)), ("ordinary", drawn(80)))]
 
 
 @pytest.mark.parametrize(("kind", "count"), [("ordinary", 12), *LONG])
@@ -91,7 +92,7 @@ def test_required_resistance_next_to_where_im_q_changes_its_sign():
     """At 1.1e-4 and at 1e-2 from each such frequency above 1e-4 of Nyquist; relative to what low-passes leave."""
     worst, looked_at = (0.0, ""), 0
     for kind in ("far apart", "ordinary"):
-        for case, _ in cases(kind, 22, 40):
+        for case, _ in cases(kind, 22, drawn(40)):
             for turn in im_q_turns(case):
                 for share in (-1e-2, -1.1e-4, 1.1e-4, 1e-2):
                     omega = turn * (1 + share)
@@ -101,7 +102,7 @@ def test_required_resistance_next_to_where_im_q_changes_its_sign():
                     ours = required_resistance(loop_of(case.device, case.gains, omega), FLOATS)
                     missed = relative(ours, case.at(omega).required) / attenuation(case, omega)
                     worst = max(worst, (missed, f"{case}, omega {omega!r}"))
-    assert looked_at > 150
+    assert looked_at > 150 * drawn(40) / 40
     assert worst[0] < DIGITS_OF_R, worst
 
 
@@ -123,7 +124,7 @@ def im_q_turns(case: Case) -> list[float]:
     return found
 
 
-@pytest.mark.parametrize("count", [8, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [3, pytest.param(drawn(60), marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("kind", "digits"), [("far apart", 1e-7), ("ordinary", 1e-11)])
 def test_sampled_sensitivity(kind, count, digits):
     """To 1e-11; where an actuator is 1e5 times as slow as the structure rings, the step's determinant cancels."""
@@ -137,7 +138,7 @@ def test_sampled_sensitivity(kind, count, digits):
     assert worst[0] < digits, worst
 
 
-@pytest.mark.parametrize("count", [16, pytest.param(80, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [8, pytest.param(drawn(80), marks=pytest.mark.slow)])
 def test_spectral_radius(count):
     worst, looked_at = (0.0, ""), 0
     for case, _ in cases("ordinary", 24, count):
@@ -190,9 +191,9 @@ def test_check_numbers(device, required, sensitivity, radius):
 def test_low_frequency_limits():
     """At 1e-60 of the sampling rate, with 400 digits: with operator, with K_p = 0, without damping, on a spring."""
     kinds = set()
-    for drawn, rng in cases("far apart", 25, 300):
-        undamped = replace(drawn.device, damping=0.0)
-        case = replace(drawn, device=undamped) if rng.random() < 0.2 else drawn
+    for made, rng in cases("far apart", 25, 300):
+        undamped = replace(made.device, damping=0.0)
+        case = replace(made, device=undamped) if rng.random() < 0.2 else made
         s = FURTHER.i * FURTHER.number("1e-60") / FURTHER.number(case.device.sample_time)
         true = demanded(case.tables, astuple(case.gains), s, FURTHER)
         Z_c, resistance = offered(astuple(case.coupling), s, FURTHER), true.resistance

@@ -36,7 +36,6 @@ FREE = (
 )
 DAMPING = "device.damping [N s/m]"
 """The heading of its column."""
-TERMS = ("admittance", "tracking", "coupling")
 FIXED = FREE + ("[gains]\nvelocity = 300.0\nposition = 3000.0\n[coupling]\ndamping = 100.0\nmass = 1.0\ndrag = 0.1\n")
 """Judged, not solved: a few milliseconds a point."""
 FEW = '"device.damping" = [1.0, 2.0, 4.0]\n"stability.band_hz[1]" = [50.0, 600.0]\n'
