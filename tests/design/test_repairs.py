@@ -103,7 +103,6 @@ CAUSES_IN_HANDS = {
     "no drag, both criteria": wheel(bounds(drag="0.0"), criterion="both"),
     "K_v too great": wheel(bounds(velocity="1200.0, 2000.0")),
     "K_v too small": wheel(bounds(velocity="1.0, 20.0", position="2e4, 1e5")),
-    "m_c too small": wheel(bounds(mass="1e-4, 0.01", drag="0.5")),
     "|S| too small": wheel(bounds(velocity="300.0, 1000.0"), sensitivity=1.05),
     "late force sensor": wheel(bounds(damping="1e-3, 60.0", drag="0.0, 5.0"), device=LATE),
 }
@@ -113,7 +112,6 @@ REPAIRS = {
     "no drag, both criteria": {"operator.damping.min"},
     "K_v too great": {"gains.velocity.min", "device.sample_time"},
     "K_v too small": {"gains.velocity.max", "stability.max_sensitivity"},
-    "m_c too small": {"coupling.mass.max", "operator.damping.min"},
     "|S| too small": {"stability.max_sensitivity"},
     "late force sensor": {"device.force_sensor.delay", "gains.position.min"},
 }
@@ -422,10 +420,9 @@ def test_a_sweep_looks_for_no_repairs(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [0.4, 0.6, 0.8])
-def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(seconds, tmp_path):
+def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(tmp_path):
     running = started("solve", ROOT / "problems/infeasible.toml", cwd=tmp_path)
-    wait_for_work(running, seconds)
+    wait_for_work(running, 0.6)
     running.send_signal(SIGINT)
     out, err = running.communicate(timeout=60)
     assert (running.returncode, out) == (ExitCode.INTERRUPTED, "")
