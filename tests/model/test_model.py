@@ -16,7 +16,7 @@ from vctune.model.gains import Coupling, Gains, coupling_impedance
 from vctune.model.loop.device_response import device_response
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.loop.llewellyn import required_resistance
-from vctune.model.loop.loop import G_hh_abs2, loop_response, tracking_abs2
+from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.transparency import log_quadrature
 
