@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from arithmetic import Digits
-from device_oracle import Real, operator_impedance, response_at
-from device_pairs import real_of
+from device_pairs import Tables, tables_of
+from frequency import Demanded, demanded
+from loop import Loop, sensitivity
 from random_devices import far_apart, ordinary, ordinary_gains
-from sampled_device_oracle import LET_GO, pulses
 
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
+from vctune.model.loop.device_response import device_response
+from vctune.model.loop.loop import LoopResponse, loop_response
+from vctune.model.numbers.arithmetic import FLOATS
 
 NUM = Digits(150)
 """|q| - Re q, as it stands, cancels four times as many digits as a frequency lies decades below a device's corners:
@@ -30,28 +34,23 @@ class Case:
     coupling: Coupling
     name: str
 
-    @property
-    def real(self) -> Real:
-        return real_of(self.device)
+    @cached_property
+    def tables(self) -> Tables:
+        """The tables that the oracles read."""
+        return tables_of(self.device)
 
-    def at(self, omega: float, num: Any = NUM) -> Any:
+    def at(self, omega: float, num: Any = NUM) -> Demanded:
         """Return everything of the frequency model, at rad/s."""
-        return response_at(self.real, self.gains, num.i * num.number(omega), num)
-
-    def held_resistance(self, omega: float) -> Any:
-        """Return Re G_hh in the hand of the least operator, at rad/s."""
-        found, Z_h = self.at(omega), operator_impedance(self.real, NUM.i * NUM.number(omega), NUM)
-        return (found.G_hh / (1 + Z_h * found.G_hh)).real
+        return demanded(self.tables, astuple(self.gains), num.i * num.number(omega), num)
 
     @property
-    def let_go(self) -> Real:
+    def let_go(self) -> Tables:
         """The device as its velocity loop meets it: without hand and force sensor."""
-        return real_of(replace(self.device, operator=None, force_sensor=None))
+        return tables_of(replace(self.device, operator=None, force_sensor=None))["device"]
 
     def sensitivity(self, theta: Any, num: Any = NUM) -> Any:
         """Return S of the sampled loop at e^(j theta)."""
-        G_x, G_v, _ = pulses(self.let_go, LET_GO, num.exp(num.i * num.number(theta)), num)
-        return 1 / (1 + num.number(self.gains.velocity) * G_v + num.number(self.gains.position) * G_x)
+        return sensitivity(Loop(self.let_go, astuple(self.gains), num=num), num.exp(num.i * num.number(theta)))
 
 
 def cases(kind: str, seed: int, count: int) -> Iterator[tuple[Case, np.random.Generator]]:
@@ -64,3 +63,8 @@ def cases(kind: str, seed: int, count: int) -> Iterator[tuple[Case, np.random.Ge
             device = ordinary(rng)
             gains, coupling = ordinary_gains(device, rng)
         yield Case(device, gains, coupling, f"{kind} {seed}, {number}"), rng
+
+
+def loop_of(device: Device, gains: Gains, omega: Any) -> LoopResponse:
+    """Return vctune's velocity loop at frequencies in rad/s, in doubles."""
+    return loop_response(device_response(device, np.asarray(omega), FLOATS), gains, FLOATS)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 from math import pi, sqrt
 
 import numpy as np
 import pytest
 from arithmetic import DOUBLES
-from device_oracle import response_at
-from device_pairs import real_of
+from device_pairs import tables_of
+from frequency import demanded
 
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, feel, sensor_miss
 from vctune.model.device import Device
@@ -70,7 +70,7 @@ def test_tracking_ends_where_half_of_the_power_is_left():
 @pytest.mark.parametrize("device", [WHEEL, LATE, FLEXIBLE], ids=["ideal", "late", "flexible"])
 def test_tracking_ends_where_an_independent_model_says(device):
     def tracked(hz):
-        at = response_at(real_of(device), Gains(60.0, 3000.0), 2j * pi * hz, DOUBLES)
+        at = demanded(tables_of(device), (60.0, 3000.0), 2j * pi * hz, DOUBLES)
         return abs(1 - at.tracking)
 
     ends = feel(device, Gains(60.0, 3000.0), COUPLING).tracking_bandwidth
@@ -84,7 +84,7 @@ def test_numbers_are_those_of_an_independent_model(device, gains):
     felt = feel(device, gains, COUPLING)
     for k, hz in enumerate(FREE_HZ):
         s = 2j * pi * hz
-        at = response_at(real_of(device), gains, s, DOUBLES)
+        at = demanded(tables_of(device), astuple(gains), s, DOUBLES)
         Z_c = 0.5 + 40.0 * 0.08 * s / (40.0 + 0.08 * s)
         Z = 1 / (at.G_hh + at.q / Z_c)
         assert (felt.damping[k], felt.mass[k]) == pytest.approx((Z.real, Z.imag / s.imag), rel=1e-9)

@@ -12,6 +12,7 @@ import pytest
 import random_devices
 import random_servos
 from conftest import DEVICE, for_passive_hands
+from device_pairs import device_of
 from matplotlib.figure import Figure
 
 import vctune
@@ -116,7 +117,7 @@ DEVICE_IN_HANDS = {
 def test_what_a_loop_has_not_is_refused():
     device, nothing = Device(0.4, 2.0, 1e-3), Gains(0.0, 0.0)
     loop = vctune.Loop(device, Gains(100.0, 0.0))
-    servo = vctune.Loop(random_servos.device_of(random_servos.random_servo(np.random.default_rng(1))), nothing)
+    servo = vctune.Loop(device_of(random_servos.random_servo(np.random.default_rng(1))), nothing)
     impedance = vctune.Loop(replace(device, display="impedance"), nothing, hand=Hand(1.0, 0.0, 0.0))
     refused = [
         (loop, "Z_seen", "state one, hand="),

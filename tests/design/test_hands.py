@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from dataclasses import astuple, replace
+from itertools import product
 
 import numpy as np
 import pytest
-from arithmetic import DOUBLES
 from conftest import ROOT, for_passive_hands, mostly_slow
-from device_oracle import Coupling, Gains, read_device
-from hand_scan import least_ratio_in_hands
-from sampled_device_oracle import Hand, circle, coupling_at, seen_at
+from loop import Loop, offered, seen, sensitivity
 
 from vctune.analysis.in_hands import least_ratios_in_hands, least_ratios_near
 from vctune.api.solving import solve
@@ -47,9 +46,18 @@ def test_reference_optima_are_met_and_certified(solved):
 
 def test_an_oracle_finds_no_hand_below_the_safety_factor(solved):
     name, found = solved
-    least, peak = least_ratio_in_hands(FOLDER / f"{name}.toml", found.problem, found.judgement)
-    assert 1.05 * (1 - 1e-9) <= least < 1.2  # the places are those that matter
-    assert peak <= found.problem.stability.max_sensitivity * (1 + 1e-9)
+    device = tomllib.loads((FOLDER / f"{name}.toml").read_text())["device"]
+    judged, hands, rng = found.judgement, found.problem.hands, np.random.default_rng(3)
+    ends = np.array([astuple(hands.low), astuple(hands.high)])
+    z = np.exp(1j * np.pi * np.geomspace(2e-6, 1 - 1e-9, 60))
+    loop, ratios = Loop(device, astuple(judged.gains), astuple(judged.coupling)), []
+    for share in [*product((0, 1), repeat=3), *rng.uniform(size=(4, 3))]:
+        hand = tuple(map(float, ends[0] + np.array(share) * (ends[1] - ends[0])))
+        required = -seen(replace(loop, hand=hand), z).real
+        ratios += [*(offered(loop, z).real[required > 0] / required[required > 0])]
+    assert 1.05 * (1 - 1e-9) <= min(ratios) < 1.2  # the places are those that matter
+    if loop.kind == "admittance":
+        assert np.abs(sensitivity(loop, z)).max() <= found.problem.stability.max_sensitivity * (1 + 1e-9)
 
 
 def test_the_record_names_the_hands(solved):
@@ -69,13 +77,10 @@ def test_a_design_for_any_passive_hand_on_a_band_fails_in_a_human_hand_above_it(
     judged = judge(problem, passive.judgement.gains, passive.judgement.coupling)
     outcome = judged.certificate.outcomes["hands"]
     assert judged.status is Status.VIOLATED and outcome.verdict is Verdict.REFUTED and judged.in_hand.ratio < 1
-    real = read_device(FOLDER / "hands-friction-wheel.toml")
-    z = circle(real, outcome.witness_hz, DOUBLES)
-    required = -seen_at(real, Gains(*astuple(judged.gains)), Hand(*astuple(outcome.hand)), z, DOUBLES).real
-    assert coupling_at(real, Coupling(*astuple(judged.coupling)), z, DOUBLES).real < 1.05 * required
-
-
-LOOP = "[gains]\nvelocity = 200.0\nposition = 9e4\n"
+    device = {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}
+    loop = Loop(device, astuple(judged.gains), astuple(judged.coupling), astuple(outcome.hand))
+    z = np.exp(2j * np.pi * outcome.witness_hz * 1e-3)
+    assert offered(loop, z).real < 1.05 * -seen(loop, z).real
 
 
 FLEXIBLE = "[device.structure]\nhandle_mass = 0.1\nfrequency_hz = 80.0\ndamping_ratio = 0.05\n"
@@ -147,7 +152,7 @@ def test_without_an_integrator_a_free_position_is_no_instability():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["velocity-only", "late", "slow"])
+@pytest.mark.parametrize("name", ["velocity-only", "slow"])
 def test_extremes_are_certified_in_every_hand_without_an_integrator(name):
     """Their best designs have none; `slow`'s worst hands ring above Nyquist, and only the proof meets them."""
     text = (ROOT / f"problems/extremes/{name}.toml").read_text().replace('"passive"', '"both"')

@@ -8,16 +8,13 @@ from dataclasses import replace
 import pytest
 from command import run
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
-from global_search import global_search, random_text
 
 from vctune import solve
 from vctune.design.verdict.design_record import record_of
 from vctune.design.verdict.judge import Status
 from vctune.design.verdict.nlp_record import active
-from vctune.design.verdict.prices import BETTER, with_prices
+from vctune.design.verdict.prices import with_prices
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
-from vctune.document.records.design_json import PriceRecord
-from vctune.model.numbers.units import LINEAR
 from vctune.model.parts import NUMBERS
 
 REAL = """
@@ -103,20 +100,6 @@ def test_prices_are_those_of_solving_again(name):
         assert price.change == pytest.approx(error / solved.judgement.error - 1, abs=tolerance), key
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [3, 11])
-def test_prices_are_the_slopes_of_what_another_search_finds(seed):
-    """A global search that knows no derivative, on devices that differ by 6 % in a number."""
-    problem = parse_problem(random_text(seed), "x", "x")
-    solved = with_prices(solve(problem))
-    for price in solved.prices[:2]:
-        key = price.key.removeprefix("device.")
-        devices = (problem.device.with_numbers({key: factor * price.old}) for factor in (0.97, 1.03))
-        less, more = (global_search(replace(problem, device=device), 1, runs=1)[0] for device in devices)
-        slope = (more - less) / 0.06 / solved.judgement.error
-        assert price.change == pytest.approx(-abs(slope) * BETTER, rel=0.02), key
-
-
 def test_a_change_of_units_changes_nothing():
     here = priced(DEVICE + "actuator = { bandwidth_hz = 400.0 }\n")
     there = with_prices(solve(here.problem.in_units(20.0, 3e-3)))
@@ -160,20 +143,6 @@ def test_less_delay_than_whole_samples_is_worth_nothing():
     )
     assert abs(price.change) < 1e-5  # a hundredth of it is shown
     assert less == pytest.approx(here, rel=1e-5) and more > 1.005 * here
-
-
-@pytest.mark.parametrize(("change", "said"), [(-0.02, "-2.00 %"), (-4e-5, "no difference")])
-def test_what_it_is_worth_in_words(change, said):
-    record = PriceRecord(key="device.actuator.bandwidth_hz", old=1.0, new=1.01, change=change)
-    assert record.worth == said
-    assert record.cells(LINEAR)[2] == "Hz"
-
-
-def test_every_number_has_its_unit(real):
-    file = ProblemFile(real.problem, REAL)
-    units = {row.key: row.cells(LINEAR)[2] for row in record_of(file, real).prices}
-    assert units["device.structure.damping_ratio"] == "" and units["device.force_sensor.delay"] == "s"
-    assert units["device.sample_time"] == "s" and units["device.structure.handle_mass"] == "kg"
 
 
 def test_they_are_in_the_file_where_there_is_a_report(tmp_path):

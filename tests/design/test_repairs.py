@@ -11,12 +11,12 @@ from signal import SIGINT
 
 import numpy as np
 import pytest
+from arithmetic import DIGITS
 from command import check_files, run, started, wait_for_work
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
+from frequency import demanded, offered
 from test_bound import infeasible_texts
 
-from vctune.bench.digits import exact
-from vctune.bench.evaluator import cases
 from vctune.design import solve as solving
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
@@ -24,7 +24,7 @@ from vctune.design.verdict import repair as repairing
 from vctune.design.verdict.design_record import design_record
 from vctune.design.verdict.judge import Status
 from vctune.design.verdict.parameter_changes import parameter_changes
-from vctune.design.verdict.repair import RepairTest, find_repairs, with_repairs
+from vctune.design.verdict.repair import find_repairs, with_repairs
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
@@ -103,7 +103,6 @@ CAUSES_IN_HANDS = {
     "no drag, both criteria": wheel(bounds(drag="0.0"), criterion="both"),
     "K_v too great": wheel(bounds(velocity="1200.0, 2000.0")),
     "K_v too small": wheel(bounds(velocity="1.0, 20.0", position="2e4, 1e5")),
-    "m_c too small": wheel(bounds(mass="1e-4, 0.01", drag="0.5")),
     "|S| too small": wheel(bounds(velocity="300.0, 1000.0"), sensitivity=1.05),
     "late force sensor": wheel(bounds(damping="1e-3, 60.0", drag="0.0, 5.0"), device=LATE),
 }
@@ -113,7 +112,6 @@ REPAIRS = {
     "no drag, both criteria": {"operator.damping.min"},
     "K_v too great": {"gains.velocity.min", "device.sample_time"},
     "K_v too small": {"gains.velocity.max", "stability.max_sensitivity"},
-    "m_c too small": {"coupling.mass.max", "operator.damping.min"},
     "|S| too small": {"stability.max_sensitivity"},
     "late force sensor": {"device.force_sensor.delay", "gains.position.min"},
 }
@@ -230,6 +228,7 @@ def test_a_step_is_at_most_a_few_times_what_is_needed():
     assert needed <= found["new"] <= 12 * needed
 
 
+@pytest.mark.slow
 def test_a_small_change_is_found_as_such():
     """A servo whose drag misses by 3 %: the drag, and hands that are a little softer."""
     text = """[device]
@@ -252,14 +251,6 @@ drag = DRAG
     assert certified(text.replace("DRAG", "155.0"))
     found = {each["key"]: each for each in each_repair_suffices(text.replace("DRAG", "150.0"))}
     assert found["coupling.drag"]["new"] <= 160.0 and found["operator.stiffness.max"]["new"] >= 450.0
-
-
-def test_small_steps_of_all_values_come_before_great_ones_of_any_and_a_few_are_proved():
-    document, text = tomllib.loads(DEVICE), for_passive_hands(DEVICE)
-    tried, changes = [], parameter_changes(document, parsed(text))
-    test = RepairTest(lambda problem: tried.append(problem) or True, lambda problem: None, 7)
-    assert find_repairs(document, changes, test) == []
-    assert len(tried) == 7 + sum(change.eases for change in changes)
 
 
 def test_a_check_names_the_best_change_of_a_gain_and_what_else_would_do(tmp_path):
@@ -347,13 +338,14 @@ UNDEFINED = -1.0
 """The margin where the device in the operator's hand has no positive resistance."""
 
 
-def exact_margin(problem: Problem, values, omega: float):
+def exact_margin(text: str, problem: Problem, values, omega: float):
     """Re Z_c minus what the two-port that has absorbed Z_h needs, over their size, with 50 digits."""
-    true = exact(cases(problem.device, values), omega)
-    if true.resistance <= 0:
+    s = DIGITS.i * DIGITS.number(omega)
+    found, given = demanded(tomllib.loads(text), values[:2], s), offered(values[2:], s).real
+    if found.resistance <= 0:
         return UNDEFINED
-    need = problem.stability.safety_factor * true.required
-    return float((true.offered - need) / (abs(true.offered) + abs(need)))
+    need = problem.stability.safety_factor * found.required
+    return float((given - need) / (abs(given) + abs(need)))
 
 
 def designs(problem: Problem, rng: np.random.Generator, count: int):
@@ -383,8 +375,8 @@ def test_a_theorem_speaks_exactly_where_no_design_meets_the_limit(far):
         omega = 1e12 / problem.device.sample_time if far else 1e-14 / problem.device.loop_lag
         theorem, edge = impossible(problem), problem.stability.band.min if far else omega
         margins = [
-            exact_margin(problem, values, omega)
-            if edge == omega or exact_margin(problem, values, edge) != UNDEFINED
+            exact_margin(text, problem, values, omega)
+            if edge == omega or exact_margin(text, problem, values, edge) != UNDEFINED
             else UNDEFINED
             for values in designs(problem, rng, 10)
         ]
@@ -404,14 +396,6 @@ def test_lag_without_delay_has_its_resistance_theorem_on_every_band():
         assert (theorem is not None) == refused
         if theorem is not None:
             assert f"below {limit:.4g} N/m" in theorem.advice
-
-
-@pytest.mark.parametrize("text", THEOREMS.values(), ids=THEOREMS)
-def test_a_theorem_starts_no_solver(text, monkeypatch):
-    monkeypatch.setattr(solving, "scan", None)
-    solved = solve(parsed(text))
-    assert (solved.status, solved.infeasibility.proved, solved.seconds) == (Status.INFEASIBLE, True, {})
-    assert any(symbol in solved.reason for symbol in ("omega -> 0", "omega -> inf"))
 
 
 def test_the_command_lists_repairs_in_table_record_and_report(tmp_path):
@@ -436,25 +420,11 @@ def test_a_sweep_looks_for_no_repairs(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [0.4, 0.6, 0.8])
-def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(seconds, tmp_path):
+def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(tmp_path):
     running = started("solve", ROOT / "problems/infeasible.toml", cwd=tmp_path)
-    wait_for_work(running, seconds)
+    wait_for_work(running, 0.6)
     running.send_signal(SIGINT)
     out, err = running.communicate(timeout=60)
     assert (running.returncode, out) == (ExitCode.INTERRUPTED, "")
     assert "Traceback" not in err and "internal error" not in err
     assert not list(tmp_path.rglob("*.json")) and not list(tmp_path.rglob("*.html"))
-
-
-@pytest.mark.parametrize("band", ["[0.0, 1e-9]", "[499.0, 500.0]", "[400.0, inf]", "[1.0, 1.5]"])
-def test_odd_bands_have_valid_levers(band):
-    text = for_passive_hands(LAG.format(2.0) + f"[stability]\nband_hz = {band}\n")
-    for change in parameter_changes(tomllib.loads(text), parsed(text)):
-        for relative in change.steps():
-            new = change.value(relative)
-            assert new != change.old
-            try:
-                parsed(changed(text, change.key, new, change.line(new)))
-            except InputError as error:
-                raise AssertionError(f"{change.line(new)}: {error}") from None

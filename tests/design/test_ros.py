@@ -5,23 +5,19 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from math import log, pi, sqrt
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
-from arithmetic import DOUBLES
 from command import run as vctune
 from command import strict
-from device_pairs import real_of
-from firmware import Device as Sampled
-from sampled_device_oracle import Hand as OracleHand
+from device_pairs import tables_of
+from loop import Loop, port
 
-from vctune.design.ros import admittance_check, admittance_repair
+from vctune.design.ros import admittance_check
 from vctune.design.ros.admittance_problem import corner_hz, coupling_of_admittance
-from vctune.design.verdict.repair import repair_of
 from vctune.document.reading import read_problem
-from vctune.document.ros import TUNED, Admittance, read_admittances
+from vctune.document.ros import Admittance, read_admittances
 from vctune.exit_codes import ExitCode
 from vctune.simulation.coefficients import coupling_coefficients
 
@@ -134,20 +130,15 @@ def test_what_the_joints_lose_is_a_damping_of_every_axis():
 
 def radius(problem, axis, coefficient, hand, *, smoothed=False):
     """Return the spectral radius of the arm under the stepped admittance, and its filter if it is to be."""
-    K_v, K_p = problem.bounds.velocity.min, problem.bounds.position.min
-    memory = Sampled(real_of(problem.device), OracleHand(*hand), DOUBLES)
-    count = memory.size
-
-    def step(state):
-        body, (v, x, x_e, felt) = state[:count], state[count:]
-        force = float(memory.force(body))
-        felt = felt + coefficient * (force - felt) if smoothed else force
-        after = v + T * (felt - axis.damping * v - axis.stiffness * x) / axis.mass
-        x_e = x_e + T / 2 * (v + after)
-        command = K_v * (after - float(body[1])) + K_p * (x_e - float(memory.position(body)))
-        return np.concatenate([memory.wait(body, command), [after, x + T * after, x_e, felt]])
-
-    matrix = np.array([step(unit) for unit in np.eye(count + 4)]).T
+    table = tables_of(problem.device)["device"]
+    if smoothed:
+        table["force_sensor"] = table.get("force_sensor", {}) | {"filter_coefficient": coefficient}
+    held = port(Loop(table, (problem.bounds.velocity.min, problem.bounds.position.min), hand=hand))
+    n = len(held.b)
+    force, (v, x) = np.append(held.c, [0.0, 0.0]), np.eye(n + 2)[n:]
+    after = v + T * (force - axis.damping * v - axis.stiffness * x) / axis.mass
+    body = np.hstack([held.A, np.zeros((n, 2))]) + np.outer(held.b, after)
+    matrix = np.vstack([body, after, x + T * after])
     values = np.linalg.eigvals(matrix)
     return max(abs(z) for z in values if abs(z - 1) > 1e-6)
 
@@ -208,59 +199,6 @@ def test_what_would_help_does(arm, axis, words):
         assert f"{repair['key']} = {repair['new']:.12g} instead of {repair['old']:.12g}" in done.stdout
         restated(arm, axis, repair)
         assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode == ExitCode.OK
-
-
-@pytest.fixture
-def tried(monkeypatch):
-    """Return the changes that are tried, of which each on this side of its limit is said to help."""
-    seen = []
-
-    def half(document, changes, test, progress, posed):
-        seen.extend((change, document, posed) for change in changes)
-        return [repair_of(change, change.value(0.5), certified) for change in changes]
-
-    certified = SimpleNamespace(transparency=SimpleNamespace(error=1.0))
-    monkeypatch.setattr(admittance_repair, "find_repairs", half)
-    return seen
-
-
-@pytest.mark.parametrize("values", [LIGHT, UNSPRUNG, LIGHT | {"filter_coefficient": "1.0"}])
-def test_a_refusal_speaks_of_what_its_user_can_change(arm, tried, values):
-    """The file's own numbers first, in its keys and at their line, and then the problem's; a coupling it has not."""
-    changed(arm, **values)
-    done = vctune("check", "arm.toml", "ros.yaml", "--json", cwd=arm)
-    (found,) = strict(done.stdout)
-    keys = [repair["key"] for repair in found["repairs"]]
-    own = [key for key in keys if key in TUNED]
-    assert own and own == keys[: len(own)] and "operator.stiffness.max" in keys
-    assert not [key for key in keys if key.startswith("coupling") or "force_sensor" in key]
-    assert ("admittance.damping_ratio" in own) == (values is not UNSPRUNG)
-    assert ("ft_sensor.filter_coefficient" in own) == (values.get("filter_coefficient") != "1.0")
-    text = vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout
-    assert 0 < text.index(f"; {own[0]} = ") < text.index("; in arm.toml ")
-    annotation = vctune("check", "arm.toml", "ros.yaml", "--format", "github", cwd=arm).stdout
-    lines = (arm / "ros.yaml").read_text().splitlines()
-    line = next((n for n, line in enumerate(lines, 1) if line.strip().startswith(own[0].split(".")[1])), 8)
-    assert f"file=ros.yaml,line={line}," in annotation
-
-
-def test_a_change_is_tried_as_the_file_would_state_it(arm, tried):
-    """The problem of a changed document is that of a changed file: coupling and filter follow each of its numbers."""
-    changed(arm, **LIGHT)
-    vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    for change, document, posed in tried:
-        new = change.value(0.5)
-        problem = posed(change.applied(document, new))
-        if change.key in TUNED:
-            restated(arm, LIGHT, {"key": change.key, "new": new})
-            given = read_admittances(arm / "ros.yaml")[0]
-            changed(arm, **LIGHT)
-        else:
-            given = read_admittances(arm / "ros.yaml")[0]
-        T = problem.device.sample_time
-        assert problem.fixed_design[1] == coupling_of_admittance(given.axes[0], T)
-        if given.filter_coefficient < 1:
-            assert problem.device.force_sensor.bandwidth_hz == corner_hz(given.filter_coefficient, T)
 
 
 @pytest.mark.parametrize(

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
-from arithmetic import DOUBLES
+from arithmetic import DIGITS
 from conftest import drawn, mostly_slow
-from device_oracle import Coupling as CouplingNumbers
-from device_oracle import Gains as LawNumbers
-from device_oracle import LowPass, Real, Velocity, coupling_impedance, laplace, response
-from device_oracle import Structure as Spring
-from firmware import spectral_radius
-from sampled_device_oracle import sensitivity
+from frequency import demanded, offered
+from loop import Loop, radius, sensitivity
 
 from vctune.design.solve import solve
 from vctune.design.verdict.judge import Status
@@ -62,24 +60,6 @@ def posed(tables):
     return problem
 
 
-def real(tables):
-    """The same device as the oracle has it."""
-    device = tables["device"]
-    velocity, sensor = device.get("velocity", {}), device.get("force_sensor", {})
-    structure = device.get("structure")
-    return Real(
-        device["mass"],
-        device["damping"],
-        device["sample_time"],
-        delay=device["delay"],
-        velocity=Velocity(velocity.get("from", "measured"), velocity.get("filter_hz"), velocity.get("filter_order", 1)),
-        actuator=LowPass(**device.get("actuator", {})),
-        force_sensor=LowPass(sensor.get("bandwidth_hz"), sensor.get("order", 1), sensor.get("delay", 0.0)),
-        structure=Spring(**structure) if structure else None,
-        operator_damping=tables.get("operator", {}).get("damping", 0.0),
-    )
-
-
 def settled(seed):
     """Whether a random device is solved, or proved to have no design; a design is held against the oracles."""
     tables = document(seed)
@@ -87,15 +67,15 @@ def settled(seed):
     solved = solve(problem)
     if solved.status is not Status.CERTIFIED:
         return solved.status is Status.INFEASIBLE
-    device, judgement = real(tables), solved.judgement
-    gains = LawNumbers(judgement.gains.velocity, judgement.gains.position)
-    coupling = CouplingNumbers(judgement.coupling.damping, judgement.coupling.mass, judgement.coupling.drag)
+    gains, coupling = astuple(solved.judgement.gains), astuple(solved.judgement.coupling)
     for hz in np.geomspace(*problem.stability.band.hz, 40):
-        needed = response(device, gains, float(hz)).required
-        assert coupling_impedance(coupling, laplace(float(hz))).real >= FACTOR * (1 - 1e-9) * needed, seed
-    for share in np.linspace(0.002, 1 - 1e-9, 80):
-        assert abs(complex(sensitivity(device, gains, 0.5 * share / device.sample_time, DOUBLES))) <= LIMIT + 1e-6, seed
-    assert spectral_radius(device, gains, num=DOUBLES) < 1, seed
+        s = DIGITS.i * 2 * DIGITS.pi * DIGITS.number(float(hz))
+        needed = demanded(tables, gains, s).required
+        assert offered(coupling, s).real >= FACTOR * (1 - 1e-9) * needed, seed
+    loop = Loop(tables["device"], gains)
+    z = np.exp(1j * np.pi * np.linspace(0.002, 1 - 1e-9, 80))
+    assert np.abs(sensitivity(loop, z)).max() <= LIMIT + 1e-6, seed
+    assert radius(loop, at_rest=True) < 1, seed
     return True
 
 

@@ -10,16 +10,12 @@ import subprocess
 import sys
 from contextvars import ContextVar
 from itertools import count
-from time import perf_counter
 
 import pytest
-from command import process, run
+from command import run
 
 import vctune
 from vctune import running
-from vctune.design.solve import solve
-from vctune.design.verdict import judge
-from vctune.document.reading import read_problem
 from vctune.exit_codes import ExitCode
 from vctune.proof.certificate import certify
 
@@ -46,8 +42,6 @@ print(time.process_time(), file=sys.stderr)
 sys.exit(code)
 """
 """Runs a command whose limit is in seconds of the processor, and says how many it took."""
-BUSY = 3.0
-"""What starting an interpreter and writing may take longer on a busy machine, s."""
 
 
 @pytest.fixture
@@ -199,19 +193,6 @@ def test_a_region_draws_what_it_has(folder, ticks):
     assert "some undecided cells were not examined" in (folder / "results/device/region.svg").read_text()
 
 
-def test_of_a_box_of_devices_only_the_first_is_looked_at_without_time(monkeypatch, folder):
-    """What is stated of hands is then of the devices that were, and the check says that it was cut."""
-    uncertain = DEVICE + "delay = 3e-4\n[uncertainty]\nmass = 0.1\ndelay = 0.2\n" + GAINS
-    (folder / "uncertain.toml").write_text(uncertain)
-    seen, look = [], judge.least_ratios_of_devices
-    monkeypatch.setattr(judge, "least_ratios_of_devices", lambda each, *of: seen.extend(each) or look(each, *of))
-    done = run("check", "uncertain.toml", "--time-limit", 0, cwd=folder)
-    assert done.returncode == ExitCode.UNDECIDED and "[time-limit]" in done.stdout and len(seen) == 1
-    problem = read_problem(folder / "uncertain.toml").problem
-    assert seen[0] == judge.pose(problem).hand_cases[0].device and len(judge.pose(problem).hand_cases) > 1
-    assert judge.judge(problem, *problem.fixed_design).cut is False and len(seen) > 1
-
-
 def test_the_limit_of_a_command_counts_from_the_start_of_its_process(monkeypatch):
     """Ten seconds of the interpreter and the imports leave two of twelve."""
     monkeypatch.setattr(running, "perf_counter", lambda: 100.0)
@@ -245,16 +226,6 @@ def test_a_short_limit_is_kept(tmp_path, command):
 def test_functions_take_the_limit_too():
     found = vctune.solve({"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}}, time_limit=1e-9)
     assert found.status == "undecided" and found.cut and found.judgement is None
-
-
-def test_work_tells_how_far_it_is(folder):
-    said = []
-    with running.progress_sent_to(said.append), pytest.MonkeyPatch.context() as patched:
-        patched.setattr(running, "SELDOM", 0.0)
-        solve(read_problem(folder / "fixed.toml").problem)
-    assert any(text.startswith("claim 1 of ") for text in said)
-    shares = [text for text in said if text.endswith("% proved")]
-    assert shares and all(0 <= float(text.split()[2][:-1]) <= 100 for text in shares)
 
 
 @pytest.mark.parametrize(
@@ -291,18 +262,6 @@ HANDS_AXES = '"operator.stiffness.max" = [3e3, 2e6]\n"device.damping" = [1.0, 2.
 
 def _too_early(*args, **kwargs):
     raise AssertionError("the work is not to begin")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seconds", [2.0, 5.0])
-def test_a_command_ends_in_time_with_what_is_known(tmp_path, seconds):
-    (tmp_path / "unc.toml").write_text(LONG + LONG_UNCERTAINTY)
-    began = perf_counter()
-    done = process("solve", "unc.toml", "--time-limit", seconds, cwd=tmp_path)
-    took = perf_counter() - began
-    record = solved(tmp_path, "unc")
-    assert done.returncode == ExitCode.UNDECIDED and record["status"] == "undecided"
-    assert took < 1.2 * seconds + BUSY, took
 
 
 @pytest.mark.slow

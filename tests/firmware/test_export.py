@@ -271,23 +271,6 @@ def test_an_export_names_its_formats():
         export({"device": {"mass": 1.0, "damping": 1.0, "sample_time": 1e-3}}, to="ada")
 
 
-LATE = """[[experiment]]
-name = "on time"
-environment = { stiffness = 200.0 }
-operator = { to = 0.001, speed = 0.05, cycles = 1 }
-[[experiment]]
-name = "late"
-operator = { to = 0.001, speed = 0.05, cycles = 1 }
-[experiment.environment]
-stiffness = 200.0
-late = 2
-[[experiment]]
-name = "explicit"
-environment = { mass = 1.0, rule = "explicit" }
-operator = { to = 0.001, speed = 0.05, cycles = 1 }
-"""
-
-
 def test_a_limit_that_does_not_act_changes_nothing():
     """To the last bit, also where the position part alone asks for more than it: the certified loop is linear."""
     device = read_problem(ROOT / "problems/friction-wheel.toml").problem.device

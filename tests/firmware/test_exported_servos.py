@@ -8,11 +8,11 @@ import shutil
 
 import numpy as np
 import pytest
-import servo_in_time
 from compilers import by_each_compiler, done, has, period, warned
 from conftest import mostly_slow
+from kinds import servo
 from test_export import replayed
-from test_servos import ARM, CONTACT, WALKER, decades, random_servo
+from test_servos import ARM, CONTACT, WALKER, decades
 
 from vctune import export, write_export
 from vctune.document.text.toml_writing import toml_text
@@ -119,15 +119,6 @@ def test_a_constant_that_was_changed_in_its_last_digit_fails_the_check(made, con
     assert found.returncode != 0 and "FAILED" in found.stdout
 
 
-def tables_of(servo: servo_in_time.Servo) -> dict:
-    sensor = {"delay": servo.sensor_delay}
-    if servo.sensor_hz is not None:
-        sensor |= {"bandwidth_hz": servo.sensor_hz, "order": servo.sensor_order}
-    loop = {"delay": servo.delay, "bandwidth_hz": servo.bandwidth_hz, "order": servo.order}
-    loop["command"] = "position" if servo.position else "velocity"
-    return {"device": {"sample_time": servo.sample_time, "servo": loop, "force_sensor": sensor}}
-
-
 @pytest.mark.parametrize("command", SERVOS)
 def test_every_file_speaks_of_the_servo(made, command):
     """Of what it follows, late by how much; not of a mass, a motor, a gain or a limit, which it has not."""
@@ -184,7 +175,7 @@ def test_random_servos_replay_to_the_last_bit(seed, tmp_path):
         }
         for number, environment in enumerate(environments)
     ]
-    tables = tables_of(random_servo(rng)) | {"coupling": size, "experiment": experiments}
+    tables = {"device": servo(rng), "coupling": size, "experiment": experiments}
     replayed(tables, tmp_path)
 
 

@@ -6,20 +6,18 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 from arithmetic import Digits
+from conftest import drawn
 from device_cases import NUM, Case, cases
-from device_pairs import loop
 from flint import arb, ctx
 
-from vctune.design.nlp.nlp import SYMBOLS
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.loop.device_response import device_response
 from vctune.model.loop.llewellyn import required_resistance
-from vctune.model.loop.loop import Affine, G_hh_abs2, loop_constants, loop_response, tracking_abs2
+from vctune.model.loop.loop import G_hh_abs2, loop_response, tracking_abs2
 from vctune.model.numbers.arithmetic import CURVATURE_BELOW, FLOATS, Arithmetic, Number
 from vctune.model.sampled.velocity_loop import (
     ReturnDifference,
@@ -94,68 +92,12 @@ def value(name: str, case: Case, x: float) -> float:
     return float(formula(case.device, case.gains, case.coupling, np.array(x), FLOATS))
 
 
-def test_symbols():
-    """Gains as symbols, and theta; the device's constants are numbers, as in the NLP."""
-    for case, rng in cases("ordinary", 31, 12):
-        omega = float(pi / case.device.sample_time * 10 ** rng.uniform(-2, 0))
-        design = ca.SX.sym("design", 2)
-        x = ca.SX.sym("x")
-        gains = Gains(design[0], design[1] if case.gains.position else 0.0)
-        numbers = list(numbers_of(case).values())[:2]
-        response = loop_response(device_response(case.device, np.array(omega), FLOATS), gains, SYMBOLS)
-        values = {
-            "R": required_resistance(response, SYMBOLS),
-            "G_hh": G_hh_abs2(response),
-            "tracking": tracking_abs2(response),
-            "resistance": response.resistance,
-        }
-        whole, fraction = split_delay(case.device.delay, case.device.sample_time)
-        plant = sampled_plant(case.device, whole, FLOATS, fractional=fraction > 0)
-        parts = return_difference(plant, x, SYMBOLS, position=case.gains.position > 0)
-        values |= {"sensitivity": sensitivity_abs2(parts, gains), "turns": parts.closed(gains).re}
-        for name, expression in values.items():
-            found = float(ca.Function(name, [design, x], [expression])(numbers, omega * case.device.sample_time))
-            place = omega * case.device.sample_time if name in SAMPLED else omega
-            assert found == pytest.approx(value(name, case, place), rel=1e-10), (case, name)
-
-
-def number(pair: Affine, gains: Gains) -> complex:
-    """Return an affine number at gains."""
-    parts = zip((pair.constant, pair.velocity, pair.position), (1.0, gains.velocity, gains.position), strict=True)
-    return sum(complex(float(part.re), float(part.im)) * gain for part, gain in parts if part is not None)
-
-
-@pytest.mark.parametrize("kind", ["far apart", "ordinary"])
-def test_constants_give_the_loop_for_any_gains(kind):
-    """Affine in the gains, with constants that only the device knows: C, D and N, and D - C_0."""
-    for case, rng in cases(kind, 32, 100):
-        omega = np.array(pi / case.device.sample_time * 10 ** rng.uniform(-4, 0))
-        constants, loops = (
-            loop_constants(device_response(case.device, omega, FLOATS)),
-            loop(case.device, case.gains, omega),
-        )
-        scale = float(np.sqrt(loops.scale2))
-        for found, pair in (
-            (constants.C, loops.C_scaled),
-            (constants.D, loops.D_scaled),
-            (constants.miss, loops.miss_scaled),
-        ):
-            expected = complex(float(pair.re), float(pair.im)) / scale
-            sizes = [abs(complex(float(part.re), float(part.im))) for part in (found.velocity,) if part is not None]
-            tolerance = 1e-10 * (abs(expected) + case.gains.velocity * sum(sizes))
-            assert abs(number(found, case.gains) - expected) <= tolerance, case
-        if loops.numerator is not None:
-            N = complex(float(loops.numerator.re), float(loops.numerator.im))
-            assert number(constants.numerator, case.gains) == pytest.approx(N, rel=1e-9)
-
-
 ORACLES = ("R", "G_hh", "tracking", "sensitivity")
 """What there is a value of that shares nothing with vctune's formula."""
 DIGITS = 60
 """Of the oracles' values that are held against balls and enclosures, whose 128 bits are 38."""
 QUICK = Digits(80)
-"""For matrix exponentials, in which nothing cancels but what differences over `STEP` leave out."""
-STEP = QUICK.number("1e-25")
+"""For matrix exponentials, in which nothing cancels."""
 
 
 def true_value(name: str, case: Case, x: Any) -> Any:
@@ -193,7 +135,7 @@ def case_of(case: Case, numbers: dict[str, Any], number: Callable[[Any], Any]) -
     return case.device.converted(number).with_numbers(own), Gains(K_v, K_p), Coupling(b_c, m_c, b_0)
 
 
-@pytest.mark.parametrize("count", [6, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [6, pytest.param(drawn(40), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["far apart", "ordinary"])
 def test_balls_contain_what_the_oracles_say(kind, count):
     """Decimals as balls, and boxes of frequency, gains, coupling and device around them."""
@@ -236,7 +178,7 @@ def contains(enclosure: Enclosure, exact: Any) -> bool:
 def test_enclosures_contain_what_the_oracles_say(kind):
     formulas = FORMULAS | SAMPLED
     finite = 0
-    for case, rng in cases(kind, 34, 40):
+    for case, rng in cases(kind, 34, drawn(40)):
         for name, x in places(case, rng).items():
             if name not in ORACLES:
                 continue
@@ -251,11 +193,11 @@ def test_enclosures_contain_what_the_oracles_say(kind):
                 over = formulas[name](*case_of(case, polynomials, decimal), at, TAYLOR).enclosed()
                 assert contains(over.subset(0), true), (case, name, width)
                 finite += bool(np.isfinite(found.rad))
-    assert finite > 300
+    assert finite > 300 * drawn(40) / 40
 
 
 @np.errstate(all="ignore")
-@pytest.mark.parametrize("count", [8, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [8, pytest.param(drawn(60), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["far apart", "ordinary"])
 def test_every_formula_is_the_same_in_every_arithmetic(kind, count):
     """Balls of 600 bits stand for the truth: in them, in balls of 128, in enclosures, and near them in doubles."""

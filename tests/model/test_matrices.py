@@ -26,7 +26,6 @@ from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, matmul
 NUM = MPContext()
 NUM.dps = 140
 """e^A of norm 50 next to e^-A takes 43 digits, a derivative by differences 40."""
-STEP = NUM.mpf("1e-40")
 NORMS = (0.1, 1.0, 1.99, 2.01, 5.0, 12.0, 27.0, 50.0)
 """On both sides of `COTH_WITHIN`."""
 
@@ -150,10 +149,6 @@ def test_products_of_matrices_of_enclosures():
         for i, j, at in np.ndindex(n, k, 3):
             true = sum(Fraction(in_a[i, p, at]) * Fraction(in_b[p, j, at]) for p in range(m))
             assert abs(Fraction(found.mid[i, j, at]) - true) <= Fraction(found.rad[i, j, at]), number
-
-
-def square(flat: Any) -> Any:
-    return flat[np.arange(9).reshape(3, 3)]
 
 
 def test_the_norm_bounds_every_row():

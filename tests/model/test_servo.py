@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 from math import pi
 
 import numpy as np
 import pytest
 from conftest import mostly_slow
+from device_pairs import device_of, tables_of
 from flint import arb, ctx
-from random_servos import device_of, random_case, random_servo, servo_device
-from servo_oracle import Follower, Grip, seen
+from loop import Loop
+from loop import seen as oracle
+from random_servos import latency_of, random_servo
 
 from vctune.model.device import Device
 from vctune.model.hands import Hand, Hands
@@ -24,6 +26,12 @@ from vctune.proof.claims.delays import sensed_force_jumps
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, ball
 
 HERTZ = (1e-3, 0.1, 1, 5, 10, 20, 60)
+
+
+def servo_device(sample_time: float, servo: Servo, sensor: ForceSensor | None = None) -> Device:
+    return Device(1.0, 0.0, sample_time, force_sensor=sensor, display="servo", servo=servo)
+
+
 A = servo_device(2e-3, Servo(delay=0.032, bandwidth_hz=20.0, order=2))
 B = servo_device(2e-3, Servo(delay=0.0143, bandwidth_hz=30.0))
 C = servo_device(4e-3, Servo(delay=0.012, bandwidth_hz=15.0, order=2, command="position"), ForceSensor(50.0))
@@ -36,7 +44,12 @@ FIXTURES = [
     (C, (0, 0, 1000), (34.188371, 34.185855, 33.936595, 27.836116, 11.059068, -3.250114, -0.018043)),
     (C, (1, 10, 500), (7.094184, 7.081771, 5.861895, -18.113364, -32.605817, 51.297978, 2.513068)),
 ]
-UNIT_HANDS = [Grip(mass=1.0), Grip(damping=1.0), Grip(stiffness=1.0)]
+UNIT_HANDS = [Hand(*map(float, unit)) for unit in np.eye(3)]
+
+
+def seen(device: Device, hand: Hand, theta: np.ndarray) -> np.ndarray:
+    """Return what the oracle says of Z_seen."""
+    return oracle(Loop(tables_of(device)["device"], hand=astuple(hand)), np.exp(1j * theta))
 
 
 def required_of_servo(plant, hand, theta, ops) -> Required:
@@ -72,35 +85,22 @@ def test_digits(device, hand, expected):
         assert abs(one.lost / one.size - ball(value)) < 5.1e-7
 
 
-@pytest.mark.parametrize("number", mostly_slow(range(200), range(6)))
-def test_matrix_exponentials(number):
-    """Servo, then hand, then sensor, each with its own delay."""
+@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize("number", mostly_slow(range(100), range(4)))
+def test_matrix_exponentials(number, filtered):
+    """Servo, then hand, then sensor, each with its own delay; a filter of the samples multiplies the force."""
     random = np.random.default_rng((71, number))
-    servo = random_servo(random)
-    theta = np.concatenate((10 ** random.uniform(-2, 0.49, 20), [pi]))
-    for grip in UNIT_HANDS:
-        expected = seen(servo, grip, theta)
-        found = seen_at(device_of(servo), Hand(grip.mass, grip.damping, grip.stiffness), theta)
-        assert np.abs(found - expected).max() < 1e-8 * np.abs(expected).max()
-        required = required_at(device_of(servo), Hand(grip.mass, grip.damping, grip.stiffness), theta)
-        assert np.abs(required + expected.real).max() < 1e-8 * np.abs(expected).max()
-
-
-@pytest.mark.parametrize("number", range(4))
-def test_a_filter_of_the_samples_multiplies_the_force(number):
-    random = np.random.default_rng((78, number))
-    servo, share = random_servo(random), float(random.uniform(0.02, 0.9))
-    theta = np.concatenate((10 ** random.uniform(-2, 0.49, 20), [pi]))
-    device = device_of(servo)
-    sensor = device.force_sensor or ForceSensor()
-    filtered = replace(device, force_sensor=replace(sensor, filter_coefficient=share))
-    passed = share / (1 - (1 - share) * np.exp(-1j * theta))
-    for grip in UNIT_HANDS:
-        expected = seen(servo, grip, theta) * passed
-        hand = Hand(grip.mass, grip.damping, grip.stiffness)
-        assert np.abs(seen_at(filtered, hand, theta) - expected).max() < 1e-8 * np.abs(expected).max()
-    later = servo.latency + servo.sample_time * (1 - share) / share
-    assert required_at(filtered, Hand(0.0, 0.0, 1000.0), np.zeros(1)) == pytest.approx(1000 * later, rel=1e-9)
+    table, share = random_servo(random), float(random.uniform(0.02, 0.9)) if filtered else 1.0
+    if filtered:
+        table["force_sensor"] = table.get("force_sensor", {}) | {"filter_coefficient": share}
+    device, theta = device_of(table), np.concatenate((10 ** random.uniform(-2, 0.49, 20), [pi]))
+    for hand in UNIT_HANDS:
+        expected = seen(device, hand, theta)
+        size = np.abs(expected).max()
+        assert np.abs(seen_at(device, hand, theta) - expected).max() < 1e-8 * size
+        assert np.abs(required_at(device, hand, theta) + expected.real).max() < 1e-8 * size
+    later = latency_of(table) + table["sample_time"] * (1 - share) / share
+    assert required_at(device, Hand(0.0, 0.0, 1000.0), np.zeros(1)) == pytest.approx(1000 * later, rel=1e-9)
 
 
 @pytest.mark.parametrize("whole", [1, 3])
@@ -108,29 +108,29 @@ def test_a_filter_of_the_samples_multiplies_the_force(number):
 def test_whole_samples(whole, order):
     """A force is sensed just before the new command acts: the mass of order 1 jumps there, nothing else does."""
     T, theta = 1e-3, np.array([0.3, 1.5, pi])
-    hand, unit = Hand(1.0, 2.0, 300.0), Grip(1.0, 2.0, 300.0)
-    at, below = (Follower(T, delay, 30.0, order) for delay in (whole * T, (whole - 1e-9) * T))
-    for servo in (at, below):
-        assert seen_at(device_of(servo), hand, theta) == pytest.approx(seen(servo, unit, theta), rel=1e-9)
-    jump = seen_at(device_of(at), hand, theta) - seen_at(device_of(below), hand, theta)
+    hand = Hand(1.0, 2.0, 300.0)
+    at, below = (servo_device(T, Servo(delay, 30.0, order)) for delay in (whole * T, (whole - 1e-9) * T))
+    for device in (at, below):
+        assert seen_at(device, hand, theta) == pytest.approx(seen(device, hand, theta), rel=1e-9)
+    jump = seen_at(at, hand, theta) - seen_at(below, hand, theta)
     z = np.exp(1j * theta)
     expected = (z ** (-whole - 1) - z**-whole) * 2 * pi * 30.0 if order == 1 else 0 * z
     assert np.abs(jump - expected).max() < 1e-4
-    assert sensed_force_jumps(device_of(at), Hands(Hand(0.0, 0.0, 0.0), hand)) == (order == 1)
+    assert sensed_force_jumps(at, Hands(Hand(0.0, 0.0, 0.0), hand)) == (order == 1)
 
 
 @pytest.mark.parametrize("number", range(4))
 def test_at_rest_the_drag_is_stiffness_times_latency(number):
-    servo = random_servo(np.random.default_rng((72, number)))
-    device = device_of(servo)
+    table = random_servo(np.random.default_rng((72, number)))
+    device = device_of(table)
     with ctx.workprec(PRECISION):
         exact = device.converted(ball)
         parts, plant = latency(exact, BALLS), servo_plant(exact, sensed_delay(device), BALLS)
         required = required_of_servo(plant, Hand(ball(2.0), ball(7.0), ball(1000.0)), arb(0), BALLS)
         assert abs(required.lost / required.size - (1000 * parts.total - 7)) < 1e-20
-    assert float(parts.total) == pytest.approx(servo.latency, rel=1e-14)
+    assert float(parts.total) == pytest.approx(latency_of(table), rel=1e-14)
     hands = Hands(Hand(0.0, 0.0, 0.0), Hand(2.0, 30.0, 1000.0))
-    assert demand_of(device, hands).at(np.zeros(1)) == pytest.approx(1000 * servo.latency, rel=1e-9)
+    assert demand_of(device, hands).at(np.zeros(1)) == pytest.approx(1000 * latency_of(table), rel=1e-9)
 
 
 def test_only_the_sum_of_both_delays_counts():
@@ -145,18 +145,19 @@ def test_only_the_sum_of_both_delays_counts():
 def test_the_demand_is_that_of_the_worst_hand(number):
     """Of 200 hands of a box none asks for more than its vertices, in a disc neither, and one of these for as much."""
     random = np.random.default_rng((73, number))
-    case, radii = random_case(random), ((3.0, 0.02), (30.0, 0.3))
-    theta, device = np.geomspace(1e-3, pi, 40), case.device
-    ends = [np.array([*vars(end).values()]) for end in (case.low, case.high)]
-    r = np.interp(np.log(np.maximum(theta / (2 * pi * device.sample_time), 1e-9)), *np.log(np.array(radii)).T)
-    below = theta / (2 * pi * device.sample_time) < radii[0][0]
-    r = np.where(below, np.log(radii[0][1] * theta / (2 * pi * device.sample_time) / radii[0][0]), r)
+    device, radii = device_of(random_servo(random)), ((3.0, 0.02), (30.0, 0.3))
+    high = 10 ** random.uniform([-2, 0, 0], [1.3, 2, 4.5])
+    low, theta = high * random.choice([0, 0, 0.3], 3), np.geomspace(1e-3, pi, 40)
+    hands = Hands(Hand(*map(float, low)), Hand(*map(float, high)))
+    hz = theta / (2 * pi * device.sample_time)
+    r = np.interp(np.log(np.maximum(hz, 1e-9)), *np.log(np.array(radii)).T)
+    r = np.where(hz < radii[0][0], np.log(radii[0][1] * hz / radii[0][0]), r)
+    units = np.array([seen(device, unit, theta) for unit in UNIT_HANDS])
     for disc in ((), radii):
         there = replace(device, servo=replace(device.servo, radii=disc))
-        most = demand_of(there, case.hands).at(theta)
-        asked = []
+        most, asked = demand_of(there, hands).at(theta), []
         for share in [*random.uniform(0, 1, (200, 3)), *np.array(np.meshgrid(*[[0, 1]] * 3)).reshape(3, -1).T]:
-            Z = seen(case.servo, Grip(*(ends[0] + share * (ends[1] - ends[0]))), theta)
+            Z = (low + share * (high - low)) @ units
             asked.append(-Z.real + (np.exp(r) * np.abs(Z) if disc else 0.0))
         scale = np.max(np.abs(asked))
         assert (np.max(asked, axis=0) <= most + 1e-7 * scale).all()

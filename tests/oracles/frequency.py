@@ -17,11 +17,19 @@ Tables = Mapping[str, Any]
 
 
 class Demanded(NamedTuple):
-    """R in N s/m, the resistance Re G_hh/A_h that must be positive, and D whose turns count poles."""
+    """R in N s/m, the resistance Re G_hh/A_h that must be positive, D whose turns count poles, and what they are of."""
 
     required: Any
     resistance: Any
     D: Any
+    G_hh: Any  # m/(N s), without the operator
+    G_he: Any
+    q: Any
+
+    @property
+    def tracking(self) -> Any:
+        """1 - G_he."""
+        return 1 - self.G_he
 
 
 def low_pass(table: Tables, s: Any, num: Arithmetic) -> Any:
@@ -89,7 +97,8 @@ def demanded(tables: Tables, gains: tuple[float, float], s: Any, num: Arithmetic
             excess = np.where(q.real > 0, q.imag**2 / (abs(q) + abs(q.real)), abs(q) - q.real)
     else:
         excess = abs(q) - q.real
-    return Demanded(excess / (2 * resistance) - (F_s * Z_h * G_he / A_h).real, resistance, D)
+    required = excess / (2 * resistance) - (F_s * Z_h * G_he / A_h).real
+    return Demanded(required, resistance, D, G_hh, G_he, q)
 
 
 def offered(coupling: tuple[float, float, float], s: Any, num: Arithmetic = DIGITS) -> Any:

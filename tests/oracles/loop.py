@@ -25,6 +25,7 @@ class Loop:
     """A device's table, its gains (K_v, K_p), and mass, damping and stiffness of a hand and of an environment.
 
     The coupling is (b_c, m_c, b_0), of an impedance display (b_c, k_c). Without a coupling nothing is behind the port.
+    Resonators are mass, damping and stiffness of what hangs on a handle beside the hand.
     """
 
     device: Mapping[str, Any]
@@ -33,6 +34,7 @@ class Loop:
     hand: Triple = NOTHING
     world: Triple = NOTHING
     num: Arithmetic = field(default=DOUBLES)
+    resonators: tuple[Triple, ...] = ()
 
     @property
     def kind(self) -> str:
@@ -90,10 +92,16 @@ def _plant(loop: Loop) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
     lag = "servo" if loop.kind == "servo" else "actuator"
     pushers, sensors = _order(loop, lag), _order(loop, "force_sensor") if loop.kind != "impedance" else 0
     body = 1 if loop.kind == "servo" else 4 if "structure" in device else 2
-    size = body + pushers + sensors
+    size = body + pushers + sensors + 2 * len(loop.resonators)
     row = list(num.eye(size + 1))
-    command, acting, reading = row[-1], row[body : body + pushers], row[body + pushers : size]
+    command, acting, reading = row[-1], row[body : body + pushers], row[body + pushers : body + pushers + sensors]
     push = acting[0] if acting else command
+    v_h, pull, hung = row[3] if body == 4 else row[1 % len(row)], 0 * row[0], []
+    for k, resonator in enumerate(loop.resonators):  # its stretch and its velocity
+        m_r, b_r, k_r = (num.number(x) for x in resonator)
+        stretch, v_r = row[size - 2 * len(loop.resonators) + 2 * k :][:2]
+        own = k_r * stretch + b_r * (v_r - v_h)
+        pull, hung = pull + own, [*hung, v_r - v_h, -own / m_r]
     if loop.kind == "servo":  # the velocity follows, whatever the hand does
         rates = [push, *_filtered(loop, lag, command, acting)]
         v, x = push, row[0]
@@ -102,9 +110,9 @@ def _plant(loop: Loop) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
         force = -(M * acceleration + B * v + K * x)
     elif body == 2:
         m, b = num.number(device["mass"]), num.number(device["damping"])
-        acceleration = (push - (b + B) * row[1] - K * row[0]) / (m + M)
+        acceleration = (push + pull - (b + B) * row[1] - K * row[0]) / (m + M)
         rates = [row[1], acceleration, *_filtered(loop, lag, command, acting)]
-        force = -(M * acceleration + B * row[1] + K * row[0])
+        force = pull - (M * acceleration + B * row[1] + K * row[0])
     else:  # motor x, v; stretch of the spring; handle's velocity and position: position is x + stretch
         m, b = num.number(device["mass"]), num.number(device["damping"])
         m_2 = loop.number("structure", "handle_mass")
@@ -113,12 +121,13 @@ def _plant(loop: Loop) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
         k, c = mu * w**2, 2 * loop.number("structure", "damping_ratio") * mu * w
         x, v, stretch, v_2 = row[:4]
         spring = k * stretch + c * (v_2 - v)  # pulls the motor towards the handle
-        acceleration = -(spring + B * v_2 + K * (x + stretch)) / (m_2 + M)
+        acceleration = (pull - spring - B * v_2 - K * (x + stretch)) / (m_2 + M)
         rates = [v, (push + spring - b * v) / m_1, v_2 - v, acceleration, *_filtered(loop, lag, command, acting)]
-        force = -(M * acceleration + B * v_2 + K * (x + stretch))
+        force = pull - (M * acceleration + B * v_2 + K * (x + stretch))
     if reading:
         rates += _filtered(loop, "force_sensor", force, reading)
         force = reading[0]
+    rates += hung
     A = num.array([list(rate) for rate in rates])
     return A[:, :size], A[:, size], force[:size], force[size]
 

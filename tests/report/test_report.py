@@ -29,7 +29,6 @@ from vctune.report.page import write_report
 from vctune.report.typography import html
 from vctune.report.verdict import LITTLE_USE
 
-SVG = "{http://www.w3.org/2000/svg}"
 LAG = 'hold = "lag"\n[stability]\ncriterion = "passive"\nband_hz = [0.0, inf]\n'
 HELD = "[coupling]\ndrag = { min = 0.0, max = 50.0 }\n[operator]\ndamping = 0.5\n"
 DRAG = "drag = 3.0\n"

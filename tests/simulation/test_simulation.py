@@ -11,8 +11,6 @@ import scipy.linalg
 from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
-from sampled_oracle import Linear
-from sampled_oracle import simulate as oracle
 from scipy.interpolate import CubicHermiteSpline
 
 from vctune.document.reading import read_gains, read_problem
@@ -58,39 +56,38 @@ def experiment(environment=SPRING, operator=HAND, friction=None, sensors=PERFECT
     return Experiment("test", environment, operator, friction, sensors, limit, baseline)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 2.7e-3])
-@pytest.mark.parametrize("hand_mass", [0.0, 0.2])
-@pytest.mark.parametrize(
-    "environment",
-    [NOTHING, SPRING, Environment(0.0, 14.0, 0.0, 0.0, False), Environment(0.3, 4.0, 500.0, 0.002, False)],
-    ids=["free", "spring", "damper", "all"],
-)
-def test_linear_scene_is_the_exact_sampled_data_response(delay, hand_mass, environment):
-    """To 1e-9 of each trace's greatest value, with any delay; both controllers, integral gain and drag included."""
-    device = replace(DEVICE, delay=delay)
-    hand = replace(HAND, mass=hand_mass, start=0.001)
-    soft = replace(environment, zero=0.001)  # so that everything is at rest without a force
-    coupling = Coupling(160.0, 0.35, 0.7)
-    e = experiment(soft, hand)
-    cases = [
-        (
-            designed_scene(device, GAINS, coupling, e),
-            (GAINS.velocity, GAINS.position, 0.0),
-            (160.0, 0.35, 0.7),
+@pytest.mark.parametrize("controller", ["design", "baseline"])
+def test_the_firmware_solves_its_equations_of_a_sample(controller):
+    """The unknowns of model/README.md at the end of each sample, v_e, v_c, x_e and where the spring is, by NumPy."""
+    T, zero = DEVICE.sample_time, 0.001
+    e, coupling = experiment(Environment(0.3, 4.0, 500.0, zero, False)), Coupling(160.0, 0.35, 0.7)
+    if controller == "design":
+        scene, (K_v, K_p, K_i), (m_v, b_v) = (
+            designed_scene(DEVICE, GAINS, coupling, e),
+            (150.0, 6000.0, 0.0),
             (0.0, 0.0),
-        ),
-        (baseline_scene(device, e, replace(PID, ki=300.0)), (20.0, 2000.0, 300.0), None, (1.0, 20.0)),
-    ]
-    count = sample_count(hand, device.sample_time)
-    motion = intended_motion(hand, device.sample_time, 0, count)
-    for scene, law, couple, virtual in cases:
-        rendered = (soft.mass, soft.damping, soft.stiffness, soft.zero)
-        held = (hand.mass, hand.damping, hand.stiffness)
-        case = Linear(device.mass, device.damping, device.sample_time, delay, held, law, couple, virtual, rendered)
-        expected, traces = oracle(case, motion.position, motion.velocity), run(scene)
-        for name, values in expected.items():
-            assert np.abs(getattr(traces, name) - values).max() <= 1e-9 * np.abs(values).max(), name
+        )
+        b_c, m_c, b_0 = 160.0, 0.35, 0.7
+    else:
+        scene = baseline_scene(DEVICE, e, replace(PID, ki=300.0))
+        (K_v, K_p, K_i), (m_v, b_v), (b_c, m_c, b_0) = (20.0, 2000.0, 300.0), (1.0, 20.0), (0.0, 1.0, 0.0)
+    A = np.array(
+        [
+            [(m_v + 0.3) / T + b_v + 4.0 + b_0 + b_c, -b_c, 0, 500.0],
+            [-b_c / 2, m_c / T + b_c / 2, 0, 0],
+            [-T / 2, 0, 1, 0],
+            [-T, 0, 0, 1],
+        ]
+    )
+    c = controller_of(scene.law)
+    state, v_e, v_c, x_e, y, missed = at_rest(c, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0
+    for x, v, force in np.random.default_rng(4).normal(size=(200, 3)) * [1e-3, 1e-2, 1.0]:
+        right = [force + 500.0 * zero + (m_v + 0.3) / T * v_e, m_c / T * v_c + b_c / 2 * (v_e - v_c), x_e + T / 2 * v_e]
+        v_e, v_c, x_e, y = np.linalg.solve(A, [*right, y])
+        missed += T * (x_e - x)
+        state, command = control(c, state, Measurement(x, v, force), FLOATS)
+        expected = K_v * (v_e - v) + K_p * (x_e - x) + K_i * missed
+        assert command.given == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(-9, 9))

@@ -344,22 +344,6 @@ def test_an_interrupted_region_is_a_baseline_of_what_it_has(interrupted):
     assert run("check", "device.toml", "--region", region_file, cwd=interrupted).returncode == ExitCode.FAILED
 
 
-def test_an_interrupted_region_refutes_nothing(tmp_path, monkeypatch):
-    """Where there is no design and no time to prove that there is none, nothing is claimed."""
-    from vctune.api.regions import region
-    from vctune.design.result import Solved
-    from vctune.design.verdict.judge import Status
-    from vctune.document.reading import problem_file
-
-    file = problem_file(for_passive_hands(PLAIN), tmp_path / "p.toml")
-    found = region(file, resolution=1 / 8, solved=Solved(problem=file.problem), stopped=lambda: True)
-    assert found.areas == {"feasible": 0, "infeasible": 0, "undecided": 1}
-    assert found.region.interrupted and found.status is Status.UNDECIDED
-    asked = count()
-    found = region(file, resolution=1 / 8, solved=Solved(problem=file.problem), stopped=lambda: next(asked) == 9)
-    assert not found.region.interrupted  # it was done before
-
-
 STRUCK = """
 import signal, vctune.study.region as region
 judged, batches = region._judged, iter(range(1, 1000))

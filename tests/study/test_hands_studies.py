@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import astuple, replace
 from functools import cache
-from itertools import product
 from math import sqrt
-from time import process_time
 
 import numpy as np
 import pytest
@@ -21,33 +19,28 @@ from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.bound.design_boxes import DesignBoxes
 from vctune.design.bound.hands_bound import conditions_in_hands
 from vctune.design.bound.lower_bounds import lower_bounds
-from vctune.design.bound.quadratics import Quadratic
 from vctune.design.bound.relaxation import Places, relaxation
 from vctune.design.prepared import pose
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
-from vctune.design.variables import ranges
 from vctune.design.verdict import repair as repairing
 from vctune.document.reading import parse_problem, read_problem
 from vctune.exit_codes import ExitCode
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.boxes import Cells
 from vctune.proof.certificate import certify
-from vctune.proof.claims.array_claims import claims_of
-from vctune.proof.claims.cells import admissible_damping, lower_bound_at, proved_cells
+from vctune.proof.claims.cells import admissible_damping, proved_cells
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.arb_balls import BALLS, ball, device_ball
 from vctune.proof.outcome import Verdict
 from vctune.study.plane import plane
 from vctune.study.region import Kind, easiest, free_damping, region
-from vctune.study.region_estimate import COUPLING_DAMPING, estimate
 
 FOLDER = ROOT / "tests/reference/hands"
 NAMES = ("hands-friction-wheel", "hands-light-grip", "hands-everything")
@@ -155,15 +148,6 @@ def test_the_region_has_both_kinds_of_cells(name, share):
     assert areas[Kind.FEASIBLE] > share and areas[Kind.INFEASIBLE] > 0.3 and areas[Kind.UNDECIDED] < 0.4
 
 
-@pytest.mark.slow
-def test_the_region_of_the_friction_wheel_is_nearly_decided():
-    text = (ROOT / "problems/friction-wheel.toml").read_text()
-    problem = posed(text.replace('criterion = "passive"', 'criterion = "hands"'))
-    across = plane(problem, "gains.velocity", "gains.position", 8)
-    region_ = region(problem, across, across.coarsest_squares())
-    assert region_.area(Kind.UNDECIDED) < 0.05 and region_.area(Kind.FEASIBLE) > 0.2
-
-
 LATE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\ndelay = 3e-4\n" + HANDS_OF_ALL
 
 
@@ -197,45 +181,6 @@ def test_no_cell_of_a_late_device_with_room_is_undecided():
     assert not (around & (decided == Kind.UNDECIDED)).any(), "two cells from all that is infeasible"
 
 
-def with_room(problem, found_):
-    """The undecided cells whose centre and corners meet the demands on a grid with 10 % to spare, with one b_c."""
-    asked = problem.stability
-    harder = replace(asked, safety_factor=1.1 * asked.safety_factor, max_sensitivity=asked.max_sensitivity / 1.1)
-    problem, across = replace(problem, stability=harder), found_.plane
-    squares = found_.squares[:, found_.kinds == Kind.UNDECIDED]
-    cells = easiest(across.cells(squares), across)
-    low, high = cells.centres().low.copy(), cells.centres().low.copy()
-    low[COUPLING_DAMPING], high[COUPLING_DAMPING] = cells.low[COUPLING_DAMPING], cells.high[COUPLING_DAMPING]
-    with np.errstate(all="ignore"):
-        damping = estimate([problem], Cells(low, high), free=True).damping
-        met = ~np.isnan(damping)
-        for ends in product((cells.low, cells.high), repeat=2):
-            corner = low.copy()
-            corner[COUPLING_DAMPING] = damping
-            for axis, end in zip(across.axes, ends, strict=True):
-                corner[axis] = end[axis]
-            met &= ~np.isnan(estimate([problem], Cells(corner, corner), free=False).damping)
-    return squares[:, met].T.tolist()
-
-
-@pytest.mark.slow
-def test_no_cell_of_a_late_device_with_10_percent_to_spare_is_undecided():
-    """With default bounds: K_p from 0."""
-    problem = posed(LATE)
-    across = plane(problem, "gains.velocity", "gains.position", 6)
-    found_ = region(problem, across, across.coarsest_squares())
-    assert with_room(problem, found_) == []
-    assert found_.area(Kind.UNDECIDED) < 0.045 and found_.area(Kind.FEASIBLE) > 0.18
-
-
-@pytest.mark.slow
-def test_a_minute_decides_97_percent_of_the_region_of_a_late_device():
-    problem, end = posed(LATE), process_time() + 60
-    across = plane(problem, "gains.velocity", "gains.position", 8)
-    found_ = region(problem, across, across.coarsest_squares(), stopped=lambda: process_time() > end)
-    assert found_.area(Kind.UNDECIDED) < 0.03
-
-
 def test_only_the_demands_of_the_criterion_count():
     problem = posed(PLANES["light grip"][0])
     best = Cells(*[np.array([[200.0], [9e4], [9.0], [0.0095], [2.0]])] * 2)
@@ -255,47 +200,6 @@ def test_next_to_no_integrator_drag_decides_in_a_hand_without_stiffness(K_p, dra
     low = np.array([[1.7e-3], [0.0], [6.08], [400.0], [drag]])
     high = np.array([[2.3e-3], [K_p], [6.08], [400.0], [drag]])
     assert proved_cells(pose(posed(LATE)).demands, Cells(low, high)).all() == held
-
-
-def test_what_a_cell_asks_for_in_a_hand_is_no_more_than_its_designs_ask_for():
-    rng, device = np.random.default_rng(2), posed(WHEEL).device
-    count = 60
-    low = np.array([rng.uniform(*ends, count) for ends in ((20, 400), (3e3, 9e4), (1, 2), (1, 2), (1, 2))])
-    high = low * (1 + 10.0 ** rng.uniform(-6, -1, (5, count)))
-    at = np.array(
-        [np.append(0.0, rng.uniform(0, np.pi, count - 1)), rng.uniform(0, 0.5, count), rng.uniform(0, 30, count)]
-    )
-    at = np.vstack((at, rng.uniform(0, 3000, count)))
-    claims = claims_of(Demands(device, (1.0, 2.0), 1.05, 2.0, hands=posed(WHEEL).hands))
-    bound = lower_bound_at(claims.required_in_hands, Cells(low, high), PlacesInHands(at[0], Hand(*at[1:])))
-    plant = plant_in_hand(device, Hand(*at[1:]), delays_of(device), FLOATS)
-    for share in rng.random((20, 5, 1)):
-        K_v, K_p, *_ = low + share * (high - low)
-        required = required_in_hand(loop_in_hand(plant, at[0], FLOATS), Gains(K_v, K_p))
-        R = required.lost / required.size
-        assert (np.isnan(bound) | (bound <= R + 1e-9 * np.abs(R))).all()
-    assert np.isfinite(bound).mean() > 0.5
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_least_of_a_quadratic_with_a_cross_term_is_met(seed):
-    rng = np.random.default_rng(seed)
-    points, count = 40, 25
-    square = rng.normal(size=(2, points)), rng.normal(size=points)
-    quadratic = Quadratic(rng.normal(size=points), tuple(rng.normal(size=(2, points))), tuple(square[0]), square[1])
-    low = rng.uniform(0, 2, (4, count))
-    boxes = DesignBoxes(low, low + rng.uniform(0, 2, (4, count)))
-    least = quadratic.least(boxes)
-    shares = np.linspace(0, 1, 60)
-    K_v, K_p = (
-        (boxes.low[row] + (boxes.high[row] - boxes.low[row]) * shares[:, None]).reshape(60, count) for row in (0, 1)
-    )
-    a, b = K_v[:, None, :, None], K_p[None, :, :, None]
-    (v, p), (vv, pp) = quadratic.linear, quadratic.square
-    values = quadratic.constant + v * a + p * b + vv * a * a + pp * b * b + quadratic.cross * a * b
-    dense = values.min(axis=(0, 1))
-    assert (least <= dense + 1e-12).all()
-    assert (least >= dense - 0.05).all()
 
 
 @pytest.mark.parametrize("number", range(0, 108, 9))
@@ -431,31 +335,6 @@ def test_in_limp_hands_some_resistance_is_required(number):
 
 
 @pytest.mark.slow
-def test_a_check_says_in_which_hands(tmp_path):
-    for drag, name in ((1.5, "good"), (1.0, "poor")):
-        (tmp_path / f"{name}.toml").write_text(FIXED.format(drag))
-    good, poor = run("check", "good.toml", cwd=tmp_path), run("check", "poor.toml", cwd=tmp_path)
-    assert good.returncode == ExitCode.OK
-    assert "in every hand of 0 to 0.5 kg, 0 to 30 N s/m, 0 to 3000 N/m up to Nyquist" in good.stdout
-    assert "Hz, safety" not in good.stdout  # the band of passive hands is none of its own
-    assert poor.returncode == ExitCode.FAILED and "in the hand of 0 kg, 0 N s/m, 3000 N/m" in poor.stdout
-    for repair in ("coupling.drag = ", "operator.damping.min = ", "operator.stiffness.max = "):
-        assert repair in poor.stdout
-    assert "band_hz" not in poor.stdout
-
-
-@pytest.mark.parametrize("format_", ["text", "json", "github"])
-def test_every_format_knows_hands(tmp_path, format_):
-    (tmp_path / "good.toml").write_text(FIXED.format(1.5))
-    done = run("check", "good.toml", "--format", format_, cwd=tmp_path)
-    assert done.returncode == ExitCode.OK and done.stderr == ""
-    if format_ in ("text", "github"):
-        assert "in every hand of 0 to 0.5 kg, 0 to 30 N s/m, 0 to 3000 N/m up to Nyquist" in done.stdout
-    if format_ == "json":
-        assert json.loads(done.stdout)[0]["certificate"]["hands"]["verdict"] == "proved"
-
-
-@pytest.mark.slow
 def test_a_region_is_a_baseline_for_other_hands(tmp_path):
     (tmp_path / "grip.toml").write_text(PLANES["light grip"][0])
     (tmp_path / "stiffer.toml").write_text(PLANES["light grip"][0].replace("max = 1000.0", "max = 1e5"))
@@ -470,11 +349,3 @@ def test_a_region_is_a_baseline_for_other_hands(tmp_path):
 def test_a_range_of_hands_is_an_axis():
     swept = vctune.sweep(posed(FIXED.format(1.5)), {"operator.stiffness.max": [3000.0, 9000.0], "operator.mass": [0.0]})
     assert swept.table.status == ["certified", "violated"]
-
-
-def test_hands_count_in_no_claim_that_was_not_made():
-    problem = posed(FIXED.format(1.5))
-    certificate = certify(Design(problem.device, *problem.fixed_design), pose(problem).demands)
-    assert set(certificate.outcomes) == {"sensitivity", "stable", "hands"}
-    assert problem.hands == Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
-    assert all(bounds.fixed for bounds in ranges(problem))

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import pytest
 from command import run, started, wait_until
-from conftest import drawn
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,10 +24,10 @@ from vctune.document.study_file import read_study
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 from vctune.study import sweep as sweeping
-from vctune.study.executors import _for_workers, worker_pool
+from vctune.study.executors import worker_pool
 from vctune.study.row import solve_point
 from vctune.study.rows import key_of, open_rows
-from vctune.study.study_table import csv_text, summary, table_of
+from vctune.study.study_table import csv_text, table_of
 from vctune.study.sweep import sweep
 
 FREE = (
@@ -37,7 +36,6 @@ FREE = (
 )
 DAMPING = "device.damping [N s/m]"
 """The heading of its column."""
-TERMS = ("admittance", "tracking", "coupling")
 FIXED = FREE + ("[gains]\nvelocity = 300.0\nposition = 3000.0\n[coupling]\ndamping = 100.0\nmass = 1.0\ndrag = 0.1\n")
 """Judged, not solved: a few milliseconds a point."""
 FEW = '"device.damping" = [1.0, 2.0, 4.0]\n"stability.band_hz[1]" = [50.0, 600.0]\n'
@@ -101,21 +99,6 @@ def test_a_row_is_what_solve_says_of_the_point(tmp_path):
     assert {file.name for file in folder.iterdir()} == {
         "rows.jsonl", "table.csv", "error.svg",
     }  # fmt: skip
-
-
-def test_each_point_tells_what_is_known_so_far(tmp_path):
-    """Counts by status and the best error, with the rows of an earlier run."""
-    plan, said = read_study(write_study(tmp_path, FEW, FIXED)), []
-    for _ in range(2):
-        with worker_pool("serial", 1) as pool, open_rows(tmp_path / "rows.jsonl", plan, restart=False) as rows:
-            table = table_of(plan, rows, sweep(plan, rows, pool, said.append))
-    counts = {status: table.status.count(status) for status in table.status}
-    assert len(said) == 12 and said[5] == said[11] and said[0] != said[1]
-    assert {f"{count} {status}" for status, count in counts.items()} == set(said[5].partition(";")[0].split(", "))
-    errors = [
-        error for error, status in zip(table.numbers["error"], table.status, strict=True) if status == "certified"
-    ]
-    assert said[5].endswith(f"; best error {min(errors):.4g}" if errors else "")
 
 
 def test_an_infeasible_point_is_a_row_with_its_reason(tmp_path):
@@ -297,13 +280,6 @@ def test_killed_again_and_again_nothing_is_lost_repeated_or_torn(tmp_path):
 
 
 @pytest.mark.slow
-def test_killed_again_and_again(tmp_path):
-    n = max(drawn(50), 20)
-    rows = kill_and_resume(tmp_path, write_study(tmp_path, MANY.format(n), FIXED), range(0, 4 * n * n // 5, 40))
-    assert len(rows) == n * n
-
-
-@pytest.mark.slow
 def test_a_worker_killed_from_outside_costs_no_row(tmp_path):
     path = write_study(tmp_path, MANY.format(12), FIXED)
     process = started("sweep", path, "--jobs", "2", cwd=tmp_path)
@@ -381,14 +357,6 @@ def test_files_of_one_study_may_be_concatenated_torn_or_not(tmp_path_factory, fi
         assert len(rows.known) == 3
         assert rows.dropped == (whole[cut - 1 : cut] != b"\n")
         assert {row["point"]["device.damping"] for row in rows.known.values()} == {1.0, 2.0, 3.0}
-
-
-def test_an_empty_file_is_begun(tmp_path):
-    """What a full disk leaves of a file of rows is one without any."""
-    path = write_study(tmp_path, '"device.damping" = [1.0, 2.0]', FIXED)
-    (tmp_path / "rows.jsonl").write_bytes(b"")
-    assert len(swept(path, tmp_path).status) == 2
-    assert len(rows_in(tmp_path / "rows.jsonl")) == 2
 
 
 def test_restart_begins_anew(tmp_path):
@@ -484,14 +452,6 @@ def test_a_full_disk_stops_the_run_and_keeps_the_rows(tmp_path):
     assert len(rows_in(tmp_path / "results/study/rows.jsonl")) == 36
 
 
-def test_summary_of_a_table(tmp_path):
-    path = write_study(tmp_path, FEW, FIXED)
-    found = summary(read_study(path), swept(path, tmp_path))
-    assert sum(found.status.values()) == found.points == 6
-    assert found.corner.high["stability.band_hz[1]"] == 600.0
-    json.dumps(found.to_json(), allow_nan=False)
-
-
 def test_workers_have_one_thread_whenever_they_start(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     with worker_pool("processes", 1) as pool:
@@ -499,12 +459,3 @@ def test_workers_have_one_thread_whenever_they_start(monkeypatch):
         pool.renew()
         assert pool.executor.submit(os.getenv, "OMP_NUM_THREADS").result() == "1"
     assert os.environ["OMP_NUM_THREADS"] == "7"
-
-
-def test_a_handler_of_interrupts_from_outside_python_stays(monkeypatch):
-    """Python cannot name such a handler: signal.signal returns None, which it does not accept."""
-    installed = []
-    monkeypatch.setattr("vctune.study.executors.signal.signal", lambda number, handler: installed.append(handler))
-    with _for_workers():
-        assert installed == [signal.SIG_IGN]
-    assert installed == [signal.SIG_IGN]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from math import pi
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from vctune.api.sweeping import sweep
 from vctune.design.solve import solve
 from vctune.design.variables import design_of
 from vctune.document.reading import parse_problem, pose
-from vctune.document.study_file import build_study, read_study
+from vctune.document.study_file import read_study
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 from vctune.model.problem import Problem
@@ -77,17 +76,6 @@ def test_every_point_has_what_a_file_gives_that_states_the_yardstick(three_keys)
         there = solve(problem_of(point, PASSIVE + table)).judgement.error
         assert error == pytest.approx(there, rel=2e-3)
         assert point is BASE or error != pytest.approx(mine, rel=0.05)
-
-
-def test_the_table_shows_the_yardstick(three_keys):
-    swept, _, _ = three_keys
-    on, numbers = problem_of(BASE).transparency, swept.table.numbers
-    for name, value in (("yardstick_low_hz", 0.5), ("yardstick_high_hz", 30.0)):
-        assert numbers[name] == pytest.approx(value)
-    assert numbers["reference_impedance"] == pytest.approx(on.reference_impedance)
-    found = swept.summary.yardstick
-    assert (found.band_hz, found.reference_impedance) == (list(on.band.hz), on.reference_impedance)
-    assert (found.norm, found.weights, found.varied) == ("rms", dict.fromkeys(found.weights, 1.0), [])
 
 
 def test_bounds_are_those_of_each_points_device_and_the_stability_band_that_of_the_problem(three_keys):
@@ -213,25 +201,3 @@ def test_b_is_measured_as_a_unless_it_states_its_own(tmp_path):
         assert values["on_a.reference_impedance"] == pytest.approx(
             [problem_of(BASE).transparency.reference_impedance] * 2
         )
-
-
-def test_what_is_felt_stands_beside_the_error(three_keys, tmp_path):
-    swept, _, _ = three_keys
-    (tmp_path / "a.toml").write_text(text_of(BASE))
-    values = {each.key: each.a for each in compare(tmp_path / "a.toml", tmp_path / "a.toml").design}
-    for name in ("mass_1hz", "mass_10hz", "damping_1hz", "damping_10hz"):
-        assert swept.table.numbers[f"felt_{name}"][0] == pytest.approx(values[f"felt.felt_{name}"], rel=1e-3)
-    K_p = values["gains.position"]
-    assert values["felt.stiffest_wall"] == pytest.approx(K_p, rel=0.05)
-    assert swept.table.numbers["tracking_bandwidth_hz"][0] > 100.0
-    assert swept.table.numbers["tracking_bandwidth_hz"][3] == 0.0  # it is idle
-
-
-def test_a_study_of_tables_has_the_yardstick_of_the_problem():
-    from vctune.document.building import problem
-
-    file = problem({"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}})
-    study = build_study(file, {"device.sample_time": [5e-4]})
-    found = study.at((5e-4,))[0]
-    assert found.transparency == file.problem.transparency
-    assert found.stability.band.max == pytest.approx(2 * pi * 100.0)
