@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from vctune.document.gains_file import numbers_in
-from vctune.document.schema.contradictions import contradictions
 from vctune.document.schema.defaults import resolve
 from vctune.document.schema.number_units import units_stated
 from vctune.document.schema.problem_schema import (
@@ -18,6 +17,7 @@ from vctune.document.schema.problem_schema import (
     ServoGainsDocument,
     SpringGainsDocument,
 )
+from vctune.document.schema.rules import contradictions
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, examined, refusal, validated
 from vctune.document.text import toml
 from vctune.document.text.digest import problem_digest
@@ -69,8 +69,7 @@ class ProblemFile:
         path : KeyPath
             Path of the key: the tables that contain it, and then the key.
         """
-        lines = toml.Lines(self.text)
-        return next((at for end in range(len(path), 0, -1) if (at := lines.locate(path[:end]))), 1)
+        return toml.Lines(self.text).nearest(path)
 
 
 def read_problem(path: str | Path) -> ProblemFile:
