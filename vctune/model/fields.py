@@ -11,11 +11,19 @@ from functools import cache
 from math import inf
 from typing import Annotated, Any, Literal, TypeVar, dataclass_transform, get_type_hints
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, GetJsonSchemaHandler, GetPydanticSchema
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    GetPydanticSchema,
+    PlainSerializer,
+)
 from pydantic.fields import FieldInfo
 from pydantic.json_schema import JsonSchemaValue, SkipJsonSchema
 from pydantic_core import CoreSchema, PydanticKnownError
-from pydantic_core.core_schema import float_schema
+from pydantic_core.core_schema import float_schema, nullable_schema
 
 T = TypeVar("T")
 # Least and greatest positive number of a key that does not permit inf, in the units of the file
@@ -44,9 +52,17 @@ NotNegative = Annotated[Any, _number(ge=0, le=MOST), AfterValidator(_zero_or_siz
 # a share is below 1, a portion is above 0 and may be 1; the edge of a band may be inf
 Share = Annotated[Any, _number(ge=0, lt=1), AfterValidator(_zero_or_sizeable)]
 Portion = Annotated[Any, _number(ge=LEAST, le=1)]
+Real = Annotated[Any, _number()]
 Edge = Annotated[Any, _number(ge=0), AfterValidator(_zero_or_sizeable)]
 PositiveOrInf = Annotated[Any, _number(ge=LEAST), AfterValidator(_most_or_inf)]
 NotNegativeOrInf = Annotated[Any, _number(ge=0), AfterValidator(_zero_or_sizeable), AfterValidator(_most_or_inf)]
+# A positive number or inf, which is null in JSON
+PositiveOrNull = Annotated[
+    Any,
+    GetPydanticSchema(lambda _source, handler: nullable_schema(handler(PositiveOrInf))),
+    AfterValidator(lambda value: inf if value is None else value),
+    PlainSerializer(lambda value: None if value == inf else value, when_used="json"),
+]
 Place = Annotated[Any, _number(ge=-MOST, le=MOST)]
 Order = Annotated[int, Field(strict=True, ge=1, le=2)]
 Text = Annotated[str, Field(strict=True)]
@@ -77,6 +93,19 @@ class Key:
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         return handler(core) | {"description": self.text}
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """How a field is displayed."""
+
+    label: str  # name of the field, for a linear device
+    unit: str = ""  # text after the number; in label and unit, a field's name in braces is replaced by its value
+    digits: int = 5  # number of significant digits
+    scale: float = 1.0  # factor from the stored number to the displayed one
+    optional: bool = False  # whether to omit the row if the number does not exist
+    detail: bool = False  # whether only the report shows it, because it is too long for a terminal
+    of: str = ""  # quantity (`vctune.model.numbers.units`) whose unit follows the number instead of `unit`
 
 
 @dataclass_transform(frozen_default=True)

@@ -9,7 +9,8 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_mo
 from vctune.document.schema.validation import schema_of
 from vctune.model.display import DisplayName
 from vctune.model.experiment import Baseline, Environment, Friction, Operator, Sensors
-from vctune.model.fields import Edge, Flag, NotNegative, NotNegativeOrInf, Positive, PositiveOrInf, Share, Text
+from vctune.model.fields import Edge, Flag, NotNegative, NotNegativeOrInf, Positive, Share, Text
+from vctune.model.gains import Coupling, Gains, SpringDamper
 from vctune.model.numbers.units import UnitSystem
 from vctune.model.parts import UNCERTAIN, Actuator, ForceSensor, Servo, Structure, VelocityEstimate
 
@@ -343,21 +344,6 @@ class ProblemDocument(Table):
     )
 
 
-class FixedGainsTable(Table):
-    """Gains of a gains file."""
-
-    velocity: NotNegative = Field(description="K_v, N s/m.")
-    position: NotNegative = Field(description="K_p, N/m.")
-
-
-class FixedCouplingTable(Table):
-    """Coupling of a gains file."""
-
-    damping: PositiveOrInf = Field(description="b_c, N s/m; inf for a coupling with only mass and drag.")
-    mass: Positive = Field(description="m_c, kg.")
-    drag: NotNegative = Field(0.0, description="b_0, N s/m.")
-
-
 class OriginTable(Table):
     """The origin of the gains, and the device that they are designed for. vctune treats any other key as a remark."""
 
@@ -381,15 +367,15 @@ class OriginTable(Table):
 class GainsDocument(Table):
     """A vctune gains file: a design as plain numbers, and its origin."""
 
-    gains: FixedGainsTable
-    coupling: FixedCouplingTable
+    gains: Gains
+    coupling: Coupling
     design: OriginTable = Field(default_factory=OriginTable)
 
 
 class ServoGainsDocument(Table):
     """A vctune gains file of a servo, which has a coupling but no gains."""
 
-    coupling: FixedCouplingTable
+    coupling: Coupling
     design: OriginTable = Field(default_factory=OriginTable)
 
 
@@ -399,18 +385,11 @@ class FixedVelocityTable(Table):
     velocity: NotNegative = Field(0.0, description="K_v, N s/m.")
 
 
-class FixedSpringTable(Table):
-    """Coupling of a gains file of an impedance display."""
-
-    damping: NotNegative = Field(description="b_c, N s/m.")
-    stiffness: Positive = Field(description="k_c, N/m.")
-
-
 class SpringGainsDocument(Table):
     """A vctune gains file of an impedance display."""
 
     gains: FixedVelocityTable = Field(default_factory=FixedVelocityTable)
-    coupling: FixedSpringTable
+    coupling: SpringDamper
     design: OriginTable = Field(default_factory=OriginTable)
 
 
