@@ -50,7 +50,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
     if device.servo is not None:
         radii = tuple(document.uncertainty.unmodelled)
         device = replace(device, servo=replace(device.servo, radii=radii))
-    # a servo, and a file with [environment], have the criterion "hands" only (contradictions.py refuses others)
+    # a servo, and a file with [environment], have the criterion "hands" only (rules.py refuses others)
     has_a_choice = device.kind.own_loop and document.environment is None
     criterion = document.stability.criterion if has_a_choice else "hands"
     device = replace(device, operator=operator if criterion != "hands" else None)
