@@ -63,7 +63,7 @@ def test_the_force_of_a_count_is_resolution_over_T_times_K_v(written):
     done = run("solve", "measured.toml", cwd=folder)
     assert done.returncode == 2 and "device.velocity.resolution: is of a position that is differenced" in done.stderr
     stated = vctune.problem(vctune.read_problem(folder / "firm.toml").problem).problem
-    assert stated.device.resolution == 5e-6
+    assert stated.device.velocity.resolution == 5e-6
 
 
 def test_numbers_below_any_meaning_are_0_or_absent(written, tmp_path):
@@ -91,7 +91,7 @@ def test_a_number_of_operator_is_that_number_and_a_default_is_what_the_schema_sa
         {"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}, "operator": {"stiffness": 500.0}}
     ).problem.hands
     assert fixed.ranges["stiffness"] == (500.0, 500.0)
-    assert schema["EnvironmentTable"]["properties"]["rule"]["enum"] == ["backward", "trapezoid", "explicit"]
+    assert schema["Environment"]["properties"]["rule"]["enum"] == ["backward", "trapezoid", "explicit"]
 
 
 def test_the_picture_of_a_sweep_has_units_and_the_spacing_of_its_points(tmp_path):

@@ -17,7 +17,7 @@ from vctune.design.verdict.judge import judge
 from vctune.design.verdict.parameter_changes import parameter_changes
 from vctune.design.verdict.repair import find_repairs
 from vctune.document.building import problem
-from vctune.document.schema.plausibility import doubts
+from vctune.document.doubts import doubts
 from vctune.document.schema.statement import statement
 from vctune.document.text.digest import problem_digest
 from vctune.document.text.errors import InputError

@@ -15,9 +15,8 @@ from vctune.analysis.worlds.binding import binding_world, reaction
 from vctune.api.solving import solve
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem
-from vctune.document.file_doubts import file_doubts
+from vctune.document.doubts import doubts, file_doubts
 from vctune.document.reading import read_problem
-from vctune.document.schema.plausibility import doubts
 from vctune.document.schema.statement import statement
 from vctune.document.text.digest import problem_digest
 from vctune.document.text.errors import InputError

@@ -6,8 +6,8 @@ import pytest
 from command import run, strict
 from conftest import DEVICE, FIXED, for_passive_hands
 
+from vctune.document.doubts import doubts
 from vctune.document.reading import parse_problem, read_problem
-from vctune.document.schema.plausibility import doubts
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from vctune.document.reading import parse_problem
 from vctune.document.schema.statement import statement
-from vctune.document.study_axes import Axis, number_keys
-from vctune.document.study_file import read_study
+from vctune.document.study_file import Axis, number_keys, read_study
 from vctune.document.text.errors import InputError
 from vctune.study.study_table import latin_hypercube, points
 

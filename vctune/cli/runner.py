@@ -47,9 +47,8 @@ class Run:
         """Print probable mistakes in problems before the work begins, so that nobody waits for a useless answer."""
         if self.quiet:
             return
-        from vctune.document.file_doubts import file_doubts
+        from vctune.document.doubts import doubts, file_doubts
         from vctune.document.reading import ProblemFile
-        from vctune.document.schema.plausibility import doubts
 
         found = (file_doubts(each) if isinstance(each, ProblemFile) else doubts(each) for each in problems)
         for doubt in dict.fromkeys(doubt for each in found for doubt in each):

@@ -11,16 +11,17 @@ import numpy as np
 
 from vctune.analysis.responses import Loop
 from vctune.document.reading import GAINS_DOCUMENTS, GainsFile, ProblemFile, pose, read_gains, read_problem
-from vctune.document.schema.device_contradictions import impossible_parts
-from vctune.document.schema.device_schema import DeviceTable
 from vctune.document.schema.kinds import DISPLAYS, require_gains_of
-from vctune.document.schema.statement import statement, table_of
+from vctune.document.schema.problem_schema import DeviceTable
+from vctune.document.schema.rules import impossible_parts
+from vctune.document.schema.statement import device_table, statement
 from vctune.document.schema.validation import examined, refusal, shown
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
 from vctune.model import device as devices
 from vctune.model.display import ADMITTANCE, Display
 from vctune.model.display import DISPLAYS as KINDS
+from vctune.model.fields import table_of
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem
@@ -80,7 +81,7 @@ class Device(devices.Device):
         return Loop(self, gains, coupling, hand)
 
     def __post_init__(self) -> None:
-        table = {name: number for name, number in plain(self).items() if name != "operator"}
+        table = plain(self)
         between = [(path[1:], message) for path, message in impossible_parts({"device": table})]
         _, faults = examined(DeviceTable, table, lambda _raw: between)
         if faults:
@@ -157,7 +158,7 @@ def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | N
 def plain(value: Any) -> Any:
     """Return a value in TOML's types: objects become tables without None, NumPy's numbers become Python's."""
     if is_dataclass(value) and not isinstance(value, type):
-        value = table_of(value)
+        value = device_table(value) if isinstance(value, devices.Device) else table_of(value)
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items() if entry is not None}
     if isinstance(value, list | tuple):
@@ -168,6 +169,6 @@ def plain(value: Any) -> Any:
 def _tables(source: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables of a document. The operator in a `Device` becomes the table [operator]."""
     document: dict[str, Any] = plain(source)
-    if isinstance(source.get("device"), devices.Device) and "operator" in document["device"]:
-        document["operator"] = document["device"].pop("operator")
+    if isinstance(device := source.get("device"), devices.Device) and device.operator is not None:
+        document["operator"] = plain(device.operator)
     return document

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from vctune.document.gains_file import numbers_in
-from vctune.document.schema.contradictions import contradictions
 from vctune.document.schema.defaults import resolve
 from vctune.document.schema.number_units import units_stated
 from vctune.document.schema.problem_schema import (
@@ -18,6 +17,7 @@ from vctune.document.schema.problem_schema import (
     ServoGainsDocument,
     SpringGainsDocument,
 )
+from vctune.document.schema.rules import contradictions
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, examined, refusal, validated
 from vctune.document.text import toml
 from vctune.document.text.digest import problem_digest
@@ -60,38 +60,12 @@ class ProblemFile:
         return problem_digest(self.problem)
 
     def line_of(self, path: KeyPath) -> int:
-        """Return the line of a key.
-
-        If the text lacks the key, return the line of the innermost table that should contain it.
-
-        Parameters
-        ----------
-        path : KeyPath
-            Path of the key: the tables that contain it, and then the key.
-        """
-        lines = toml.Lines(self.text)
-        return next((at for end in range(len(path), 0, -1) if (at := lines.locate(path[:end]))), 1)
+        """Return the line of a key or, if it is absent, of the innermost table that should contain it."""
+        return toml.Lines(self.text).nearest(path)
 
 
 def read_problem(path: str | Path) -> ProblemFile:
-    """Read a problem file with one axis.
-
-    Parameters
-    ----------
-    path : str or Path
-        Path of a TOML file; "-" is standard input.
-
-    Returns
-    -------
-    ProblemFile
-        The `problem` with all defaults filled in, and the `text` that states it.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is invalid; the error lists the mistakes (`refusal`) with line, dotted key, value
-        and remedy.
-    """
+    """Read a problem file; "-" is standard input. Raises `InputError` with all mistakes (`refusal`)."""
     if ".csv" in Path(path).suffixes:
         message = f"is a log, not a problem; `vctune identify {path}` makes a problem file from it"
         raise InputError.of(str(path), "other-kind", message)
@@ -165,7 +139,7 @@ def gains_file(text: str, path: Path) -> GainsFile:
     document = validated(GAINS_DOCUMENTS[kind.name], text, str(path), _other_display)
     stated = getattr(document, "gains", None)
     gains = Gains(getattr(stated, "velocity", 0.0), getattr(stated, "position", 0.0))
-    coupling, origin = kind.coupling(**document.coupling.model_dump()), document.design
+    coupling, origin = document.coupling, document.design
     solved = numbers_in(origin.numbers or "", kind)
     corner = None if origin.corner_hz is None else 2 * pi * origin.corner_hz
     return GainsFile(kind, gains, coupling, origin.sha256, origin.units, text, str(path), solved, corner)
@@ -212,18 +186,19 @@ def _empty_default_band(problem: Problem) -> Fault:
 
 
 def _beyond_nyquist(problem: Problem) -> list[Fault]:
-    """Return a fault for each band of a problem that ends above its Nyquist frequency, because a yardstick states
-    it."""
+    """Return a fault for each band of a yardstick that ends above the problem's Nyquist frequency."""
     compared = {"transparency": ("the errors are compared", problem.transparency.band.max)}
     endless = problem.device.ideal and problem.device.hold == "lag" and problem.device.delay == 0
     if problem.passive and not (problem.stability.band.max == inf and endless):
         compared["stability"] = ("the designs are held to the same stability band", problem.stability.band.max)
-    nyquist = problem.nyquist / (2 * pi)
+    above, least = (
+        f"which is above the Nyquist frequency {problem.nyquist / (2 * pi):g} Hz",
+        "every sample time reaches",
+    )
     return [
         Fault(
             (table, "band_hz"),
-            f"{what} up to {edge / (2 * pi):g} Hz, which is above the Nyquist frequency {nyquist:g} Hz; state a band "
-            "that every sample time reaches",
+            f"{what} up to {edge / (2 * pi):g} Hz, {above}; state a band that {least}",
             "contradiction",
         )
         for table, (what, edge) in compared.items()

@@ -3,28 +3,75 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
 from hashlib import sha256
 from itertools import combinations, pairwise
-from math import prod
+from math import inf, prod
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 from vctune.document.building import plain
 from vctune.document.reading import ProblemFile, pose
-from vctune.document.schema.problem_schema import ProblemDocument
+from vctune.document.schema.problem_schema import ProblemDocument, Table, json_schema
 from vctune.document.schema.statement import statement
-from vctune.document.schema.study_schema import StudyDocument
-from vctune.document.schema.validation import Contradiction, Fault, KeyPath, dotted, examined, refusal
-from vctune.document.study_axes import Axis, read_axis
+from vctune.document.schema.validation import Contradiction, Fault, KeyPath, dotted, examined, refusal, shown
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError
 from vctune.document.text.raw import placed
+from vctune.model.fields import Text
 from vctune.model.problem import Problem
 
+Scale = Literal["list", "linear", "log"]
+MOST_VALUES = 10_000_000  # Greatest number of values of an axis, and of points of a Latin hypercube
+MOST = 1e300  # Greatest finite magnitude of a value
+FORMS = "write a list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }"
 # Written form that the problem must use for a key so that one of its elements or ends can vary
 FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
+
+
+class SampleTable(Table):
+    """The rule by which the axes form points."""
+
+    kind: Literal["grid", "lhs", "list"] = Field(
+        "grid",
+        description="Sampling rule: every combination of values, a Latin hypercube, or the lists of the axes "
+        "element by element.",
+    )
+    n: Annotated[int, Field(strict=True, ge=1, le=MOST_VALUES)] | None = Field(
+        None, description="Number of points of a Latin hypercube."
+    )
+    seed: Annotated[int, Field(strict=True, ge=0)] | None = Field(
+        None, description="Random seed of a Latin hypercube. Default 0."
+    )
+
+
+class StudyDocument(Table):
+    """A vctune study file: a problem solved at many points."""
+
+    problem: Text = Field(min_length=1, description="Path of the problem file, relative to the study file's folder.")
+    axes: dict[str, Any] = Field(
+        min_length=1,
+        description='Numbers of the problem that vary, by dotted key. "stability.band_hz[1]" is the key of an '
+        "element of a list. Each is a list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }.",
+    )
+    sample: SampleTable = SampleTable()
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One number of the problem that varies."""
+
+    key: str  # dotted key
+    path: KeyPath  # path of the key in the problem
+    scale: Scale  # "list", or the rule that divides a range
+    values: tuple[float, ...]  # values of a list, or the two ends of a range, in the unit of the problem file
+    n: int | None  # number of values; None for a range that is only sampled
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +113,7 @@ class Study:
         return _posed(self.document, self.axes, values, self.yardstick)
 
     def extremes(self) -> Iterator[Problem]:
-        """Yield, for each axis, the problem with the axis at its greatest value and all other axes at their first
-        values. Points without a valid problem are left out."""
+        """Yield, for each axis, the problem at its greatest value and the first values of the others, if it is one."""
         first = [axis.values[0] for axis in self.axes]
         for place, axis in enumerate(self.axes):
             problem, _ = self.at([*first[:place], max(axis.values), *first[place + 1 :]])
@@ -82,27 +128,21 @@ class Study:
 def read_study(path: Path) -> Study:
     """Read a study file and the problem file that it names."""
     text = toml.read_text(path)
-    document, faults = examined(StudyDocument, toml.parse(text, str(path)), _contradictions)
-    if document is None or faults:
-        raise refusal(faults, text, str(path))
+    axes, sample, document = _planned(toml.parse(text, str(path)), text, str(path))
     target = path.parent / document.problem
     try:
         problem_text = toml.read_text(target)
     except InputError as error:
         unread = Fault(("problem",), f"{target}: {error.mistakes[0].message}", "unreadable-file")
         raise refusal([unread], text, str(path)) from None
-    name = path.stem.encode("utf-8", "replace").decode()
-    problem, (axes, sample) = toml.parse(problem_text, str(target)), _planned(document)
-    homeless = [fault for axis in axes for fault in _homeless(problem, axis)]
-    if homeless:
-        raise refusal(homeless, text, str(path))
-    problem_faults = _problem_faults(problem, axes)
-    if problem_faults:
-        raise refusal(problem_faults, problem_text, str(target))
+    problem = toml.parse(problem_text, str(target))
+    _check_places(problem, axes, text, str(path))
+    if faults := _problem_faults(problem, axes):
+        raise refusal(faults, problem_text, str(target))
     yardstick, faults = _yardstick(problem, axes)
     if yardstick is None:
         raise refusal(faults, text, str(path))
-    return Study(name, problem, axes, yardstick, sample)
+    return Study(path.stem.encode("utf-8", "replace").decode(), problem, axes, yardstick, sample)
 
 
 def build_study(
@@ -110,72 +150,136 @@ def build_study(
 ) -> Study:
     """Return the study of a problem. Axes and sample have the form of a study file's tables."""
     raw = {"problem": problem.problem.name, "axes": plain(axes), "sample": plain(sample or {})}
+    planned, how, _ = _planned(raw, None, name)
+    _check_places(problem.document, planned, None, name)
+    return Study(name, problem.document, planned, problem.problem, how)
+
+
+def _planned(raw: dict[str, Any], text: str | None, source: str) -> tuple[tuple[Axis, ...], Sample, StudyDocument]:
+    """Return the axes, the sample and the document of a study, or refuse it."""
     document, faults = examined(StudyDocument, raw, _contradictions)
     if document is None or faults:
-        raise refusal(faults, None, name)
-    tables, (axes_, sample_) = problem.document, _planned(document)
-    homeless = [fault for axis in axes_ for fault in _homeless(tables, axis)]
-    if homeless:
-        raise refusal(homeless, None, name)
-    return Study(name, tables, axes_, problem.problem, sample_)
+        raise refusal(faults, text, source)
+    stated = document.sample
+    axes = [read_axis(key, value, sampled=stated.kind == "lhs")[0] for key, value in document.axes.items()]
+    return tuple(axis for axis in axes if axis), Sample(stated.kind, stated.n or 0, stated.seed or 0), document
 
 
-def _planned(document: StudyDocument) -> tuple[tuple[Axis, ...], Sample]:
-    """Return the axes and the sample of a valid study document."""
-    sampled = document.sample.kind == "lhs"
-    axes = [read_axis(key, value, sampled=sampled)[0] for key, value in document.axes.items()]
-    sample = Sample(document.sample.kind, document.sample.n or 0, document.sample.seed or 0)
-    return tuple(axis for axis in axes if axis), sample
+def number_keys() -> dict[str, KeyPath]:
+    """Return the dotted keys of all numbers that a problem file may have, with their paths."""
+    return _keys_of("number") | _keys_of("integer")
 
 
-def _posed(
-    document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Problem | None = None
-) -> dict[str, Any]:
-    """Return the document with the values of the axes, as `Study.posed` describes it."""
-    varied = dict(zip((axis.path for axis in axes), values, strict=True))
-    defaults = dict.fromkeys(path[:-1] for path in varied if _is_default(document, path, varied))
-    if not defaults:
-        return placed(document, varied.items())
-    others = placed(document, ((path, value) for path, value in varied.items() if path[:-1] not in defaults))
-    problem, _ = pose(others, "study", yardstick)
-    if problem is None:
-        return others
-    stated = statement(problem)
-    filled = placed(others, ((path, _at(stated, path)) for path in defaults))
-    return placed(filled, ((path, value) for path, value in varied.items() if path[:-1] in defaults))
+@cache
+def _keys_of(kind: str) -> dict[str, KeyPath]:
+    """Return the dotted keys of one type of the schema, with their paths."""
+    schema = json_schema()
+
+    def walk(entry: dict[str, Any], path: KeyPath) -> Iterator[KeyPath]:
+        if "$ref" in entry:
+            entry = schema["$defs"][entry["$ref"].removeprefix("#/$defs/")]
+        if entry.get("type") == kind:
+            yield path
+        for form in entry.get("oneOf", []):
+            yield from walk(form, path)
+        for step, inner in (*enumerate(entry.get("prefixItems", [])), *entry.get("properties", {}).items()):
+            yield from walk(inner, (*path, step))
+
+    return {dotted(path): path for path in walk(schema, ())}
+
+
+def read_axis(key: str, value: Any, *, sampled: bool) -> tuple[Axis | None, list[Contradiction]]:
+    """Return the axis that a study states under a key and no faults, or None and its faults."""
+    at: KeyPath = ("axes", key)
+    path = number_keys().get(re.sub(r"\s", "", key))
+    faults = [] if path is not None else [(at, _unknown(key, value))]
+    if path is None and isinstance(value, dict) and not set(value) & {"linear", "log", "n"}:
+        return None, faults
+    scale, numbers, n = _values(value)
+    faults += _list_faults(at, numbers) if isinstance(value, list) else _range_faults(at, value, sampled=sampled)
+    whole = path is not None and dotted(path) in _keys_of("integer")
+    if whole and scale != "list":
+        faults.append((at, "is a whole number, and a range has others between its ends; write a list of whole numbers"))
+    elif whole:
+        fractions = ((i, number) for i, number in enumerate(numbers) if _is_number(number) and number % 1 != 0)
+        faults += [((*at, i), f"{shown(number)} is not a whole number") for i, number in fractions]
+    if faults or path is None:
+        return None, faults
+    return Axis(dotted(path), path, scale, tuple(map(int if whole else float, numbers)), n), []
+
+
+def _values(value: Any) -> tuple[Scale, list[Any], int | None]:
+    """Return the scale of an axis, its values or ends, and their number, of a value that may be invalid."""
+    if isinstance(value, list):
+        return "list", value, len(value)
+    scale: Scale = "log" if isinstance(value, dict) and "log" in value else "linear"
+    return (scale, value.get(scale, []), value.get("n")) if isinstance(value, dict) else ("list", [], None)
+
+
+def _unknown(key: str, value: Any) -> str:
+    """Return the message on a key that is not a number of a problem, with the key that was probably meant."""
+    keys = number_keys()
+    if isinstance(value, dict) and any(known.startswith(f"{key}.") for known in keys):
+        return f'is a table of the problem; write the whole key in quotes, "{key}.{next(iter(value), "")}" = ...'
+    elements = [known for known in keys if known.startswith(f"{key}[")]
+    if elements:
+        return f'is a list; write "{elements[0]}" or "{elements[-1]}"'
+    similar = get_close_matches(key, keys, n=1, cutoff=0.6)
+    hint = f'; did you mean "{similar[0]}"?' if similar else "; `vctune schema` lists the keys"
+    return f"is no number of a problem file{hint}"
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and (value == inf or abs(value) <= MOST)
+
+
+def _list_faults(at: KeyPath, values: list[Any]) -> list[Contradiction]:
+    if not values:
+        return [(at, "is empty; give it at least one value")]
+    return [((*at, i), f"{shown(value)} is not a number") for i, value in enumerate(values) if not _is_number(value)]
+
+
+def _range_faults(at: KeyPath, table: Any, *, sampled: bool) -> list[Contradiction]:
+    """Return the faults of { linear or log = [a, b], n }."""
+    if not isinstance(table, dict):
+        return [(at, f"{shown(table)} is no set of values; {FORMS}")]
+    names, faults = ("linear", "log", "n"), list[Contradiction]()
+    for name in (name for name in table if name not in names):
+        meant = get_close_matches(name, names, n=1, cutoff=0.4)
+        faults.append(((*at, name), f"unknown key; {f'did you mean {meant[0]}?' if meant else FORMS}"))
+    scales = [scale for scale in names[:2] if scale in table]
+    if len(scales) != 1:
+        return [*faults, (at, f"has {'both' if scales else 'neither'} linear and log; {FORMS}")]
+    scale, ends, n = scales[0], table[scales[0]], table.get("n")
+    if not (isinstance(ends, list) and len(ends) == 2 and all(_is_number(end) and abs(end) < inf for end in ends)):
+        faults.append(((*at, scale), f"{shown(ends)} is not a pair of numbers [from, to]"))
+    elif ends[0] >= ends[1]:
+        faults.append(((*at, scale), f"{ends[0]:g} is not below {ends[1]:g}; swap or widen the ends"))
+    elif scale == "log" and ends[0] <= 0:
+        faults.append(((*at, scale), f"{ends[0]:g} has no logarithm; start above 0 or use linear"))
+    if n is None and not sampled:
+        faults.append((at, "lacks n, the number of values"))
+    elif n is not None and (not isinstance(n, int) or isinstance(n, bool) or not 2 <= n <= MOST_VALUES):
+        faults.append(((*at, "n"), f"{shown(n)} is not a whole number from 2 to {MOST_VALUES}"))
+    return faults
 
 
 def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     """Return the faults of each axis, of axes that conflict, and of axes that do not fit the sample."""
     table, sample = (part if isinstance(part, dict) else {} for part in (raw.get("axes"), raw.get("sample")))
     kind = sample.get("kind", "grid")
-    faults: list[Contradiction] = []
-    axes = []
-    for key, value in table.items():
-        axis, found = read_axis(key, value, sampled=kind == "lhs")
-        faults += found
-        axes += [axis] if axis else []
-    for first_axis, second_axis in combinations(axes, 2):
-        if (
-            first_axis.path == second_axis.path[: len(first_axis.path)]
-            or second_axis.path == first_axis.path[: len(second_axis.path)]
-        ):
-            faults.append(
-                (("axes", second_axis.key), f"varies the same number as {first_axis.key}; leave one of them out")
-            )
-    if kind == "list":
-        lists = [axis for axis in axes if axis.scale == "list"]
-        faults += [
-            (("axes", axis.key), "is a range; points side by side need lists") for axis in axes if axis not in lists
-        ]
-        faults += [
-            (
-                ("axes", axis.key),
-                f"has {axis.n} values, {lists[0].key} has {lists[0].n}; side by side they need as many",
-            )
-            for axis in lists
-            if axis.n != lists[0].n
-        ]
+    read = [read_axis(key, value, sampled=kind == "lhs") for key, value in table.items()]
+    axes, faults = [axis for axis, _ in read if axis], [fault for _, found in read for fault in found]
+    for one, other in combinations(axes, 2):
+        if all(a == b for a, b in zip(one.path, other.path, strict=False)):
+            faults.append((("axes", other.key), f"varies the same number as {one.key}; leave one of them out"))
+    lists = [axis for axis in axes if axis.scale == "list"]
+    for axis in axes if kind == "list" else ():
+        if axis.scale != "list":
+            faults.append((("axes", axis.key), "is a range; points side by side need lists"))
+        elif axis.n != lists[0].n:
+            of_first = f"{lists[0].key} has {lists[0].n}; side by side they need as many"
+            faults.append((("axes", axis.key), f"has {axis.n} values, {of_first}"))
     if kind == "lhs" and "n" not in sample:
         faults.append((("sample",), "a Latin hypercube needs n, the number of points"))
     if kind in ("grid", "list"):
@@ -183,25 +287,44 @@ def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     return faults
 
 
-def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
-    """Return why the problem has no place for an axis; empty if it has."""
-    node: Any = problem
+def _check_places(problem: dict[str, Any], axes: Sequence[Axis], text: str | None, source: str) -> None:
+    """Refuse the axes for which the problem has no place."""
+    homeless = [(axis, message) for axis in axes if (message := _without_place(problem, axis))]
+    if homeless:
+        faults = [Fault(("axes", axis.key), message, "contradiction") for axis, message in homeless]
+        raise refusal(faults, text, source)
+
+
+def _without_place(node: Any, axis: Axis) -> str:
+    """Return why a problem has no place for an axis; "" if it has one."""
     for i, (step, inner) in enumerate(pairwise(axis.path), 1):
-        owner, form = dotted(axis.path[:i]), FORM_OF.get(inner, "a table")
         if step not in node and inner in FORM_OF:
-            return []
-        node = node.get(step, {})
-        if not isinstance(node, list if isinstance(inner, int) else dict) or (
-            isinstance(inner, int) and len(node) != 2
-        ):
-            return [_no_place(axis, f"{owner} in the problem is not {form}")]
-    return []
+            return ""
+        node, pair = node.get(step, {}), isinstance(inner, int)
+        if not isinstance(node, list if pair else dict) or (pair and len(node) != 2):
+            return f"{dotted(axis.path[:i])} in the problem is not {FORM_OF.get(inner, 'a table')}"
+    return ""
 
 
-def _is_default(document: dict[str, Any], path: KeyPath, varied: Mapping[KeyPath, float]) -> bool:
-    """Return whether a path leads to the only varied end of a band or range that the document leaves at its default."""
-    varied_ends = {other[-1] for other in varied if other[:-1] == path[:-1]}
-    return path[-1] in FORM_OF and len(varied_ends) == 1 and _at(document, path[:-1]) is None
+def _posed(
+    document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Problem | None = None
+) -> dict[str, Any]:
+    """Return the document, which may be invalid, with the values of the axes.
+
+    A range or band of which one end alone varies, and which the document leaves at its default, gets the other end of
+    the default at the point.
+    """
+    varied = dict(zip((axis.path for axis in axes), values, strict=True))
+    owners = [path[:-1] for path in varied if path[-1] in FORM_OF and _at(document, path[:-1]) is None]
+    defaults = {owner for owner in owners if owners.count(owner) == 1}
+    others = placed(document, ((path, value) for path, value in varied.items() if path[:-1] not in defaults))
+    problem, _ = pose(others, "study", yardstick) if defaults else (None, [])
+    if problem is not None:
+        stated = statement(problem)
+        others = placed(others, ((path, _at(stated, path)) for path in defaults))
+    elif defaults:
+        return others
+    return placed(others, ((path, value) for path, value in varied.items() if path[:-1] in defaults))
 
 
 def _at(document: dict[str, Any], path: KeyPath) -> Any:
@@ -210,10 +333,6 @@ def _at(document: dict[str, Any], path: KeyPath) -> Any:
     for step in path:
         node = node.get(step) if isinstance(node, dict) else None
     return node
-
-
-def _no_place(axis: Axis, message: str) -> Fault:
-    return Fault(("axes", axis.key), message, "contradiction")
 
 
 def _first(problem: dict[str, Any], axes: Sequence[Axis]) -> dict[str, Any]:
@@ -235,11 +354,10 @@ def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Problem |
 
 
 def _problem_faults(problem: dict[str, Any], axes: Sequence[Axis]) -> list[Fault]:
-    """Return those faults of single keys of the problem that do not depend on the axes. Contradictions are not among
-    them."""
+    """Return those faults of single keys of the problem that do not depend on the axes, without contradictions."""
     _, faults = examined(ProblemDocument, _first(problem, axes), lambda _raw: [])
 
     def varied(path: KeyPath) -> bool:
-        return any(path == axis.path[: len(path)] or axis.path == path[: len(axis.path)] for axis in axes)
+        return any(all(a == b for a, b in zip(path, axis.path, strict=False)) for axis in axes)
 
     return [fault for fault in faults if not varied(fault.path)]

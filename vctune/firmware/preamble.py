@@ -85,7 +85,7 @@ def _mechanics(device: Device, units: Units) -> str:
     """Describe a device in words: mass and damping, or the response of a servo, and the parts."""
     servo = device.servo
     listed = ", ".join(
-        f"{units.translated(part.label)} ({_numbers(getattr(device, key))})"
+        f"{units.translated(part.stated)} ({_numbers(getattr(device, key))})"
         for key, part in PARTS.items()
         if key != "servo" and getattr(device, key) is not None
     )

@@ -18,14 +18,14 @@ from vctune.document.records.identification_json import (
     IdentificationRecord,
     stated,
 )
-from vctune.document.schema.device_contradictions import MAX_DELAY_SAMPLES
 from vctune.document.schema.number_units import unit_of
-from vctune.document.schema.statement import table_of
+from vctune.document.schema.rules import MAX_DELAY_SAMPLES
+from vctune.document.schema.statement import device_table
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError
 from vctune.identification.box import Bounded, box
 from vctune.identification.checks import check, on_even_rows, remarks
-from vctune.identification.known import SENSOR, check_known, known_delays, known_parts, with_known
+from vctune.identification.known import SENSOR, check_known, known_delays, known_parts, states_velocity, with_known
 from vctune.identification.motion import motion_study
 from vctune.identification.response import periodic_study
 from vctune.identification.servo import servo_study
@@ -213,7 +213,7 @@ def remarks_on_gaps(studies: Sequence[Study], bounds: Sequence[Bounded], log_map
             text = "no force was logged, so that it is not known whether the servo yields to one: log it as hand or "
             add("remark-unpushed", f"{text}force")
         return remarks
-    if document.velocity is None or document.velocity.source is None:
+    if not states_velocity(log_map):
         text = "no log shows how the firmware obtains its velocity: it is assumed to be the difference of the position;"
         add("remark-assumed-velocity", f"{text} write [device.velocity] from in a log.toml")
     # a fit of motion has one lag, which excludes the actuator and the delay if the user states them
@@ -247,7 +247,7 @@ def identification_record(
         description=description,
         rotary=rotary,
         sample_time=float(device.sample_time),
-        device=table_of(device),
+        device=device_table(device),
         assumed=["velocity"] if assumed else [],
         numbers=numbers,
         unmodelled=[list(point) for point in identified.unmodelled],

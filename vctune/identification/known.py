@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from vctune.document.log import LogMap
-from vctune.document.schema.defaults import stated_parts
-from vctune.document.schema.device_contradictions import impossible_parts
+from vctune.document.schema.rules import impossible_parts
 from vctune.document.schema.validation import Fault, refusal
 from vctune.document.text import toml
 from vctune.document.text.codes import Note
@@ -15,7 +15,7 @@ from vctune.identification.box import DELAY_FLOOR, Estimate
 from vctune.identification.study import Study, unexplained
 from vctune.model.loop.filters import sensor_response
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.parts import VelocityEstimate
+from vctune.model.parts import PARTS, VelocityEstimate
 
 SENSOR = "force_sensor"  # Key of the part that senses the force
 # Keys of [device] that apply only to a device with a velocity loop in the firmware
@@ -36,11 +36,16 @@ def check_known(log_map: LogMap, sample_time: float) -> None:
 
 def known_parts(log_map: LogMap) -> dict[str, Any]:
     """Return the stated parts of a device; its velocity is a difference of positions unless the user states more."""
-    stated = log_map.document.device.velocity
-    velocity = VelocityEstimate("difference")
-    if stated is not None:
-        velocity = VelocityEstimate(stated.source or "difference", stated.filter_hz, stated.filter_order)
-    return stated_parts(log_map.document.device) | {"velocity": velocity}
+    stated = {key: part for key in PARTS if (part := getattr(log_map.document.device, key, None)) is not None}
+    velocity = stated.get("velocity", VelocityEstimate())
+    source = velocity.source if states_velocity(log_map) else "difference"
+    return stated | {"velocity": replace(velocity, source=source)}
+
+
+def states_velocity(log_map: LogMap) -> bool:
+    """Return whether the user states where the firmware gets the velocity from."""
+    device = toml.parse(log_map.text, log_map.source).get("device", {})
+    return "from" in device.get("velocity", {})
 
 
 def known_delays(log_map: LogMap) -> dict[str, float]:

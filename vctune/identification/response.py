@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from vctune.document.recording import Channel, Floats, Recording
 from vctune.document.records.identification_json import CandidateRecord, NumberRecord
-from vctune.document.schema.device_contradictions import FASTEST
+from vctune.document.schema.rules import FASTEST
 from vctune.document.text.codes import Note
 from vctune.identification.box import COULOMB_SHARE, Estimate, box, jackknife
 from vctune.identification.physics import compliances, drive, held_compliance

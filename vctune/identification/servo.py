@@ -10,7 +10,7 @@ import numpy as np
 
 from vctune.document.recording import Floats, Recording
 from vctune.document.records.identification_json import CandidateRecord, NumberRecord
-from vctune.document.schema.device_contradictions import MAX_DELAY_SAMPLES
+from vctune.document.schema.rules import MAX_DELAY_SAMPLES
 from vctune.document.text.codes import Note
 from vctune.identification.box import Bounded, Estimate, jackknife, joint_factor
 from vctune.identification.checks import position_noise

@@ -50,7 +50,6 @@ class Device:
     display: DisplayName = "admittance"  # name of the kind of display (`vctune.model.display`)
     servo: Servo | None = None
     units: UnitSystem = "linear"
-    resolution: float | None = None  # of the position, m a count of the encoder; no claim depends on it
 
     def __repr__(self) -> str:
         values = {each.name: (getattr(self, each.name), each.default) for each in fields(self)}

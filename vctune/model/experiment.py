@@ -1,10 +1,14 @@
-"""Define an experiment with all defaults filled in: hand, environment and hardware. SI units."""
+"""Define an experiment and its tables: hand, environment and hardware. SI units."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Any, Literal
 
+from pydantic import Field, GetPydanticSchema
+from pydantic_core.core_schema import nullable_schema
+
+from vctune.model.fields import Flag, Key, NotNegative, Place, Positive, record
 from vctune.model.numbers.units import UnitSystem
 
 Motion = Literal["reciprocate", "sine"]
@@ -12,19 +16,32 @@ MOST_LATE = 10  # Greatest permitted lateness of an environment in samples
 # Rule by which the firmware integrates mass and stiffness: backward Euler, which damps, the lossless trapezoidal rule,
 # or explicit Euler
 Rule = Literal["backward", "trapezoid", "explicit"]
+Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+Late = Annotated[int, Field(strict=True, ge=0, le=MOST_LATE)]
+Seed = Annotated[int, Field(strict=True, ge=0, le=2**32 - 1)]
+
+# Numbers whose defaults the rest of the problem determines; no finished experiment lacks them
+DefaultedPositive = Annotated[Any, GetPydanticSchema(lambda _source, handler: nullable_schema(handler(Positive)))]
+Defaulted = Annotated[Any, GetPydanticSchema(lambda _source, handler: nullable_schema(handler(NotNegative)))]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Environment:
-    """The virtual environment f_e = mass dv_e/dt + damping v_e + stiffness (x_e - zero) (paper eq. 2)."""
+    """The rendered environment: f_e = mass dv/dt + damping v + stiffness (x - zero). Empty for free motion."""
 
-    mass: float  # mass of the environment, kg
-    damping: float  # damping of the environment, N s/m
-    stiffness: float  # stiffness of the environment, N/m
-    zero: float  # position at which the spring is relaxed, m
-    wall: bool  # whether damping and stiffness only push, towards negative x
-    rule: Rule = "backward"  # integration rule in the firmware; "backward" for a wall
-    late: int = 0  # number of samples by which the environment's force is late; 0 for a wall
+    mass: Annotated[NotNegative, Key("Mass of the environment, kg.")] = 0.0
+    damping: Annotated[NotNegative, Key("Damping of the environment, N s/m.")] = 0.0
+    stiffness: Annotated[NotNegative, Key("Stiffness of the environment, N/m.")] = 0.0
+    zero: Annotated[Place, Key("Position at which the spring has no force, m.")] = 0.0
+    wall: Annotated[Flag, Key("Whether damping and stiffness can only push the hand, as a wall does.")] = False
+    rule: Annotated[
+        Rule,
+        Key(
+            "Integration of mass and stiffness: backward Euler, which damps, the lossless trapezoidal rule, or "
+            "explicit Euler."
+        ),
+    ] = "backward"
+    late: Annotated[Late, Key("Delay of the environment's force in whole samples.")] = 0
 
     @property
     def built_in(self) -> bool:
@@ -32,49 +49,60 @@ class Environment:
         return self.rule != "explicit" and self.late == 0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Operator:
-    """A hand: a mass on the handle. A spring and a damper connect the mass to an intended motion."""
+    """The hand: a mass on the handle. A spring and a damper connect this mass to the intended motion."""
 
-    motion: Motion  # waveform of the intended to-and-fro motion
-    start: float  # ends of the intended motion, m
-    end: float
-    speed: float  # greatest speed of the intended motion, m/s
-    cycles: int  # number of to-and-fro cycles
-    mass: float  # mass, damping and stiffness of the hand, kg, N s/m, N/m
-    damping: float
-    stiffness: float
+    motion: Annotated[
+        Motion,
+        Key("Intended motion: to and fro at constant speed, with a fifth of each stroke for turning, or a sine."),
+    ] = "reciprocate"
+    start: Annotated[Place, Field(alias="from"), Key("Position, m, at which the intended motion starts.")] = 0.0
+    end: Annotated[Place, Field(alias="to"), Key("Position, m, of the other end of the motion.")] = 0.05
+    speed: Annotated[Positive, Key("Greatest speed of the intended motion, m/s.")] = 0.01
+    cycles: Annotated[
+        Count, Key("Number of cycles to and fro. With more than one cycle, vctune does not evaluate the first.")
+    ] = 3
+    mass: Annotated[NotNegative, Key("Mass of the hand, rigidly attached to the handle, kg.")] = 0.0
+    damping: Annotated[NotNegative, Key("Damping between hand and intended motion, N s/m.")] = 2.0
+    stiffness: Annotated[NotNegative, Key("Stiffness between hand and intended motion, N/m.")] = 1000.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Friction:
-    """The friction of the device in the LuGre model."""
+    """LuGre friction of the device. Without this table there is no friction."""
 
-    coulomb: float  # sliding friction at high speed and at vanishing speed, N
-    stiction: float
-    stribeck_velocity: float  # speed at which the friction changes from stiction to coulomb, m/s
-    stiffness: float  # stiffness of the bristles, N/m
-    damping: float  # damping of the bristles, N s/m
+    coulomb: Annotated[Positive, Key("Sliding friction at high speed, N.")]
+    stiction: Annotated[DefaultedPositive, Key("Sliding friction at vanishing speed, N. Default: coulomb.")] = None
+    stribeck_velocity: Annotated[Positive, Key("Speed of the transition from stiction to coulomb, m/s.")] = 0.005
+    stiffness: Annotated[Positive, Key("Stiffness of the bristles, N/m.")] = 1e5
+    damping: Annotated[
+        Defaulted,
+        Key(
+            "Damping of the bristles at rest, N s/m. vctune reduces this damping with speed, as passivity requires. "
+            "Default: sqrt(stiffness times the device's mass)."
+        ),
+    ] = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Sensors:
-    """Errors of the encoder and the force sensor."""
+    """The errors of the encoder and of the force sensor."""
 
-    position_resolution: float  # resolution of the encoder, m; 0 for an ideal encoder
-    force_noise: float  # standard deviation of the noise in each force sample, N
-    seed: int  # seed of the noise
+    position_resolution: Annotated[NotNegative, Key("Resolution of the encoder, m; 0 for no quantisation.")] = 0.0
+    force_noise: Annotated[NotNegative, Key("Standard deviation of a force sample, N.")] = 0.0
+    seed: Annotated[Seed, Key("Seed of the noise.")] = 0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Baseline:
-    """A regular PID that makes the device follow a virtual mass and damping, without a coupling."""
+    """A regular PID for comparison. The PID has a virtual mass and damping instead of a coupling."""
 
-    kp: float  # gains, N/m, N/(m s), N s/m
-    ki: float
-    kd: float
-    mass: float  # virtual mass and damping, kg, N s/m
-    damping: float
+    kp: Annotated[NotNegative, Key("Gain on the position error, N/m.")]
+    ki: Annotated[NotNegative, Field(default=0.0), Key("Gain on the integral of the position error, N/(m s).")]
+    kd: Annotated[NotNegative, Key("Gain on the velocity error, N s/m.")]
+    mass: Annotated[NotNegative, Key("Virtual mass, kg.")]
+    damping: Annotated[NotNegative, Key("Virtual damping, N s/m.")]
 
 
 USUAL_MASS = 0.4  # Mass of a typical linear device, kg

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf
+from typing import Annotated
 
 import numpy as np
 
+from vctune.model.fields import Key, NotNegative, Positive, PositiveOrNull, Shown, record
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
 
@@ -48,20 +49,15 @@ def trapezoidal(coupling: Coupling, sample_time: Number) -> tuple[Number, Number
     return coupling.damping / (1 + a), (1 - a) / (1 + a)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Gains:
     """The velocity loop's law K = velocity + position/s (paper eq. 3).
 
-    Attributes
-    ----------
-    velocity : Number
-        K_v, N s/m; on an impedance display the injected damping; 0 on a servo.
-    position : Number
-        K_p, N/m; 0 on an impedance display and on a servo.
+    K_v of an impedance display is the injected damping; K_p of it is 0, and both are 0 on a servo.
     """
 
-    velocity: Number
-    position: Number
+    velocity: Annotated[NotNegative, Key("K_v, N s/m."), Shown("velocity K_v", digits=8, of="damping")]
+    position: Annotated[NotNegative, Key("K_p, N/m."), Shown("position K_p", digits=8, of="stiffness")]
 
     @property
     def closed(self) -> bool:
@@ -69,23 +65,20 @@ class Gains:
         return bool(self.velocity != 0 or self.position != 0)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Coupling:
     """The virtual coupling: damping b_c and mass m_c in series, with a drag b_0 in parallel (paper eq. 17).
 
-    Attributes
-    ----------
-    damping : Number
-        b_c, N s/m, > 0; inf for a rigid coupling, which has mass and drag alone.
-    mass : Number
-        m_c, kg.
-    drag : Number
-        b_0, N s/m.
+    An infinite damping makes it rigid, with mass and drag alone.
     """
 
-    damping: Number
-    mass: Number
-    drag: Number
+    damping: Annotated[
+        PositiveOrNull,
+        Key("b_c, N s/m; inf for a coupling with only mass and drag."),
+        Shown("damping b_c", digits=8, of="damping"),
+    ]
+    mass: Annotated[Positive, Key("m_c, kg."), Shown("mass m_c", digits=8, of="mass")]
+    drag: Annotated[NotNegative, Key("b_0, N s/m."), Shown("drag b_0", digits=8, of="damping")] = 0.0
 
     @property
     def rigid(self) -> bool:
@@ -100,12 +93,12 @@ class Coupling:
         return Coupling(self.damping if self.rigid else self.damping * share, self.mass * share, self.drag * share)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SpringDamper:
     """The virtual coupling of an impedance display: a spring and a damper in parallel (model/README.md, section 15)."""
 
-    damping: Number  # b_c, N s/m, >= 0
-    stiffness: Number  # k_c, N/m
+    damping: Annotated[NotNegative, Key("b_c, N s/m."), Shown("damping b_c", digits=8, of="damping")]
+    stiffness: Annotated[Positive, Key("k_c, N/m."), Shown("stiffness k_c", digits=8, of="stiffness")]
 
     @property
     def rigid(self) -> bool:

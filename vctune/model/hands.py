@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from itertools import product
 
+from vctune.model.fields import Real, record
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import Units
 
@@ -26,23 +27,16 @@ class LeastOperator:
     damping: Number
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Hand:
     """A hand at the handle, mass s + damping + stiffness/s (model/README.md, section 14).
 
-    Attributes
-    ----------
-    mass : Number
-        M, kg, >= 0.
-    damping : Number
-        B, N s/m, >= 0.
-    stiffness : Number
-        K, N/m, >= 0.
+    All three are at least 0.
     """
 
-    mass: Number
-    damping: Number
-    stiffness: Number
+    mass: Real
+    damping: Real
+    stiffness: Real
 
     @property
     def numbers(self) -> dict[str, Number]:

@@ -1,115 +1,158 @@
-"""Define the parts of a device, and the table of their parameters with units, names and limits (model/README.md,
+"""Define the parts of a device, which are the tables of a problem file, and list their parameters (model/README.md,
 section 12)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from math import degrees
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, get_type_hints
 
-from vctune.model.display import DisplayName
+from pydantic import Field
+
+from vctune.model.fields import Internal, Key, NotNegative, Order, Portion, Positive, record
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.arithmetic import Number
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class VelocityEstimate:
-    """The firmware's source of the velocity (model/README.md, section 12).
+    """How the firmware obtains the velocity of the motor."""
 
-    Attributes
-    ----------
-    source : Literal['measured', 'difference']
-        "measured" by a velocity sensor, or "difference", the backward difference of the sampled position.
-    filter_hz : Number, optional
-        Corner frequency f, Hz, of the velocity's low-pass y += a (x - y) with a = 1 - e^(-2 pi f T); None
-        without a low-pass.
-    filter_order : int
-        Number of such low-passes in series, 1 or 2; without effect without a low-pass.
-    """
+    source: Annotated[
+        Literal["measured", "difference"],
+        Field(alias="from"),
+        Key(
+            "Source of the velocity: a sensor, or the backward difference of the sampled position. Default: measured; "
+            "for an impedance display the difference."
+        ),
+    ] = "measured"
+    filter_hz: Annotated[
+        Positive | None,
+        Key(
+            "Corner frequency f, Hz, of the firmware's low-pass y += a (x - y), where a = 1 - e^(-2 pi f T). Default: "
+            "no low-pass.",
+            "rate",
+            "velocity estimate: low-pass",
+            "a faster filter of the velocity",
+            order_key="filter_order",
+            sampled=True,
+        ),
+    ] = None
+    filter_order: Annotated[Order, Key("Number of low-passes of `filter_hz` in series, 1 or 2.")] = 1
+    resolution: Annotated[
+        Positive | None,
+        Key(
+            "Resolution of the position that is differenced, m; one count of the encoder. The report states the force "
+            "of a count; no claim depends on it. Default: not stated."
+        ),
+    ] = None
 
-    source: Literal["measured", "difference"] = "measured"
-    filter_hz: Number | None = None
-    filter_order: int = 1
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class Actuator:
-    """The actuator's response to its command: a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2)
-    (model/README.md, section 12).
+    """The response of the motor's force to its command."""
 
-    Attributes
-    ----------
-    bandwidth_hz : Number
-        -3 dB frequency, Hz, > 0.
-    order : int
-        Order of the low-pass, 1 or 2.
-    """
-
-    bandwidth_hz: Number
-    order: int = 1
+    bandwidth_hz: Annotated[
+        Positive,
+        Key("Bandwidth of the force (current) loop, Hz.", "rate", "actuator: bandwidth", "a faster actuator"),
+    ]
+    order: Annotated[
+        Order, Key("Order: 1 is w/(s + w), 2 is w^2/(s^2 + sqrt(2) w s + w^2), with w = 2 pi bandwidth_hz.")
+    ] = 1
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ForceSensor:
-    """The sensor of the hand's force: a delay and a low-pass of the same kind as the actuator's (model/README.md,
-    section 12).
+    """The sensor of the hand's force, and for a servo the admittance controller's filter of its samples."""
 
-    Attributes
-    ----------
-    bandwidth_hz : Number, optional
-        -3 dB frequency, Hz, > 0; None without a low-pass.
-    order : int
-        Order of the low-pass, 1 or 2; without effect without a low-pass.
-    delay : Number
-        Delay of the sensed force, s, >= 0.
-    filter_coefficient : Number, optional
-        A of the firmware's filter y += a (x - y) of the samples, 0 < a <= 1; None without a filter. Only a
-        servo may have it.
-    """
+    bandwidth_hz: Annotated[
+        Positive | None,
+        Key(
+            "Bandwidth of sensor and filter, Hz, as for the actuator. Default: no low-pass.",
+            "rate",
+            "force sensor: bandwidth",
+            "a faster force sensor",
+            order_key="order",
+        ),
+    ] = None
+    order: Annotated[Order, Key("Order of the low-pass, 1 or 2.")] = 1
+    delay: Annotated[
+        NotNegative,
+        Key(
+            "Delay until the firmware receives the sample, s; at most 200 sample times.",
+            "time",
+            "force sensor: delay",
+            "less delay of the force sensor",
+        ),
+    ] = 0.0
+    filter_coefficient: Annotated[
+        Portion | None,
+        Key(
+            "Coefficient a of the controller's filter y += a (x - y), 0 < a <= 1, of a servo. Default: no filter.",
+            "ratio",
+            certain=True,
+        ),
+    ] = None
 
-    bandwidth_hz: Number | None = None
-    order: int = 1
-    delay: Number = 0.0
-    filter_coefficient: Number | None = None
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class Servo:
-    """A closed loop that follows a velocity or position command with a delay. The hand cannot push it (model/README.md,
-    section 17)."""
+    """A closed loop that follows a command with a delay, such as a robot under its vendor's controller."""
 
-    delay: Number  # delay from sampling to motion in addition to the hold, s, >= 0
-    bandwidth_hz: Number  # -3 dB frequency of the low-pass from the delayed command to the motion, Hz, > 0
-    order: int = 1  # order of that low-pass, 1, or 2 with damping ratio 1/sqrt(2)
-    command: Literal["velocity", "position"] = "velocity"
-    stiffness: Number | None = None
-    radii: tuple[tuple[float, float], ...] = ()
+    delay: Annotated[
+        NotNegative,
+        Key(
+            "Delay between sampling and motion, s, without the delay of the hold; at most 200 sample times, "
+            "uncertainty included.",
+            "time",
+            "servo: delay",
+        ),
+    ]
+    bandwidth_hz: Annotated[
+        Positive,
+        Key("Bandwidth of the servo as a low-pass after the delay, Hz.", "rate", "servo: bandwidth", "a faster servo"),
+    ]
+    order: Annotated[Order, Key("Order of the low-pass of `bandwidth_hz`, 1 or 2, as for the actuator.")] = 1
+    command: Annotated[
+        Literal["velocity", "position"],
+        Key("Kind of command: a velocity, which is held over a sample, or a position, which is interpolated."),
+    ] = "velocity"
+    stiffness: Annotated[
+        Positive | None,
+        Key(
+            "Stiffness of the firmware's spring between the measured position and its reference, N/m. The force of "
+            "this spring does not pass through the force sensor. Default: no spring.",
+            "stiffness",
+            certain=True,
+        ),
+    ] = None
+    radii: Internal[tuple[tuple[float, float], ...]] = ()  # disc of unmodelled dynamics, (Hz, radius)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Structure:
-    """A handle on a spring, which splits the device's mass in two. The position sensor is on the motor's part
-    (model/README.md, section 12).
+    """A handle on a spring. The position sensor and all damping of the device are on the motor's side."""
 
-    Attributes
-    ----------
-    handle_mass : Number
-        Mass of the handle, kg, > 0, less than the device's mass.
-    frequency_hz : Number
-        Frequency of the free resonance of both masses, Hz, > 0.
-    damping_ratio : Number
-        Damping ratio of that resonance, >= 0.
-    load : LeastOperator, optional
-        Mass and damping that move rigidly with the handle; None without a load. Frequency and damping ratio
-        describe the structure without the load.
-    """
-
-    handle_mass: Number
-    frequency_hz: Number
-    damping_ratio: Number
-    load: LeastOperator | None = None
+    handle_mass: Annotated[
+        Positive,
+        Key("Part of device.mass on the handle's side of the spring, kg.", "mass", "structure: mass of the handle"),
+    ]
+    frequency_hz: Annotated[
+        Positive,
+        Key(
+            "Frequency at which the two parts resonate without a hand, Hz.",
+            "rate",
+            "structure: resonance",
+            "a stiffer handle",
+        ),
+    ]
+    damping_ratio: Annotated[
+        NotNegative, Key("Damping ratio of the resonance at `frequency_hz`.", "ratio", "structure: damping ratio")
+    ]
+    # mass and damping that move rigidly with the handle; frequency and damping ratio are those without them
+    load: Internal[LeastOperator | None] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,108 +168,41 @@ class Unmodelled:
         return f"response off by {self.share:.3g} r at {degrees(self.phase):.4g} deg"
 
 
-Quantity = Literal["mass", "damping", "stiffness", "time", "rate", "ratio"]  # Quantity of a device's parameter
-
-
-@dataclass(frozen=True, slots=True)
-class PartNumber:
-    """The description of one parameter of a device."""
-
-    name: str  # key of the number in the table of its part
-    quantity: Quantity  # physical quantity
-    label: str = ""  # name in a report, for a linear device; "" for a number that no report names
-    better: str = ""  # phrase that describes a linear device with a better value, such as "a faster actuator"
-    order_key: str = ""  # key of the low-pass's order, if the number is a corner frequency that a file may omit
-    sampled: bool = False
-    certain: bool = False  # whether the number is known exactly, so that no file may call it uncertain
-
-
 @dataclass(frozen=True, slots=True)
 class Part:
     """A table of [device] that describes a non-ideal part."""
 
     record: type  # type of the field of `Device`
-    label: str  # name of the part, for a linear device
-    numbers: tuple[PartNumber, ...]  # the real numbers of the record
+    stated: str  # phrase for a linear device that has this part
     ideal: Any = None  # the record of an ideal part, which a device does not store; None if no record is ideal
-    refused_by: Mapping[DisplayName, str] = field(default_factory=dict)
-    named: str = ""  # name of the part in a list of a device's parts; "" if that name is `label`
 
     @property
-    def stated(self) -> str:
-        """Phrase for a device that has this part."""
-        return self.named or self.label
+    def numbers(self) -> tuple[Key, ...]:
+        """The real numbers of the part."""
+        hints = get_type_hints(self.record, include_extras=True)
+        keys = (replace(k, name=n) for n, hint in hints.items() for k in hint.__metadata__ if isinstance(k, Key))
+        return tuple(key for key in keys if key.quantity)
 
 
 # Descriptions of the parameters in the [device] table itself
 DEVICE_NUMBERS = (
-    PartNumber("mass", "mass", "mass m"),
-    PartNumber("damping", "damping", "damping b"),
-    PartNumber("sample_time", "time", "sample time T", certain=True),
-    PartNumber("delay", "time", "delay"),
+    Key("", "mass", "mass m", name="mass"),
+    Key("", "damping", "damping b", name="damping"),
+    Key("", "time", "sample time T", certain=True, name="sample_time"),
+    Key("", "time", "delay", name="delay"),
 )
-# Descriptions of the parts of a device, by their keys
+# The parts of a device, by their keys
 PARTS: Mapping[str, Part] = MappingProxyType(
     {
-        "velocity": Part(
-            VelocityEstimate,
-            "velocity estimate",
-            (
-                PartNumber(
-                    "filter_hz",
-                    "rate",
-                    "velocity estimate: low-pass",
-                    "a faster filter of the velocity",
-                    order_key="filter_order",
-                    sampled=True,
-                ),
-            ),
-            ideal=VelocityEstimate(),
-            refused_by={"servo": "no gain of this file acts on its velocity"},
-        ),
-        "actuator": Part(
-            Actuator,
-            "actuator",
-            (PartNumber("bandwidth_hz", "rate", "actuator: bandwidth", "a faster actuator"),),
-            refused_by={"servo": "its lag is device.servo.bandwidth_hz and order"},
-        ),
-        "force_sensor": Part(
-            ForceSensor,
-            "force sensor",
-            (
-                PartNumber(
-                    "bandwidth_hz", "rate", "force sensor: bandwidth", "a faster force sensor", order_key="order"
-                ),
-                PartNumber("delay", "time", "force sensor: delay", "less delay of the force sensor"),
-                PartNumber("filter_coefficient", "ratio", certain=True),
-            ),
-            ideal=ForceSensor(),
-            refused_by={"impedance": "it senses no force"},
-        ),
-        "structure": Part(
-            Structure,
-            "structure",
-            (
-                PartNumber("handle_mass", "mass", "structure: mass of the handle"),
-                PartNumber("frequency_hz", "rate", "structure: resonance", "a stiffer handle"),
-                PartNumber("damping_ratio", "ratio", "structure: damping ratio"),
-            ),
-            refused_by={"servo": "a spring behind its loop is not modelled"},
-            named="handle on a spring",
-        ),
-        "servo": Part(
-            Servo,
-            "servo",
-            (
-                PartNumber("delay", "time", "servo: delay"),
-                PartNumber("bandwidth_hz", "rate", "servo: bandwidth", "a faster servo"),
-                PartNumber("stiffness", "stiffness", certain=True),
-            ),
-        ),
+        "velocity": Part(VelocityEstimate, "velocity estimate", VelocityEstimate()),
+        "actuator": Part(Actuator, "actuator"),
+        "force_sensor": Part(ForceSensor, "force sensor", ForceSensor()),
+        "structure": Part(Structure, "handle on a spring"),
+        "servo": Part(Servo, "servo"),
     }
 )
 # Descriptions of all parameters of a device, by their keys in its table
-PART_NUMBERS: Mapping[str, PartNumber] = MappingProxyType(
+PART_NUMBERS: Mapping[str, Key] = MappingProxyType(
     {each.name: each for each in DEVICE_NUMBERS}
     | {f"{key}.{each.name}": each for key, part in PARTS.items() for each in part.numbers}
 )

@@ -9,9 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from vctune.document.reading import ProblemFile
-from vctune.document.records.gains_json import GainsRecord, coupling_record, stated_units
+from vctune.document.records.gains_json import stated_units
 from vctune.document.records.simulation_json import (
-    EnvironmentRecord,
     ExperimentRecord,
     MetricsRecord,
     RunRecord,
@@ -46,8 +45,8 @@ def simulation_record(
             experiments_sha256=experiments_digest(file.problem.experiments),
             **stated_units(device),
         ),
-        gains=GainsRecord(**asdict(gains)),
-        coupling=coupling_record(coupling),
+        gains=gains,
+        coupling=coupling,
         experiments=[_experiment(one) for one in simulated],
         versions={"vctune": __version__},
         **also,
@@ -77,7 +76,7 @@ def _experiment(simulated: Simulated) -> ExperimentRecord:
     assert design is not None
     return ExperimentRecord(
         name=experiment.name,
-        environment=EnvironmentRecord(**asdict(experiment.environment)),
+        environment=experiment.environment,
         axis=quantity,
         samples=len(simulated.design.traces.time),
         baseline=baseline,

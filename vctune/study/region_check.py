@@ -14,7 +14,7 @@ from vctune.design.variables import keys_for, point, ranges
 from vctune.design.verdict.checked import OUT_OF_TIME, Checked, CheckVerdict
 from vctune.design.verdict.judge import Status, judge_all
 from vctune.document.reading import ProblemFile
-from vctune.document.records.gains_json import ProblemRecord, coupling_record, stated_units
+from vctune.document.records.gains_json import ProblemRecord, stated_units
 from vctune.document.records.region_json import (
     AxesRecord,
     CheckedProblemRecord,
@@ -63,10 +63,7 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
         },
         areas={kind.name.lower(): region.area(kind) for kind in Kind},
         **({"interrupted": True} if region.interrupted else {}),
-        designs=[
-            DesignPoint.model_validate({"gains": asdict(gains), "coupling": coupling_record(coupling).model_dump()})
-            for gains, coupling in designs
-        ],
+        designs=[DesignPoint(gains=gains, coupling=coupling) for gains, coupling in designs],
         edges=EdgesRecord(x=plane.edges[0].tolist(), y=plane.edges[1].tolist()),
         cells=[(*square, Kind(kind).name.lower(), b_c) for square, kind, b_c in cells],
         versions=versions(None),

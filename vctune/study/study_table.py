@@ -24,8 +24,7 @@ from vctune.document.records.rows_json import (
     SweepRecord,
 )
 from vctune.document.schema.number_units import heading, unit_of
-from vctune.document.study_axes import Axis, number_keys
-from vctune.document.study_file import Study
+from vctune.document.study_file import Axis, Study, number_keys
 from vctune.model.display import stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.study.rows import Rows

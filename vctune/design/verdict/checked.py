@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from vctune.design.result import Repair, Solved
 from vctune.design.verdict.design_record import record_of, warnings
 from vctune.design.verdict.judge import Judgement, Status
-from vctune.document.file_doubts import file_doubts
+from vctune.document.doubts import file_doubts
 from vctune.document.reading import ProblemFile
 from vctune.document.text.codes import Note
 from vctune.running import out_of_time

@@ -9,7 +9,6 @@ from typing import Literal
 from vctune.analysis.contact import drag_at_rest, greatest_drag, stiffest_contact
 from vctune.design.prepared import pose
 from vctune.design.verdict.judge import Judgement, Status
-from vctune.document.records.certificate_json import HandRecord
 from vctune.document.records.contact_json import ContactRecord, LatencyPartRecord
 from vctune.model.device import Device
 from vctune.model.hands import Hands
@@ -51,7 +50,7 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
         rest_drag=factor * at_rest,
         drag_alone=factor * most.drag,
         drag_alone_hz=finite_hertz(most.omega),
-        drag_alone_hand=HandRecord(**asdict(most.hand)),
+        drag_alone_hand=most.hand,
         stiffest_contact=stiffest,
         stiffest_contact_verdict=verdict,
         own_spring=factor * _own_spring(slowest),

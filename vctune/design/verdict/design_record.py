@@ -20,12 +20,11 @@ from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.in_hand_record import in_hand_record
 from vctune.design.verdict.judge import Judgement, judge
 from vctune.design.verdict.nlp_record import active, device_record, solver_record
-from vctune.document.file_doubts import file_doubts
+from vctune.document.doubts import file_doubts
 from vctune.document.reading import ProblemFile
 from vctune.document.records.certificate_json import (
     AnyHandRecord,
     CertificateRecord,
-    HandRecord,
     HandsRecord,
     InnerLoopRecord,
     NyquistRecord,
@@ -43,10 +42,8 @@ from vctune.document.records.design_json import (
     RepairRecord,
 )
 from vctune.document.records.gains_json import (
-    GainsRecord,
     ProblemRecord,
     TransparencyRecord,
-    coupling_record,
     stated_units,
 )
 from vctune.document.records.part import Part
@@ -102,7 +99,7 @@ def _claim(problem: Problem, judgement: Judgement, claim: ClaimId, outcome: Outc
     if outcome.device is not None:
         also["witness_device"] = device_record(outcome.device, problem)
     if outcome.hand is not None:
-        also["witness_hand"] = HandRecord(**asdict(outcome.hand))
+        also["witness_hand"] = outcome.hand
     return ClaimRecord(
         id=claim,
         claim=CLAIMS[claim].said_of(problem.device.kind),
@@ -268,8 +265,8 @@ def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> d
     also |= _in_any_hand(problem, judgement) | _at_whole_sample(problem, judgement)
     display = _display(problem)
     return {
-        "gains": GainsRecord(**asdict(gains)),
-        "coupling": coupling_record(coupling),
+        "gains": gains,
+        "coupling": coupling,
         "transparency": TransparencyRecord(**asdict(judgement.transparency), **display),
         "certificate": CertificateRecord(
             verdict=certificate.verdict.value,
@@ -315,7 +312,7 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
             corner_hz=hertz(corner),
             min_ratio=walls.ratio,
             worst_hz=finite_hertz(walls.omega),
-            worst_hand=HandRecord(**asdict(walls.hand)),
+            worst_hand=walls.hand,
             boxes=proved.boxes,
             **_display(problem),
         )
@@ -325,7 +322,7 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
             box={name: [low[name], high[name]] for name in low},
             min_ratio=held.ratio,
             worst_hz=finite_hertz(held.omega),
-            worst_hand=HandRecord(**asdict(held.hand)),
+            worst_hand=held.hand,
             boxes=outcome.boxes,
             **also,
             **_display(problem),

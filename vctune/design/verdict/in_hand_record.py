@@ -27,8 +27,8 @@ def in_hand_record(problem: Problem, judgement: Judgement) -> InHandRecord:
     wall = problem.worlds.high.stiffness if problem.worlds is not None and problem.worlds.walls else inf
     if wall < inf and problem.nyquist > (omega := 2 * pi * WALL_HZ):
         found |= {"felt_wall_10hz": -omega * _felt(problem, gains, coupling, omega, wall).imag, "wall": wall}
-    if device.resolution is not None:
-        found["count"] = device.resolution * _stiffness_of_a_count(gains, coupling, device.sample_time)
+    if device.velocity is not None and device.velocity.resolution is not None:
+        found["count"] = device.velocity.resolution * _stiffness_of_a_count(gains, coupling, device.sample_time)
     return InHandRecord.model_validate(found)
 
 

@@ -8,7 +8,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from math import inf, pi
 from typing import Any
 
-from vctune.document.schema.device_contradictions import FASTEST
+from vctune.document.schema.rules import FASTEST
 from vctune.document.schema.validation import KeyPath, dotted
 from vctune.document.text.raw import number_at, placed
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, SYMBOLS

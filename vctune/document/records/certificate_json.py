@@ -8,7 +8,8 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof, Row, Shown, text
+from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof, Row, text
+from vctune.model.fields import Shown
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
 from vctune.model.parts import Unmodelled
@@ -48,18 +49,6 @@ class DeviceRecord(Part):
         return ", ".join([*numbers_in_words, *parts_in_words, *perturbation])
 
 
-class HandRecord(Part):
-    """A hand at the handle: mass, kg, damping, N s/m, and stiffness, N/m; rotary units for a rotary device."""
-
-    mass: float
-    damping: float
-    stiffness: float
-
-    def in_words(self, units: Units) -> str:
-        """Return the parameters of the hand with their units."""
-        return Hand(self.mass, self.damping, self.stiffness).in_words(units)
-
-
 class ClaimRecord(Part):
     """A claim. If it fails, the record names the frequency, the device and the hand."""
 
@@ -68,7 +57,7 @@ class ClaimRecord(Part):
     verdict: Proof
     witness_hz: Number  # frequency at which a claim fails or is undecided
     witness_device: DeviceRecord | None = None  # device of the box, and hand, in which it fails there
-    witness_hand: HandRecord | None = None
+    witness_hand: Hand | None = None
     cut: bool = False
 
     def rows(self, units: Units) -> Iterator[Row]:
@@ -119,7 +108,7 @@ class WallsRecord(DisplayPart):
     corner_hz: float  # corner of the multiplier that proves the walls
     min_ratio: Annotated[Number, Shown("least with walls", "at {worst_hz} Hz in the hand of {worst_hand}")]
     worst_hz: Number
-    worst_hand: HandRecord
+    worst_hand: Hand
     boxes: int  # number of boxes in the proof
 
 
@@ -130,7 +119,7 @@ class HandsRecord(DisplayPart):
     box: dict[str, Pair]  # ends of the range of each parameter of the hands
     min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz in the hand of {worst_hand}")]
     worst_hz: Number
-    worst_hand: HandRecord
+    worst_hand: Hand
     boxes: int  # number of boxes in the proof
     worlds: dict[str, Pair] | None = None
     worst_world: WorldRecord | None = None  # environment with which the ratio is least

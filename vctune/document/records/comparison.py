@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Annotated, Any
 
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.gains_json import TransparencyRecord
-from vctune.document.records.part import Document, Pair, Part, Shown, filled, how_shown
+from vctune.document.records.part import Document, Pair, Part, filled, how_shown
 from vctune.document.records.rows_json import FeltRecord
 from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import KeyPath, dotted
+from vctune.model.fields import Shown
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS
@@ -148,10 +150,10 @@ def _values_by_group(a: ComparedDesign, b: ComparedDesign) -> Iterator[ValueReco
         yield from _values_of_parts("in the hand", "felt", list(zip((a.felt, b.felt), units, strict=True)))
 
 
-def _values_of_parts(title: str, key: str, sides: Sequence[tuple[Part | None, Units]]) -> Iterator[ValueRecord]:
+def _values_of_parts(title: str, key: str, sides: Sequence[tuple[Any, Units]]) -> Iterator[ValueRecord]:
     """Yield the displayed fields of a part of both designs, and of the parts inside it."""
     parts = [(part, units) for part, units in sides if part is not None]
-    shown_of_field = {field: shown for part, _ in parts for field, shown in how_shown(type(part)).items()}
+    shown_of_field = {field: shown for part, _ in parts for field, shown in how_shown(part.__class__).items()}
     for field, shown in shown_of_field.items():
         value_a, value_b = (_in_shown_unit(getattr(part, field, None), shown) for part, _ in sides)
         having = [(part, units) for part, units in parts if hasattr(part, field)]
@@ -163,7 +165,7 @@ def _values_of_parts(title: str, key: str, sides: Sequence[tuple[Part | None, Un
             yield ValueRecord(
                 group=title, key=f"{key}.{field}", label=label, unit=unit, digits=shown.digits, a=value_a, b=value_b
             )
-    inner = [name for part, _ in parts for name, value in part if isinstance(value, Part)]
+    inner = [name for part, _ in parts if isinstance(part, Part) for name, value in part if isinstance(value, Part)]
     for name in dict.fromkeys(inner):
         parts_inside = [(getattr(part, name, None), units) for part, units in sides]
         yield from _values_of_parts(title, f"{key}.{name}", parts_inside)
@@ -176,4 +178,6 @@ def _joined(texts: Iterable[str]) -> str:
 
 def _in_shown_unit(value: Any, shown: Shown) -> Any:
     """Return a stored value in the unit in which it is displayed. Only a float has such a unit."""
+    if value == inf:
+        return None
     return value * shown.scale if isinstance(value, float) and shown.scale != 1 else value

@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from vctune.document.records.certificate_json import HandRecord
-from vctune.document.records.part import Number, Part, Row, Shown, how_shown, text
+from vctune.document.records.part import Number, Part, Row, how_shown, text
+from vctune.model.fields import Shown
+from vctune.model.hands import Hand
 from vctune.model.numbers.units import Units
 
 ROUND = (5.0, 2.0, 1.0)  # Leading digits of the round latency that an example subtracts
@@ -36,7 +37,7 @@ class ContactRecord(Part):
     rest_drag: Annotated[float, Shown("least drag at rest", of="damping")]  # drag that the hands require at rest
     drag_alone: Annotated[float, Shown("least drag without b_c", of="damping")]
     drag_alone_hz: Number
-    drag_alone_hand: HandRecord
+    drag_alone_hand: Hand
     stiffest_contact: Annotated[Number, Shown("stiffest contact", digits=7, of="stiffness")]
     stiffest_contact_verdict: Literal["proved", "undecided"] | None
     own_spring: float = 0.0

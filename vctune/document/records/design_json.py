@@ -12,17 +12,16 @@ from vctune.document.records.certificate_json import CertificateRecord, DeviceRe
 from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.gains_json import (
     AnyCouplingRecord,
-    GainsRecord,
     ProblemRecord,
-    SpringRecord,
     TransparencyRecord,
 )
 from vctune.document.records.in_hand_json import InHandRecord
-from vctune.document.records.part import Document, Number, Pair, Part, Row, Shown, how_shown, text
+from vctune.document.records.part import Document, Number, Pair, Part, Row, how_shown, rows, text
 from vctune.document.schema.number_units import unit_of
 from vctune.document.text.json import as_record, read_json
 from vctune.model.display import DISPLAYS
-from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.fields import Shown
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.transparency import TermName
 
@@ -187,7 +186,7 @@ class DesignRecord(Document):
     problem: ProblemRecord
     status: Literal["certified", "violated", "undecided", "infeasible"]
     reason: str | None
-    gains: GainsRecord | None
+    gains: Gains | None
     coupling: AnyCouplingRecord | None
     transparency: TransparencyRecord | None
     certificate: CertificateRecord | None
@@ -275,15 +274,15 @@ class DesignRecord(Document):
     @property
     def design(self) -> tuple[Gains, AnyCoupling] | None:
         """The gains and the coupling; None without a design."""
-        return None if self.gains is None or self.coupling is None else (self.gains.plain, self.coupling.plain)
+        return None if self.gains is None or self.coupling is None else (self.gains, self.coupling)
 
     def groups(self) -> dict[str, list[Row]]:
         """Return the rows of a design by the titles of `GROUPS`; empty without a design."""
         if self.gains is None:
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
-        result = {title: list(part.rows(self.units)) for title, part in parts.items() if part is not None}
-        if isinstance(self.coupling, SpringRecord):  # an impedance display has no K_p
+        result = {title: list(rows(part, self.units)) for title, part in parts.items() if part is not None}
+        if isinstance(self.coupling, SpringDamper):  # an impedance display has no K_p
             result["gains"] = result["gains"][:1]
         if self.gains.velocity == self.gains.position == 0:  # an impedance display whose motor follows its coupling
             result.pop(self.GROUPS["inner_loop"], None)

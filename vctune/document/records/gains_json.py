@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
-from math import inf
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Tag
 
-from vctune.document.records.part import DisplayPart, Number, Part, Row, Shown, filled, how_shown
+from vctune.document.records.part import DisplayPart, Number, Part, Row, filled, how_shown
 from vctune.model.device import Device
 from vctune.model.display import DISPLAYS, DisplayName
-from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.fields import Shown
+from vctune.model.gains import Coupling, SpringDamper
 from vctune.model.numbers.units import Units, UnitSystem
 from vctune.model.transparency import TERMS, TermName
-
-NotNegative = Annotated[float, Field(ge=0)]
-Positive = Annotated[float, Field(gt=0)]
 
 
 class ProblemRecord(Part):
@@ -34,65 +30,15 @@ def stated_units(device: Device) -> dict[str, UnitSystem]:
     return {} if device.units == "linear" else {"units": device.units}
 
 
-class GainsRecord(Part):
-    """Gains of the velocity loop. Both are 0 for a servo, and K_p is 0 for an impedance display."""
-
-    velocity: Annotated[NotNegative, Shown("velocity K_v", digits=8, of="damping")]
-    position: Annotated[NotNegative, Shown("position K_p", digits=8, of="stiffness")]
-
-    @property
-    def plain(self) -> Gains:
-        """The gains."""
-        return Gains(self.velocity, self.position)
-
-
-class CouplingRecord(Part):
-    """The virtual coupling of an admittance display or a servo. An infinite b_c is null."""
-
-    damping: Annotated[Positive | None, Shown("damping b_c", digits=8, of="damping")]
-    mass: Annotated[Positive, Shown("mass m_c", digits=8, of="mass")]
-    drag: Annotated[NotNegative, Shown("drag b_0", digits=8, of="damping")] = 0.0
-
-    def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the numbers of the coupling. An infinite damping is called rigid."""
-        damping, *others = super().rows(units)
-        yield damping if self.damping is not None else Row(damping.label, "rigid", "")
-        yield from others
-
-    @property
-    def plain(self) -> AnyCoupling:
-        """The coupling."""
-        return Coupling(inf if self.damping is None else self.damping, self.mass, self.drag)
-
-
-class SpringRecord(Part):
-    """The virtual coupling of an impedance display."""
-
-    damping: Annotated[NotNegative, Shown("damping b_c", digits=8, of="damping")]
-    stiffness: Annotated[Positive, Shown("stiffness k_c", digits=8, of="stiffness")]
-
-    @property
-    def plain(self) -> SpringDamper:
-        """The coupling."""
-        return SpringDamper(self.damping, self.stiffness)
-
-
 def coupling_tag(value: Any) -> str:
     """Return the tag of a coupling, given as tables or as a record."""
-    stiff = "stiffness" in value if isinstance(value, dict) else isinstance(value, SpringRecord)
+    stiff = "stiffness" in value if isinstance(value, dict) else isinstance(value, SpringDamper)
     return "<spring>" if stiff else "<mass>"
 
 
 AnyCouplingRecord = Annotated[
-    Annotated[CouplingRecord, Tag("<mass>")] | Annotated[SpringRecord, Tag("<spring>")], Discriminator(coupling_tag)
+    Annotated[Coupling, Tag("<mass>")] | Annotated[SpringDamper, Tag("<spring>")], Discriminator(coupling_tag)
 ]
-
-
-def coupling_record(coupling: AnyCoupling) -> CouplingRecord | SpringRecord:
-    """Return the record of a coupling."""
-    if isinstance(coupling, SpringDamper):
-        return SpringRecord(**asdict(coupling))
-    return CouplingRecord(**asdict(coupling) | ({"damping": None} if coupling.rigid else {}))
 
 
 def term_labels(display: DisplayName) -> dict[TermName, str]:

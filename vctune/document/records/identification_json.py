@@ -8,11 +8,10 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from vctune.document.records.part import Document, Number, Pair, Part
-from vctune.document.schema.experiment_contradictions import MOST_SAMPLES
-from vctune.document.schema.experiment_schema import SceneOperatorTable
+from vctune.document.schema.rules import MOST_SAMPLES
 from vctune.document.text.errors import printable
 from vctune.document.text.toml_writing import toml_text
-from vctune.model.experiment import usual_share
+from vctune.model.experiment import Operator, usual_share
 from vctune.model.numbers.units import UNITS, Units
 
 FILE, DEVICE_FILE = "identification.json", "device.toml"
@@ -212,8 +211,7 @@ def _experiment(record: IdentificationRecord) -> dict[str, Any]:
     """Return an experiment that the device can follow, with the identified friction and noise."""
     experiment: dict[str, Any] = {"name": "as identified"}
     bristles: dict[str, float] = {}
-    cycles = SceneOperatorTable.model_fields["cycles"].default
-    furthest = 0.9 * MOST_SAMPLES * record.sample_time * STROKE["speed"] / (pi * cycles)
+    furthest = 0.9 * MOST_SAMPLES * record.sample_time * STROKE["speed"] / (pi * Operator().cycles)
     if record.rotary or furthest < STROKE["to"]:
         experiment["operator"] = STROKE | {"to": min(STROKE["to"], float(f"{furthest:.2g}"))}
     if record.rotary:

@@ -26,11 +26,9 @@ from vctune.document.schema.problem_schema import (
     ServoGainsDocument,
     SpringGainsDocument,
     json_schema,
-    schema_of,
 )
-from vctune.document.schema.study_schema import StudyDocument
-
-DIALECT = "https://json-schema.org/draft/2020-12/schema"
+from vctune.document.schema.validation import DIALECT, schema_of
+from vctune.document.study_file import StudyDocument
 
 
 def _of(*parts: type[Part], each: bool = False) -> dict[str, Any]:

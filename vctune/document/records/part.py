@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
-from math import isfinite
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from functools import cache
+from math import inf, isfinite
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_type_hints
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from vctune.model.display import DisplayName
-from vctune.model.hands import Hands
+from vctune.model.fields import Shown
+from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
 
 NOTHING = 1e-20  # Size below which a number is 0 in a text: no file states smaller ones
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """How a field is displayed."""
-
-    label: str  # name of the field, for a linear device
-    unit: str = ""  # text after the number; in label and unit, a field's name in braces is replaced by its value
-    digits: int = 5  # number of significant digits
-    scale: float = 1.0  # factor from the stored number to the displayed one
-    optional: bool = False  # whether to omit the row if the number does not exist
-    detail: bool = False  # whether only the report shows it, because it is too long for a terminal
-    of: str = ""  # quantity (`vctune.model.numbers.units`) whose unit follows the number instead of `unit`
 
 
 class Row(NamedTuple):
@@ -67,24 +55,19 @@ class Part(BaseModel):
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the displayed fields in order, in the words and units of a kind of device."""
-        for name, shown in how_shown(type(self)).items():
-            value = getattr(self, name)
-            if value is not None or not shown.optional:
-                scaled = value * shown.scale if isinstance(value, float) else value
-                label, unit = (filled(self, words, units) for words in (shown.label, shown.unit))
-                yield Row(units.translated(label), text(scaled, shown.digits), units.of(shown.of) or unit, shown.detail)
+        return _rows(self, units)
 
     def in_words(self, units: Units) -> str:
         """Return the numbers of the part with their units, as a phrase that fits into a sentence."""
         return ", ".join(f"{row.value} {row.unit}".rstrip() for row in self.rows(units))
 
 
-def filled(part: Part, words: str, units: Units) -> str:
+def filled(part: Any, words: str, units: Units) -> str:
     """Return a text in which each name in braces is replaced by the field, part or property of that name."""
 
     def stated(field: re.Match[str]) -> str:
         value = getattr(part, field[1])
-        return value.in_words(units) if isinstance(value, Part | Hands) else text(value)
+        return value.in_words(units) if isinstance(value, Part | Hand | Hands) else text(value)
 
     return re.sub(r"{(\w+)}", stated, words)
 
@@ -99,11 +82,29 @@ class Document(Part):
         return {"schema": self.SCHEMA} | self.model_dump(mode="json", exclude_unset=True)
 
 
-def how_shown(part: type[Part]) -> dict[str, Shown]:
-    """Return how each displayed field of a part is displayed."""
-    return {
-        name: each for name, field in part.model_fields.items() for each in field.metadata if isinstance(each, Shown)
-    }
+@cache
+def how_shown(part: Any) -> dict[str, Shown]:
+    """Return how each displayed field of a class of records is displayed."""
+    hints = get_type_hints(part, include_extras=True)
+    order = part.model_fields if issubclass(part, BaseModel) else hints
+    marks = {name: getattr(hints[name], "__metadata__", ()) for name in order}
+    return {name: mark for name, found in marks.items() for mark in found if isinstance(mark, Shown)}
+
+
+def rows(part: Any, units: Units) -> Iterator[Row]:
+    """Yield the rows of a part of a record, or of a table of the model."""
+    return part.rows(units) if isinstance(part, Part) else _rows(part, units)
+
+
+def _rows(part: Any, units: Units) -> Iterator[Row]:
+    for name, shown in how_shown(part.__class__).items():
+        value = getattr(part, name)
+        if value is not None or not shown.optional:
+            label, unit = (filled(part, words, units) for words in (shown.label, shown.unit))
+            unit = units.of(shown.of) or unit
+            scaled = value * shown.scale if isinstance(value, float) else value
+            of_value = ("rigid", "") if value == inf else (text(scaled, shown.digits), unit)
+            yield Row(units.translated(label), *of_value, shown.detail)
 
 
 class DisplayPart(Part):

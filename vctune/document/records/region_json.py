@@ -6,15 +6,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Strict, Tag, model_validator
+from pydantic import Field, Strict, model_validator
 
 from vctune.document.records.gains_json import (
-    CouplingRecord,
-    GainsRecord,
-    NotNegative,
+    AnyCouplingRecord,
     ProblemRecord,
-    SpringRecord,
-    coupling_tag,
 )
 from vctune.document.records.part import Document, Pair, Part
 from vctune.document.text.json import as_record, read_json
@@ -34,7 +30,7 @@ Key = Literal[
     "coupling.stiffness",
 ]
 Index = Annotated[int, Field(ge=0)]
-Edges = Annotated[list[NotNegative], Field(min_length=2)]
+Edges = Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=2)]
 Verdict = Literal["feasible", "infeasible", "undecided"]
 # Indices of the edges x_low, x_high, y_low and y_high, then the verdict, then b_c of a feasible cell if b_c is free
 Cell = Annotated[tuple[Index, Index, Index, Index, Verdict, float | None], Strict(False)]
@@ -63,30 +59,16 @@ class EdgesRecord(Part):
     y: Edges
 
 
-class ListedGains(GainsRecord, extra="forbid"):
-    """Gains of a set. A user may write a set by hand, so unknown keys are refused: they may be typing errors."""
-
-
-class ListedCoupling(CouplingRecord, extra="forbid"):
-    """Coupling of a gain set."""
-
-
-class ListedSpring(SpringRecord, extra="forbid"):
-    """Coupling of a gain set on an impedance display."""
-
-
 class DesignPoint(Part):
     """A gain set: gains and coupling with a proof of their own."""
 
-    gains: ListedGains
-    coupling: Annotated[
-        Annotated[ListedCoupling, Tag("<mass>")] | Annotated[ListedSpring, Tag("<spring>")], Discriminator(coupling_tag)
-    ]
+    gains: Gains
+    coupling: AnyCouplingRecord
 
     @property
     def design(self) -> tuple[Gains, AnyCoupling]:
         """The gains and the coupling."""
-        return self.gains.plain, self.coupling.plain
+        return self.gains, self.coupling
 
 
 class CheckedProblemRecord(Part):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated
 
-from vctune.document.records.part import Document, Number, Pair, Part, Shown, how_shown
+from vctune.document.records.part import Document, Number, Pair, Part, how_shown
+from vctune.model.fields import Shown
 
 
 class RowsHeader(Document):

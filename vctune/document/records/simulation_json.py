@@ -9,11 +9,13 @@ from pydantic import Field
 
 from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.records.gains_json import AnyCouplingRecord, GainsRecord
+from vctune.document.records.gains_json import AnyCouplingRecord
 from vctune.document.records.part import Document, Number, Part
 from vctune.document.text.digest import experiments_digest
 from vctune.document.text.errors import InputError
 from vctune.document.text.json import as_record, read_json
+from vctune.model.experiment import Environment
+from vctune.model.gains import Gains
 from vctune.model.numbers.units import UNITS, Units, UnitSystem
 
 FILE = "simulation.json"
@@ -28,16 +30,6 @@ class SimulatedProblemRecord(Part):
     sha256: str
     experiments_sha256: str
     units: UnitSystem = "linear"
-
-
-class EnvironmentRecord(Part):
-    """The rendered environment."""
-
-    mass: float
-    damping: float
-    stiffness: float
-    zero: float
-    wall: bool
 
 
 class FitRecord(Part):
@@ -88,7 +80,7 @@ class ExperimentRecord(Part):
     """An experiment with the runs of the regular PID and of the design."""
 
     name: str
-    environment: EnvironmentRecord
+    environment: Environment
     axis: Literal["position", "velocity"]  # quantity of the horizontal axis of the curves
     samples: int  # number of samples of the design's run
     baseline: RunRecord | None
@@ -101,7 +93,7 @@ class SimulationRecord(Document):
     SCHEMA = "vctune/simulation/1"
 
     problem: SimulatedProblemRecord
-    gains: GainsRecord
+    gains: Gains
     coupling: AnyCouplingRecord
     experiments: Annotated[list[ExperimentRecord], Field(min_length=1)]
     versions: dict[str, str | None]

@@ -7,25 +7,25 @@ from dataclasses import replace
 from math import inf, pi, sqrt
 from typing import Any
 
-from pydantic import BaseModel
-
-from vctune.document.schema.device_schema import DeviceTable, EncoderTable, ServoDeviceTable, UncertaintyTable
-from vctune.document.schema.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
 from vctune.document.schema.problem_schema import (
+    DeviceTable,
+    ExperimentTable,
     OperatorTable,
     ProblemDocument,
+    ServoDeviceTable,
     StabilityTable,
     TransparencyTable,
+    UncertaintyTable,
     WorldsTable,
 )
 from vctune.model.device import Device
 from vctune.model.display import DISPLAYS
-from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.experiment import Experiment
 from vctune.model.hands import Hand, Hands, LeastOperator
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import UnitSystem
-from vctune.model.parts import PARTS
+from vctune.model.parts import PARTS, VelocityEstimate
 from vctune.model.problem import (
     ABSENT,
     HUMAN_HANDS,
@@ -50,7 +50,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
     if device.servo is not None:
         radii = tuple(document.uncertainty.unmodelled)
         device = replace(device, servo=replace(device.servo, radii=radii))
-    # a servo, and a file with [environment], have the criterion "hands" only (contradictions.py refuses others)
+    # a servo, and a file with [environment], have the criterion "hands" only (rules.py refuses others)
     has_a_choice = device.kind.own_loop and document.environment is None
     criterion = document.stability.criterion if has_a_choice else "hands"
     device = replace(device, operator=operator if criterion != "hands" else None)
@@ -170,39 +170,22 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
 
 def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
     """Return the device of a table, without its least operator and without the radii of a servo."""
+    stated = {key: part for key in PARTS if (part := getattr(table, key, None)) is not None}
     if isinstance(table, ServoDeviceTable):
         # mass 1 and damping 0: the motion of a servo does not depend on them
-        return Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **_parts(table))
-    velocity = table.velocity or EncoderTable()
-    if velocity.source is None:
-        default_source = "difference" if DISPLAYS[table.display].differences else "measured"
-        table = table.model_copy(update={"velocity": velocity.model_copy(update={"source": default_source})})
-    return Device(
-        table.mass,
-        table.damping,
-        table.sample_time,
-        table.delay,
-        table.hold,
-        display=table.display,
-        units=table.units,
-        resolution=velocity.resolution,
-        **_parts(table),
-    )
-
-
-def _parts(table: BaseModel) -> dict[str, Any]:
-    """Return the stated parts that have an effect, by their keys."""
-    return {key: part for key, part in stated_parts(table).items() if part != PARTS[key].ideal}
-
-
-def stated_parts(table: BaseModel) -> dict[str, Any]:
-    """Return the parts that the table of a device states, by their keys, including parts without effect."""
-    stated = {key: getattr(table, key, None) for key in PARTS}
-    return {
-        key: PARTS[key].record(**part.model_dump(exclude_none=True, exclude={"resolution"}))
-        for key, part in stated.items()
-        if part is not None
+        return Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **_with_effect(stated))
+    velocity = stated.get("velocity", VelocityEstimate())
+    if DISPLAYS[table.display].differences:
+        stated["velocity"] = replace(velocity, source="difference")
+    own = {
+        name: getattr(table, name) for name in ("mass", "damping", "sample_time", "delay", "hold", "display", "units")
     }
+    return Device(**own, **_with_effect(stated))
+
+
+def _with_effect(parts: dict[str, Any]) -> dict[str, Any]:
+    """Return the parts that are not ideal. The order of a low-pass that does not exist is 1."""
+    return {key: part for key, part in parts.items() if part != PARTS[key].ideal}
 
 
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
@@ -224,25 +207,12 @@ def _range(value: object, low: float, high: float) -> Range:
 
 
 def _experiment(table: ExperimentTable, device: Device) -> Experiment:
-    """Return the experiment of a table of [[experiment]] for a device."""
+    """Return an experiment, whose friction has the device's defaults."""
+    friction = table.friction
+    if friction is not None:
+        stiction = friction.coulomb if friction.stiction is None else friction.stiction
+        damping = sqrt(friction.stiffness * device.mass) if friction.damping is None else friction.damping
+        friction = replace(friction, stiction=stiction, damping=damping)
     return Experiment(
-        name=table.name,
-        environment=Environment(**table.environment.model_dump()),
-        operator=Operator(**table.operator.model_dump()),
-        friction=_friction(table.friction, device) if table.friction else None,
-        sensors=_sensors(table.sensors),
-        limit=table.actuator.limit,
-        baseline=Baseline(**table.baseline.model_dump()) if table.baseline else None,
+        table.name, table.environment, table.operator, friction, table.sensors, table.actuator.limit, table.baseline
     )
-
-
-def _friction(table: FrictionTable, device: Device) -> Friction:
-    """Return the friction of an experiment, with defaults for stiction and for the damping of the bristles."""
-    stiction = table.coulomb if table.stiction is None else table.stiction
-    damping = sqrt(table.stiffness * device.mass) if table.damping is None else table.damping
-    return Friction(table.coulomb, stiction, table.stribeck_velocity, table.stiffness, damping)
-
-
-def _sensors(table: SensorsTable) -> Sensors:
-    """Return the sensors of a table, with the seed of their noise."""
-    return Sensors(table.position_resolution, table.force_noise, table.seed)

@@ -6,8 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
-from vctune.document.schema.device_schema import ActuatorTable, ForceSensorTable, VelocityTable
-from vctune.document.schema.fields import MOST, NotNegative, Positive, Table, Text
+from vctune.document.schema.problem_schema import Table
+from vctune.model.fields import MOST, Flag, NotNegative, Positive, Text
+from vctune.model.parts import Actuator, ForceSensor, VelocityEstimate
 
 # Units of a column by name, each in SI units
 UNITS: dict[str, float] = {
@@ -17,25 +18,9 @@ UNITS: dict[str, float] = {
     "N": 1.0, "mN": 1e-3, "kN": 1e3, "Nm": 1.0, "mNm": 1e-3,
 }  # fmt: skip
 Unit = Literal[
-    "s",
-    "ms",
-    "us",
-    "m",
-    "mm",
-    "um",
-    "rad",
-    "mrad",
-    "deg",
-    "m/s",
-    "mm/s",
-    "rad/s",
-    "deg/s",
-    "N",
-    "mN",
-    "kN",
-    "Nm",
-    "mNm",
-]
+    "s", "ms", "us", "m", "mm", "um", "rad", "mrad", "deg", "m/s", "mm/s", "rad/s", "deg/s", "N", "mN", "kN",
+    "Nm", "mNm",
+]  # fmt: skip
 
 
 def _not_zero(value: float) -> float:
@@ -97,17 +82,6 @@ class ColumnsTable(Table):
     )
 
 
-class KnownVelocityTable(VelocityTable):
-    """How the firmware obtains the velocity of the motor."""
-
-    source: Literal["measured", "difference"] | None = Field(
-        None,
-        alias="from",
-        description="Source of the velocity: a sensor, or the backward difference of the sampled position. Default: "
-        "difference. device.toml then states this as an assumption.",
-    )
-
-
 class KnownDeviceTable(Table):
     """Known parameters of the device, which vctune copies to device.toml without identifying them."""
 
@@ -115,9 +89,11 @@ class KnownDeviceTable(Table):
         None, description="Delay between sampling and actuation, s, without the delay of the hold."
     )
     delay_uncertainty: NotNegative = Field(0.0, description="Half-width of a known delay, s.")
-    velocity: KnownVelocityTable | None = Field(None, description="Default: see `from`.")
-    actuator: ActuatorTable | None = Field(None, description="Default: not known.")
-    force_sensor: ForceSensorTable | None = Field(None, description="Default: not known.")
+    velocity: VelocityEstimate | None = Field(
+        None, description="Default: a difference; device.toml then states this as an assumption."
+    )
+    actuator: Actuator | None = Field(None, description="Default: not known.")
+    force_sensor: ForceSensor | None = Field(None, description="Default: not known.")
 
 
 class LogDocument(Table):
@@ -130,9 +106,8 @@ class LogDocument(Table):
         description="Name of the device and of its folder. Default: the first log's stem.",
     )
     description: Text = Field("", description="Free text for the reader.")
-    rotary: bool = Field(
+    rotary: Flag = Field(
         False,
-        strict=True,
         description='Whether kg, m and N stand for kg m2, rad and N m. If true, device.toml states units = "rotary".',
     )
     sample_time: Positive | None = Field(

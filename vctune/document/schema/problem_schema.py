@@ -4,21 +4,126 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model
 
-from vctune.document.schema.device_schema import AnyDeviceTable, UncertaintyTable
-from vctune.document.schema.experiment_schema import ExperimentTable
-from vctune.document.schema.fields import (
-    Edge,
-    NotNegative,
-    NotNegativeOrInf,
-    Positive,
-    PositiveOrInf,
-    Table,
-    Text,
-)
+from vctune.document.schema.validation import schema_of
 from vctune.model.display import DisplayName
+from vctune.model.experiment import Baseline, Environment, Friction, Operator, Sensors
+from vctune.model.fields import Edge, Flag, NotNegative, NotNegativeOrInf, Positive, Share, Text
+from vctune.model.gains import Coupling, Gains, SpringDamper
 from vctune.model.numbers.units import UnitSystem
+from vctune.model.parts import UNCERTAIN, Actuator, ForceSensor, Servo, Structure, VelocityEstimate
+
+
+class Table(BaseModel):
+    """A table that refuses unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+
+class ServoDeviceTable(Table):
+    """A device that follows its command with a delay and that the hand cannot push."""
+
+    units: Literal["linear", "rotary"] = Field("linear", description="Kind of motion of the servo, linear or rotary.")
+    sample_time: Positive = Field(description="Sample time of the admittance controller, s.")
+    servo: Servo
+    force_sensor: ForceSensor | None = Field(None, description="Default: the force is sensed without delay.")
+
+
+class DeviceTable(Table):
+    """The mechanism: Z_d = mass s + damping."""
+
+    display: Literal["admittance", "impedance"] = Field(
+        "admittance",
+        description='Kind of display. "admittance": force in, velocity out. "impedance": motion in, force out.',
+    )
+    units: Literal["linear", "rotary"] = Field(
+        "linear",
+        description="Kind of motion of the handle. For a rotary device (a wheel, a knob, a joint), read kg m2, rad and "
+        "N m for every kg, m and N of this file. The mass is then the moment of inertia. The keys keep their names.",
+    )
+    mass: Positive = Field(description="Moving mass, kg.")
+    damping: NotNegative = Field(description="Viscous damping, N s/m.")
+    sample_time: Positive = Field(description="Sample time of the velocity loop, s.")
+    hold: Literal["zoh", "lag"] = Field(
+        "zoh", description="Hold: exact zero-order hold, or the paper's first-order lag 2/(2+sT)."
+    )
+    delay: NotNegative = Field(
+        0.0,
+        description="Delay between sampling and actuation, s, without the delay of the hold; at most 200 sample "
+        "times, uncertainty included.",
+    )
+    velocity: VelocityEstimate | None = Field(None, description="Default: measured without delay.")
+    actuator: Actuator | None = Field(None, description="Default: the force follows the command without lag.")
+    force_sensor: ForceSensor | None = Field(None, description="Default: the force is sensed without delay.")
+    structure: Structure | None = Field(None, description="Default: rigid.")
+
+
+def _device_form(value: Any) -> str:
+    servo = "servo" in value if isinstance(value, dict) else isinstance(value, ServoDeviceTable)
+    return "<servo>" if servo else "<mechanism>"
+
+
+AnyDeviceTable = Annotated[
+    Annotated[DeviceTable, Tag("<mechanism>")] | Annotated[ServoDeviceTable, Tag("<servo>")],
+    Discriminator(_device_form),
+]
+
+
+def _share(key: str) -> Any:
+    meaning = "; 0.1 means plus or minus 10 %" if key == "mass" else ""
+    return Share, Field(0.0, alias=key, description=f"Uncertainty of device.{key}{meaning}.")
+
+
+# Table with a relative half-width for each parameter of a device that may be uncertain
+SharesTable: Any = create_model(
+    "SharesTable", __base__=Table, **{key.replace(".", "_"): _share(key) for key in UNCERTAIN}
+)
+
+
+class UncertaintyTable(SharesTable):
+    """Relative half-widths of the intervals of the device's parameters.
+
+    The constraints hold for every device whose parameters lie in these intervals.
+
+    To state the uncertainty of a parameter in a sub-table of [device], quote its name,
+    as in "actuator.bandwidth_hz" = 0.2.
+    """
+
+    unmodelled: list[tuple[Positive, Positive]] = Field(
+        default_factory=list,
+        description="Unmodelled dynamics, [[Hz, radius], ...]: a relative error of the device's response, at most the "
+        "radius at each frequency. vctune interpolates the radius linearly on logarithmic axes, and keeps it constant "
+        "below the first and above the last frequency.",
+    )
+    objective: Literal["nominal", "worst"] = Field(
+        "nominal",
+        description="Error to minimise: the error of the nominal device, or the greatest error at the vertices of the "
+        "box.",
+    )
+
+
+class LimitTable(Table):
+    """The limits of the motor."""
+
+    limit: Positive | None = Field(None, description="Greatest force, N. Default: no limit.")
+
+
+class ExperimentTable(Table):
+    """An experiment for `vctune simulate`; the design does not depend on it."""
+
+    name: Text = Field(
+        min_length=1,
+        max_length=100,
+        pattern=r"^[A-Za-z0-9 _.,+-]*$",
+        description="Unique name of the experiment: letters, digits, spaces and _ . , + -",
+    )
+    environment: Environment = Environment()
+    operator: Operator = Operator()
+    friction: Friction | None = None
+    sensors: Sensors = Sensors()
+    actuator: LimitTable = LimitTable()
+    baseline: Baseline | None = None
 
 
 class PositiveRange(Table):
@@ -96,9 +201,8 @@ class WorldsTable(Table):
     mass: WorldMassTable = Field(default_factory=WorldMassTable)
     damping: WorldDampingTable = Field(default_factory=WorldDampingTable)
     stiffness: WorldStiffnessTable = Field(default_factory=WorldStiffnessTable)
-    walls: bool = Field(
+    walls: Flag = Field(
         False,
-        strict=True,
         description="Whether springs may be walls. The force of a wall depends only on the position, and the "
         "slope of this force is everywhere within the range `stiffness`. A wall is one-sided or piecewise linear, at "
         "any position. A wall does not move, and its damper also acts outside the wall.",
@@ -240,21 +344,6 @@ class ProblemDocument(Table):
     )
 
 
-class FixedGainsTable(Table):
-    """Gains of a gains file."""
-
-    velocity: NotNegative = Field(description="K_v, N s/m.")
-    position: NotNegative = Field(description="K_p, N/m.")
-
-
-class FixedCouplingTable(Table):
-    """Coupling of a gains file."""
-
-    damping: PositiveOrInf = Field(description="b_c, N s/m; inf for a coupling with only mass and drag.")
-    mass: Positive = Field(description="m_c, kg.")
-    drag: NotNegative = Field(0.0, description="b_0, N s/m.")
-
-
 class OriginTable(Table):
     """The origin of the gains, and the device that they are designed for. vctune treats any other key as a remark."""
 
@@ -278,15 +367,15 @@ class OriginTable(Table):
 class GainsDocument(Table):
     """A vctune gains file: a design as plain numbers, and its origin."""
 
-    gains: FixedGainsTable
-    coupling: FixedCouplingTable
+    gains: Gains
+    coupling: Coupling
     design: OriginTable = Field(default_factory=OriginTable)
 
 
 class ServoGainsDocument(Table):
     """A vctune gains file of a servo, which has a coupling but no gains."""
 
-    coupling: FixedCouplingTable
+    coupling: Coupling
     design: OriginTable = Field(default_factory=OriginTable)
 
 
@@ -296,38 +385,14 @@ class FixedVelocityTable(Table):
     velocity: NotNegative = Field(0.0, description="K_v, N s/m.")
 
 
-class FixedSpringTable(Table):
-    """Coupling of a gains file of an impedance display."""
-
-    damping: NotNegative = Field(description="b_c, N s/m.")
-    stiffness: Positive = Field(description="k_c, N/m.")
-
-
 class SpringGainsDocument(Table):
     """A vctune gains file of an impedance display."""
 
     gains: FixedVelocityTable = Field(default_factory=FixedVelocityTable)
-    coupling: FixedSpringTable
+    coupling: SpringDamper
     design: OriginTable = Field(default_factory=OriginTable)
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of the problem file."""
     return schema_of(ProblemDocument, "vctune problem")
-
-
-def schema_of(document: type[BaseModel], title: str) -> dict[str, Any]:
-    """Return the JSON Schema of a document, without null forms and defaults of optional keys."""
-    schema = document.model_json_schema()
-    definitions = schema.pop("$defs")
-    for table in (schema, *definitions.values()):
-        for key in table.get("properties", {}).values():
-            if key.get("default", ...) is None:
-                del key["default"]
-                key.update(next(form for form in key.pop("anyOf") if form.get("type") != "null"))
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **schema,
-        "title": title,
-        "$defs": definitions,
-    }

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from difflib import get_close_matches
-from functools import cache, partial
+from functools import cache
 from math import isnan
-from typing import Any, NamedTuple, TypeVar, get_args
+from typing import Any, NamedTuple, TypeVar
 
-from pydantic import BaseModel, Tag, ValidationError
-from pydantic.fields import FieldInfo
+from pydantic import BaseModel, ValidationError
 
 from vctune.document.text import toml
 from vctune.document.text.codes import Code
@@ -19,12 +18,16 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.hints import CALLED, commas_meant, number_meant
 
 MAX_MISTAKES = 25  # Greatest number of mistakes that one error lists
-# Tags of the alternative forms of a key's value
+# Tags of the alternative forms of a key's value, in pairs: the first and the second form
 TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>")
 LONG = 60  # Greatest length of a key or a value that a message quotes, in characters
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 KeyPath = tuple[str | int, ...]
 Contradiction = tuple[KeyPath, str]  # Path of a key, and a message on how its value contradicts other values
+# Function that finds contradictions between values in the valid parts of a document
+Check = Callable[[dict[str, Any]], list[Contradiction]]
+Document = TypeVar("Document", bound=BaseModel)
 
 
 class Fault(NamedTuple):
@@ -39,9 +42,6 @@ class Fault(NamedTuple):
 PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
     ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
 }
-# Function that finds contradictions between values in the valid parts of a document
-Check = Callable[[dict[str, Any]], list[Contradiction]]
-Document = TypeVar("Document", bound=BaseModel)
 
 
 def validated(model: type[Document], text: str, source: str, check: Check) -> Document:
@@ -59,37 +59,19 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
         return model.model_validate(raw), between
     except ValidationError as error:
         explained = {fault.path for fault in between}
-
-        @cache
-        def means(table: KeyPath, name: str) -> bool:
-            """Return whether a key of a table has a meaning: stating it there gives no contradiction at the key."""
-            return all(at != (*table, name) for at, _ in check(_with(raw, (*table, name))))
-
-        alone = [_fault(model, details, means) for details in error.errors(include_url=False)]
+        alone = [_fault(model, details) for details in error.errors(include_url=False)]
         return None, [fault for fault in alone if fault.code != "unknown-key" or fault.path not in explained] + between
 
 
 def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
     """Return the error that lists the first `MAX_MISTAKES` faults, with their lines if there is a text."""
-    lines = toml.Lines(text) if text is not None else None
-    listed = faults[:MAX_MISTAKES]
+    lines, more = toml.Lines(text) if text is not None else None, len(faults) - MAX_MISTAKES
     mistakes = [
-        Mistake(code, dotted(path), message, _line(lines, path) if lines else None) for path, message, code in listed
+        Mistake(code, dotted(path), message, lines.nearest(path) if lines else None)
+        for path, message, code in faults[:MAX_MISTAKES]
     ]
-    more = (
-        [Mistake("more-mistakes", "", f"and {len(faults) - MAX_MISTAKES} more")] if len(faults) > MAX_MISTAKES else []
-    )
-    return InputError(source, [*sorted(mistakes, key=lambda mistake: mistake.line or 0), *more])
-
-
-def _line(lines: toml.Lines, path: KeyPath) -> int:
-    """Return the line of a key or, if it is absent, of the nearest table that should contain it."""
-    while path:
-        line = lines.locate(path)
-        if line is not None:
-            return line
-        path = path[:-1]
-    return 1
+    rest = [Mistake("more-mistakes", "", f"and {more} more")] if more > 0 else []
+    return InputError(source, [*sorted(mistakes, key=lambda mistake: mistake.line or 0), *rest])
 
 
 def dotted(path: KeyPath) -> str:
@@ -99,66 +81,6 @@ def dotted(path: KeyPath) -> str:
         name = step if isinstance(step, int) or re.fullmatch(r"[\w-]+", step) else json.dumps(step, ensure_ascii=False)
         text += f"[{name}]" if isinstance(step, int) else f".{name}" if text else str(name)
     return _short(text)
-
-
-def _fault(model: type[BaseModel], details: Any, means: Callable[[KeyPath, str], bool]) -> Fault:
-    """Return an error of pydantic as a fault: the path, what is wrong, and what to write instead."""
-    path = untagged(details["loc"])
-    value, context, kind = details["input"], details.get("ctx", {}), details["type"]
-    if kind == "extra_forbidden":
-        return Fault(path, _unknown(model, details["loc"], partial(means, path[:-1])), "unknown-key")
-    if isinstance(value, float) and isnan(value):
-        return Fault(path, "nan is not a number; write a number", "wrong-type")
-    if kind == "missing":
-        return Fault(path, f"is missing; {_documentation(model, path)}", "missing-key")
-    of_range, of_type = _range_messages(model, path), _type_messages(model, path)
-    if kind in of_range:
-        return Fault(path, of_range[kind](value, context), "out-of-range")
-    message = of_type[kind](value, context) if kind in of_type else f"{shown(value)}: {details['msg']}"
-    return Fault(path, message, "wrong-type")
-
-
-# Function that makes a message from a value and the constraint that it violates
-Message = Callable[[Any, dict[str, Any]], str]
-
-
-def _range_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
-    """Return the messages on values outside a permitted range, by the kind of pydantic's error."""
-    return {
-        "value_error": lambda value, constraint: str(constraint["error"]),
-        "greater_than_equal": lambda value, constraint: (
-            f"{shown(value)} is too small: must be at least {constraint['ge']:g}"
-        ),
-        "less_than": lambda value, constraint: (
-            f"{shown(value)} is out of range: must be less than {constraint['lt']:g}"
-        ),
-        "less_than_equal": lambda value, constraint: (
-            f"{shown(value)} is out of range: must be at most {constraint['le']:g}"
-        ),
-        "too_long": lambda value, constraint: (
-            f"{shown(value)} has more than two numbers{commas_meant(value) or '; write ' + _pair(path)}"
-        ),
-        "string_pattern_mismatch": lambda value, constraint: (
-            f"{shown(value)} has other characters than letters, digits, spaces and _.,+-"
-        ),
-        "string_too_short": lambda value, constraint: f"is empty; {_documentation(model, path)}",
-        "string_too_long": lambda value, constraint: f"{shown(value)} is too long: at most {constraint['max_length']}",
-        "literal_error": lambda value, constraint: f"{shown(value)} is not one of {constraint['expected']}",
-    }
-
-
-def _type_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
-    """Return the messages on values of a wrong type, by the kind of pydantic's error."""
-    return {
-        "float_type": lambda value, constraint: f"{shown(value)} is not a number{_number(model, path, value)}",
-        "int_type": lambda value, constraint: f"{shown(value)} is not a whole number; write one without a point",
-        "bool_type": lambda value, constraint: f"{shown(value)} is not true or false",
-        "list_type": lambda value, constraint: f"{shown(value)} is not a list of {_elements(path)}",
-        "dict_type": lambda value, constraint: f"{shown(value)} is not a table",
-        "string_type": lambda value, constraint: f"{shown(value)} is not a text; put it in quotes",
-        "model_type": lambda value, constraint: f"{shown(value)} is not a table",
-        "tuple_type": lambda value, constraint: f"{shown(value)} is not a pair of numbers {_pair(path)}",
-    }
 
 
 def untagged(path: KeyPath) -> KeyPath:
@@ -179,108 +101,132 @@ def _short(text: str) -> str:
     return text if len(text) <= LONG else text[: LONG - 3] + "..."
 
 
-def _elements(path: KeyPath) -> str:
-    """Return the names of a list's elements, and how to write the list."""
-    return f"pairs; write {PAIR_LISTS[path][1]}" if path in PAIR_LISTS else f"tables; write [[{dotted(path)}]]"
+# Messages on a value and the constraint that it violates, by the kind of pydantic's error: out of range, wrong type
+OUT_OF_RANGE: dict[str, str] = {
+    "value_error": "{error}",
+    "greater_than_equal": "{value} is too small: must be at least {ge:g}",
+    "less_than": "{value} is out of range: must be less than {lt:g}",
+    "less_than_equal": "{value} is out of range: must be at most {le:g}",
+    "too_long": "{value} has more than two numbers{commas}",
+    "string_pattern_mismatch": "{value} has other characters than letters, digits, spaces and _.,+-",
+    "string_too_short": "is empty; {meaning}",
+    "string_too_long": "{value} is too long: at most {max_length}",
+    "literal_error": "{value} is not one of {expected}",
+}
+WRONG_TYPE: dict[str, str] = {
+    "float_type": "{value} is not a number{number}",
+    "int_type": "{value} is not a whole number; write one without a point",
+    "bool_type": "{value} is not true or false",
+    "list_type": "{value} is not a list of {elements}",
+    "string_type": "{value} is not a text; put it in quotes",
+    "tuple_type": "{value} is not a pair of numbers {pair}",
+    **dict.fromkeys(("model_type", "dict_type", "dataclass_type"), "{value} is not a table"),
+}
 
 
-def _pair(path: KeyPath) -> str:
-    """Return the written form of the pair at a path, or of the pair that contains the path."""
-    return next((form for key, (form, _) in PAIR_LISTS.items() if path[: len(key)] == key), "[lower, upper]")
+def _fault(model: type[BaseModel], details: Any) -> Fault:
+    """Return an error of pydantic as a fault: the path, what is wrong, and what to write instead."""
+    path, value, kind = untagged(details["loc"]), details["input"], details["type"]
+    schema = document_schema(model)
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        return Fault(path, _unknown(schema, details["loc"]), "unknown-key")
+    if isinstance(value, float) and isnan(value):
+        return Fault(path, "nan is not a number; write a number", "wrong-type")
+    meaning = _meaning(schema, details["loc"])
+    if kind == "missing":
+        return Fault(path, f"is missing; {meaning}", "missing-key")
+    message = OUT_OF_RANGE.get(kind) or WRONG_TYPE.get(kind)
+    if message is None:
+        return Fault(path, f"{shown(value)}: {details['msg']}", "wrong-type")
+    pair = next((form for key, (form, _) in PAIR_LISTS.items() if path[: len(key)] == key), "[lower, upper]")
+    elements = f"pairs; write {PAIR_LISTS[path][1]}" if path in PAIR_LISTS else f"tables; write [[{dotted(path)}]]"
+    ranged = any({"min", "max"} == set(form.get("properties", ())) for form in _forms(schema, _at(schema, path)))
+    number = number_meant(value) if isinstance(value, str) else ""
+    said = message.format(
+        **details.get("ctx", {}) | {"value": shown(value)},
+        meaning=meaning,
+        pair=pair,
+        elements=elements,
+        commas=(isinstance(value, list) and commas_meant(value)) or f"; write {pair}",
+        number=number or f"; write a number{' or { min = ..., max = ... }' if ranged else ''}",
+    )
+    return Fault(path, said, "out-of-range" if kind in OUT_OF_RANGE else "wrong-type")
 
 
-def _number(model: type[BaseModel], path: KeyPath, value: Any) -> str:
-    """Return a hint on how to write an invalid number."""
-    meant = number_meant(value) if isinstance(value, str) else ""
-    return meant or f"; write a number{_or_range(model, path)}"
+Schema = dict[str, Any]
 
 
-def _or_range(model: type[BaseModel], path: KeyPath) -> str:
-    field = _field_at(model, path)
-    return " or { min = ..., max = ... }" if field and "Range" in str(field.annotation) else ""
+def schema_of(document: type[BaseModel], title: str) -> Schema:
+    """Return the JSON Schema of a document, without null forms and defaults of optional keys."""
+    schema = document.model_json_schema()
+    definitions = schema.pop("$defs", {})
+    for table in (schema, *definitions.values()):
+        for key in table.get("properties", {}).values():
+            if key.get("default", ...) is None:
+                del key["default"]
+                key.update(next(form for form in key.pop("anyOf") if form.get("type") != "null"))
+    return {"$schema": DIALECT, **schema, "title": title, "$defs": definitions}
 
 
-def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
-    """Return the field of the schema at a path; None if there is no such key."""
-    table = _table_at(model, path[:-1])
-    fields = table.model_fields.items() if table else ()
-    return next((field for name, field in fields if path[-1] == (field.alias or name)), None)
+@cache
+def document_schema(document: type[BaseModel]) -> Schema:
+    """Return the JSON Schema that messages quote; not to be changed."""
+    return schema_of(document, document.__name__)
 
 
-def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
-    """Return the table at a path: the value of the key, an element of its list, or an optional table."""
-    tables, annotation = [model], None
-    for step in path:
-        if isinstance(step, int):
-            continue
-        if step in TAGS:
-            tables = _tables_in(annotation, step) or tables
-            continue
-        fields = (
-            field for table in tables for name, field in table.model_fields.items() if step == (field.alias or name)
-        )
-        field = next(fields, None)
-        if field is None or "<number>" in str(field.annotation):
-            return None
-        annotation = field.annotation
-        tables = _tables_in(annotation)
-        if not tables:
-            return None
-    return tables[0]
-
-
-def _tables_in(annotation: Any, tag: str | None = None) -> list[type[BaseModel]]:
-    """Return the tables that a key may hold, or only those with a given tag."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    parts = get_args(annotation)
-    if tag is not None and Tag(tag) in parts:
-        return _tables_in(parts[0])
-    if tag is not None and any(isinstance(part, Tag) for part in parts):
+def _forms(schema: Schema, entry: Schema | None) -> list[Schema]:
+    """Return the alternative forms of a key's value, each without references."""
+    if entry is None:
         return []
-    return [table for part in parts for table in _tables_in(part, tag)]
+    if "$ref" in entry:
+        return _forms(schema, schema["$defs"][entry["$ref"].removeprefix("#/$defs/")])
+    return [form for one in entry.get("oneOf", ()) for form in _forms(schema, one)] or [entry]
 
 
-def _with(raw: Any, path: KeyPath) -> Any:
-    """Return tables with a number set at a path, to find out whether the key at the path has a meaning."""
-    if not path:
-        return 0.1  # an arbitrary number: only the presence of the key matters
-    if isinstance(raw, list):
-        return [_with(element, path[1:]) if place == path[0] else element for place, element in enumerate(raw)]
-    table = raw if isinstance(raw, dict) else {}
-    return {**table, path[0]: _with(table.get(path[0]), path[1:])}
+def _at(schema: Schema, path: KeyPath) -> Schema | None:
+    """Return the entry of the schema at a path; tags in the path choose a form, indices pass through lists."""
+    entry: Schema = schema
+    for step in path:
+        forms = _forms(schema, entry)
+        if step in TAGS:
+            entry = forms[TAGS.index(str(step)) % 2]
+            continue
+        inner = [form["items"] for form in forms if "items" in form] if isinstance(step, int) else []
+        inner += [form["properties"][step] for form in forms if step in form.get("properties", ())]
+        if not inner:
+            return None
+        entry = inner[0]
+    return entry
 
 
-def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str], bool]) -> str:
+def _properties(schema: Schema, path: KeyPath) -> Schema:
+    """Return the keys of the table at a path."""
+    return next((form["properties"] for form in _forms(schema, _at(schema, path)) if "properties" in form), {})
+
+
+def _unknown(schema: Schema, path: KeyPath) -> str:
     """Return the message on an unknown key."""
-    table = _table_at(model, path[:-1])
-    known_keys = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
-    known_keys = [name for name in known_keys if has_a_meaning(name)]
-    usual_name = CALLED.get(str(path[-1]), str(path[-1]).replace("torque", "force"))
-    if usual_name != path[-1] and usual_name in known_keys:
-        return f"unknown key; of a rotary device too it is called {usual_name}"
-    similar = get_close_matches(str(path[-1]), known_keys, n=1, cutoff=0.6)
-    if similar:
+    known, key = list(_properties(schema, path[:-1])), str(path[-1])
+    usual = CALLED.get(key, key.replace("torque", "force"))
+    if usual != key and usual in known:
+        return f"unknown key; of a rotary device too it is called {usual}"
+    if similar := get_close_matches(key, known, n=1, cutoff=0.6):
         return f"unknown key; did you mean {similar[0]}?"
     tag = path[1:2] if path[1:2] and path[1] in TAGS else ()
-    owner = next((name for name, fields in _tables(model, path[:1], tag) if path[-1] in fields), None)
-    where = f"it belongs in [{owner}]" if owner else f"known here: {', '.join(known_keys)}"
-    return f"unknown key; {where}"
+    tables = {name: (name, *(tag if (name,) == path[:1] else ())) for name in schema["properties"]}
+    owner = next((name for name, at in tables.items() if key in _properties(schema, at)), None)
+    return f"unknown key; {f'it belongs in [{owner}]' if owner else 'known here: ' + ', '.join(known)}"
 
 
-def _tables(model: type[BaseModel], tagged: KeyPath, tag: KeyPath) -> Iterator[tuple[str, set[str]]]:
-    """Yield the name and the keys of each table at the top of a document."""
-    for name in model.model_fields:
-        table = _table_at(model, (name, *(tag if (name,) == tagged else ())))
-        if table:
-            yield name, {field.alias or key for key, field in table.model_fields.items()}
-
-
-def _documentation(model: type[BaseModel], path: KeyPath) -> str:
-    """Return what a missing key should state, in the words of its documentation."""
-    table = _table_at(model, path[:-1])
-    if table is None or not isinstance(path[-1], str):
-        return f"write two numbers {_pair(path)}" if isinstance(path[-1], int) else "both min and max are needed"
-    field = _field_at(model, path)
-    text = (field.description if field else None) or (_table_at(model, path) or table).__doc__ or ""
-    return f"it is required: {text}" if field is None or field.is_required() else text
+def _meaning(schema: Schema, path: KeyPath) -> str:
+    """Return what a key should state, in the words of its documentation."""
+    table, key, plain = _at(schema, path[:-1]), path[-1], untagged(path)
+    if isinstance(key, int):
+        pair = next((form for at, (form, _) in PAIR_LISTS.items() if plain[: len(at)] == at), "[lower, upper]")
+        return f"write two numbers {pair}"
+    if path[-2:-1] == ("<range>",):
+        return "both min and max are needed"
+    entry = _at(schema, path) or {}
+    text = entry.get("description") or next((form.get("description", "") for form in _forms(schema, entry)), "")
+    required = any(key in form.get("required", ()) for form in _forms(schema, table))
+    return f"it is required: {text}" if required else text

@@ -18,8 +18,9 @@ def problem_digest(problem: Problem) -> str:
     stated = asdict(replace(problem, name="", description="", experiments=()))
     if problem.hands_met is None:
         del stated["hands"]
-    if problem.device.resolution is None:
-        del stated["device"]["resolution"]
+    velocity = stated["device"]["velocity"] or {}
+    if resolution := velocity.pop("resolution", None):
+        stated["device"]["resolution"] = resolution
     return digest(stated)
 
 

@@ -19,6 +19,7 @@ CALLED = {
 }
 WITH_COMMA = re.compile(r"([-+]?\d+),(\d+)")
 WITH_UNIT = re.compile(r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?) *([A-Za-zµ][\w /^²·*]*)")
+FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))  # Finer units of time, each in seconds, with its name
 ASSIGNED = re.compile(r"=\s*([^#]*?)\s*(?:#.*)?$")
 
 
@@ -48,3 +49,9 @@ def commas_meant(values: list[object]) -> str:
         return ""
     a, b, c, d = values
     return f"; are these decimal points? Write [{a}.{b}, {c}.{d}]"
+
+
+def in_finer_unit(value: float, most: float) -> tuple[str, float]:
+    """Return the finer unit in which a number of seconds may have been written, and the value in seconds."""
+    scale, unit = next(((scale, unit) for scale, unit in reversed(FINER) if value * scale < most / 5), FINER[0])
+    return unit, float(f"{value * scale:.12g}")

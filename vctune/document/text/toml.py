@@ -91,6 +91,10 @@ class Lines:
                 without = probe
         return without + 1
 
+    def nearest(self, path: KeyPath) -> int:
+        """Return the line of a key or, if it is absent, of the innermost table that should contain it."""
+        return next((line for end in range(len(path), 0, -1) if (line := self.locate(path[:end]))), 1)
+
     def _beginning(self, count: int) -> dict[str, Any] | None:
         """Return the first lines of the text, parsed; None if they do not parse."""
         if count not in self._parsed:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
+from vctune.document.reading import ProblemFile
+from vctune.document.schema.validation import dotted
 from vctune.document.text.codes import Note
+from vctune.document.text.hints import in_finer_unit
 from vctune.document.text.output_files import RESERVED, folder_name
 from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
@@ -16,7 +20,16 @@ SLOWEST = 0.1
 STIFFEST = 1e6
 GRAMS = 50.0, 5000.0  # Masses of haptic devices in grams, from which vctune asks whether they are in kg
 FIRM = 1e3  # Stiffness of a firm grip, N/m
-FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))  # Finer units of time, each in seconds, with its name
+
+
+def file_doubts(file: ProblemFile, source: str | None = None) -> Iterator[Note]:
+    """Yield notes on values that are probably not intended, with the place of the key if a note is about one key."""
+    for note in doubts(file.problem):
+        if not note.path:
+            yield note
+            continue
+        place = f"{source or file.source}:{file.line_of(note.path)}: {dotted(note.path)}"
+        yield replace(note, text=f"{place}: {note.text}", path=())
 
 
 def doubts(problem: Problem) -> Iterator[Note]:
@@ -70,9 +83,3 @@ def _stepped_alike(environment: Environment) -> bool:
     if environment.rule == "trapezoid":
         return True
     return environment.mass == 0 and (environment.stiffness == 0 or environment.rule == "backward")
-
-
-def in_finer_unit(value: float, most: float) -> tuple[str, float]:
-    """Return the finer unit in which a number of seconds may have been written, and the value in seconds."""
-    scale, unit = next(((scale, unit) for scale, unit in reversed(FINER) if value * scale < most / 5), FINER[0])
-    return unit, float(f"{value * scale:.12g}")
