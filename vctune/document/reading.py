@@ -65,7 +65,23 @@ class ProblemFile:
 
 
 def read_problem(path: str | Path) -> ProblemFile:
-    """Read a problem file; "-" is standard input. Raises `InputError` with all mistakes (`refusal`)."""
+    """Read a problem file.
+
+    Parameters
+    ----------
+    path : str or Path
+        Path of a TOML file; "-" is standard input.
+
+    Returns
+    -------
+    ProblemFile
+        The `problem` with all defaults filled in, and the `text` that states it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is invalid; the error lists all mistakes with line, dotted key, value and remedy.
+    """
     if ".csv" in Path(path).suffixes:
         message = f"is a log, not a problem; `vctune identify {path}` makes a problem file from it"
         raise InputError.of(str(path), "other-kind", message)

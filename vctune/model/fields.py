@@ -56,10 +56,13 @@ Real = Annotated[Any, _number()]
 Edge = Annotated[Any, _number(ge=0), AfterValidator(_zero_or_sizeable)]
 PositiveOrInf = Annotated[Any, _number(ge=LEAST), AfterValidator(_most_or_inf)]
 NotNegativeOrInf = Annotated[Any, _number(ge=0), AfterValidator(_zero_or_sizeable), AfterValidator(_most_or_inf)]
-# A positive number or inf, which is null in JSON
+# Gains and coupling of a device within these limits: masses over squared times, and small shares of either
+Found = Annotated[Any, _number(ge=0, le=MOST**3)]
+FoundPositive = Annotated[Any, _number(ge=LEAST**3, le=MOST**3)]
+# Such a positive number or inf, which is null in JSON
 PositiveOrNull = Annotated[
     Any,
-    GetPydanticSchema(lambda _source, handler: nullable_schema(handler(PositiveOrInf))),
+    GetPydanticSchema(lambda _source, handler: nullable_schema(handler(Annotated[Any, _number(ge=LEAST**3)]))),
     AfterValidator(lambda value: inf if value is None else value),
     PlainSerializer(lambda value: None if value == inf else value, when_used="json"),
 ]

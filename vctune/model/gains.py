@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from vctune.model.fields import Key, NotNegative, Positive, PositiveOrNull, Shown, record
+from vctune.model.fields import Found, FoundPositive, Key, PositiveOrNull, Shown, record
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
 
@@ -56,8 +56,8 @@ class Gains:
     K_v of an impedance display is the injected damping; K_p of it is 0, and both are 0 on a servo.
     """
 
-    velocity: Annotated[NotNegative, Key("K_v, N s/m."), Shown("velocity K_v", digits=8, of="damping")]
-    position: Annotated[NotNegative, Key("K_p, N/m."), Shown("position K_p", digits=8, of="stiffness")]
+    velocity: Annotated[Found, Key("K_v, N s/m."), Shown("velocity K_v", digits=8, of="damping")]
+    position: Annotated[Found, Key("K_p, N/m."), Shown("position K_p", digits=8, of="stiffness")]
 
     @property
     def closed(self) -> bool:
@@ -77,8 +77,8 @@ class Coupling:
         Key("b_c, N s/m; inf for a coupling with only mass and drag."),
         Shown("damping b_c", digits=8, of="damping"),
     ]
-    mass: Annotated[Positive, Key("m_c, kg."), Shown("mass m_c", digits=8, of="mass")]
-    drag: Annotated[NotNegative, Key("b_0, N s/m."), Shown("drag b_0", digits=8, of="damping")] = 0.0
+    mass: Annotated[FoundPositive, Key("m_c, kg."), Shown("mass m_c", digits=8, of="mass")]
+    drag: Annotated[Found, Key("b_0, N s/m."), Shown("drag b_0", digits=8, of="damping")] = 0.0
 
     @property
     def rigid(self) -> bool:
@@ -97,8 +97,8 @@ class Coupling:
 class SpringDamper:
     """The virtual coupling of an impedance display: a spring and a damper in parallel (model/README.md, section 15)."""
 
-    damping: Annotated[NotNegative, Key("b_c, N s/m."), Shown("damping b_c", digits=8, of="damping")]
-    stiffness: Annotated[Positive, Key("k_c, N/m."), Shown("stiffness k_c", digits=8, of="stiffness")]
+    damping: Annotated[Found, Key("b_c, N s/m."), Shown("damping b_c", digits=8, of="damping")]
+    stiffness: Annotated[FoundPositive, Key("k_c, N/m."), Shown("stiffness k_c", digits=8, of="stiffness")]
 
     @property
     def rigid(self) -> bool:
