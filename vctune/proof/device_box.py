@@ -99,14 +99,6 @@ def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
     return tuple(key for key in ADDED if key in box.uncertain)
 
 
-def felt_with_hand(box: DeviceBox) -> tuple[str, ...]:
-    """Return which of the device's mass and damping are uncertain and, for a given sum with the hand's value, enter the
-    sensed force affinely."""
-    if not box.nominal.kind.senses_force or box.nominal.structure is not None or box.nominal.servo is not None:
-        return ()
-    return tuple(key for key in ADDED if key in box.uncertain)
-
-
 def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[DeviceBox, Hands]:
     """Move the uncertainty of a device's mass and damping into the hands, because only the sums matter."""
     least = {key: box.low.number(key) for key in keys}

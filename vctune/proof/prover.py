@@ -14,7 +14,7 @@ import numpy as np
 
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
-from vctune.proof.boxes import CHUNK, FREQUENCY, Boxes, Integers, Values, in_chunks, joined
+from vctune.proof.boxes import CHUNK, FREQUENCY, Boxes, Integers, Values, in_chunks
 from vctune.proof.enclosures.box_minimum import LowerBound, least_over_boxes
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, selected
 from vctune.proof.enclosures.taylor import Taylor, stacked, variables
@@ -120,26 +120,6 @@ def prove(
         first *= len(boxes) / max(len(kept), 1)
     proved = np.isnan(open_[0]) & np.isnan(failing[0])
     return Proofs(names, proved, failing=failing, open=open_, boxes=count, total=total)
-
-
-@np.errstate(all="ignore")
-def left_open(test: Test, boxes: Boxes, *, max_boxes: int, growth: float) -> tuple[Boxes, int]:
-    """Halve the boxes in which a test does not prove the claim, until it decides all or halving promises little."""
-    may, count, settled, whole, any_proved = np.ones(len(boxes.low), bool), 0, list[Boxes](), boxes, False
-    most = growth * len(boxes)
-    while len(boxes):
-        decided = _in_chunks(test, boxes)
-        count += len(boxes)
-        any_proved |= bool(decided.proved.any())
-        single = ~np.any(boxes.low < boxes.high, axis=0)
-        left, lost = ~decided.proved, np.isneginf(decided.room) | single
-        settled.append(boxes.subset(left & lost))
-        goes_on = left & ~lost
-        boxes, enough = boxes.subset(goes_on), not left.any() or bool(decided.fails[left].all())
-        if enough or len(boxes) > most or count >= max_boxes:
-            break
-        boxes = _halved(boxes, decided.cost[:, goes_on], may, FEW)
-    return (joined(*settled, boxes) if any_proved else whole), count
 
 
 def positive(margin: Margin, fixed: Values, near: Margin | None = None, rows: Sequence[str] = (FREQUENCY,)) -> Test:

@@ -20,8 +20,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.eliminated_spring import margin_in_spring
-from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, offered, required_in_hand, room
+from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, plant_let_go, prefers_this_form, return_difference
 from vctune.model.sampled.plant_in_hand import (
@@ -69,8 +68,6 @@ from vctune.proof.enclosures.taylor_functions import TAYLOR as OPS
 from vctune.proof.prover import Curve, Margin
 
 # The names of the rows for the shares of rho (model/README.md, section 14)
-# The value that states the least damping of a box of hands (`any_spring_margins`)
-LEAST_DAMPING = "least operator.damping"
 SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
 # The names of the two rows that both begin at 0 in a box of hands next to rest: the angle and the stiffness
 AT_REST = (FREQUENCY, STIFFNESS)
@@ -201,22 +198,6 @@ def hands_margins(
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:
         found = margins_in_worlds(in_hand(v), design(v), theta, WorldsMet(worlds, factor), OPS)
         return tuple(sum_of(getattr(found, name)) for name in names)
-
-    return margins
-
-
-def any_spring_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
-    """Return margins that are all positive only if the claim holds in hands of every stiffness."""
-    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
-    device = _uncertain_device(demands.device, uncertain)
-
-    def margins(theta: Number, v: Values) -> tuple[Number, ...]:
-        plant, own = in_hand(v), device(v)
-        assert isinstance(plant, PlantInHand)
-        there = offered(coupling_of(v), own, theta, OPS)
-        law = Hand.of(v), v[LEAST_DAMPING], gains_of(v)
-        found = margin_in_spring(plant, own, *law, there, factor, theta, OPS)
-        return (*found.for_every_spring, plant.step[0][0])  # alpha > 0: then p grows with the damping
 
     return margins
 

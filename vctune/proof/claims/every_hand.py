@@ -13,18 +13,15 @@ from vctune.model.hand_arrays import stacked
 from vctune.model.hands import MASS, STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
-from vctune.model.sampled.eliminated_spring import moves_as_two_states
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.sampled.worlds.loop_in_walls import LEADS
 from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
 from vctune.model.worlds import WorldsMet
 from vctune.proof.boxes import SAMPLES_BEFORE, Boxes, Values, band_of, over_band
-from vctune.proof.claims.any_spring import left_by_any_spring
 from vctune.proof.claims.array_claims import (
     AT_REST,
     SHARES,
     any_hand_margins,
-    any_spring_margins,
     hands_margins,
     limp_hands_margins,
 )
@@ -43,7 +40,6 @@ from vctune.proof.claims.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.device_box import (
     MOST_AT_ONCE,
     DeviceBox,
-    felt_with_hand,
 )
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
 from vctune.proof.enclosures.intervals import Floats, decimal_or_inf
@@ -51,7 +47,6 @@ from vctune.proof.outcome import Outcome, Verdict
 from vctune.proof.prover import Effort, Test, positive, prove
 
 STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an uncertain mass
-EASY_BOXES = 10_000  # Number of boxes after which the prover looks for boxes that it can prove for every stiffness
 MAX_BOXES = 400_000  # Number of boxes after which the prover leaves the claim open
 # Distances from the ends of the angles, as shares of pi, at which the code looks for a witness
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
@@ -73,11 +68,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     if stable.verdict is not Verdict.PROVED:
         return stable
     asked = Asked(design, demands, box)
-    found = _decided(asked, asked.ends(), asked.tests, EASY_BOXES if asked.for_every_spring else MAX_BOXES)
-    if found.verdict is Verdict.UNDECIDED and asked.for_every_spring:
-        tried = found.boxes
-        found = _decided(asked, asked.ends(), asked.tests, springs=True)
-        found = replace(found, boxes=found.boxes + tried)
+    found = _decided(asked, asked.ends(), asked.tests)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
 
@@ -132,24 +123,6 @@ class Asked:
         reserve = self.demands.factor if self.shared else None
         return _ends(self.demands.hands, self.box, self.uncertain, corners, limp=self.limp, reserve=reserve)
 
-    @property
-    def affine(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of rows, one of the device and one of the hand. If the sum of a pair is given, the margin is affine in
-        the device's row."""
-        if self.box is None or self.demands.worlds is not None or self.demands.hands is None:
-            return ()
-        return tuple((row_of(key), f"operator.{key}") for key in felt_with_hand(self.box))
-
-    @property
-    def for_every_spring(self) -> bool:
-        """Whether the stiffness of the hand can be eliminated in closed form."""
-        return self.demands.worlds is None and moves_as_two_states(self.design.device)
-
-    def left_by_any_spring(self, part: Part, fixed: Values, boxes: Boxes) -> tuple[Boxes, int]:
-        """Return the boxes in which the claim is not proved for every stiffness, and the number of evaluated boxes."""
-        margins = any_spring_margins(self.demands, self.uncertain, part.delays)
-        return left_by_any_spring(margins, self.design.device, part, fixed, boxes, MAX_BOXES)
-
     def tests(self, part: Part, fixed: Values) -> list[Test]:
         """Return the tests that prove the claim on a part of the boxes."""
         return [self._test(part, fixed, lead) for lead in (LEADS if self.walls else LEADS[:1])]
@@ -192,42 +165,19 @@ def _decided(
     asked: Asked,
     ends: Ends,
     tests: Callable[[Part, Values], list[Test]],
-    max_boxes: int = MAX_BOXES,
-    *,
-    springs: bool = False,
 ) -> Outcome:
     """Prove margins positive over all values of theta, the hand's parameters and the device's uncertain parameters."""
     boxes, fixed = 0, fixed_of(asked.design)
     apart = MASS in ends and asked.demands.worlds is None
-    sides = sides_of_rectangles(ends, asked.affine) if springs else [ends]
-    for part in (part for side in sides for part in parts_of(asked.design.device, side, apart=apart)):
+    for part in parts_of(asked.design.device, ends, apart=apart):
         first = boxes_over(part)
-        if springs:
-            first, count = asked.left_by_any_spring(part, fixed, first)
-            boxes += count
         for test in tests(part, fixed):
-            found = prove(part.within(test), first, 1, Effort(MAX_HALVINGS, max_boxes))
+            found = prove(part.within(test), first, 1, Effort(MAX_HALVINGS, MAX_BOXES))
             boxes += int(found.boxes[0])
             if not found.proved[0]:
                 point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
                 return _in_doubt(asked.design, asked.demands, asked.uncertain, part, point, boxes)
     return Outcome(Verdict.PROVED, boxes)
-
-
-def sides_of_rectangles(ends: Ends, pairs: Sequence[tuple[str, str]]) -> list[Ends]:
-    """Return the sides of rectangles, each of two rows, on which a margin is least."""
-    found = [ends]
-    for pair in pairs:
-        if all((ends[name][0] < ends[name][1]).all() for name in pair):
-            found = [_at_both_ends(each, name) for each in found for name in pair]
-    return found
-
-
-def _at_both_ends(ends: Ends, name: str) -> Ends:
-    """Return two columns for each column: one with the given row at its least number, one with it at its greatest."""
-    twice = {key: (np.tile(low, 2), np.tile(high, 2)) for key, (low, high) in ends.items()}
-    at = np.concatenate(ends[name])
-    return {**twice, name: (at, at)}
 
 
 def fixed_of(design: Design) -> Values:
