@@ -1,21 +1,19 @@
-"""Bound the couplings of a box of designs: their least elements, and their least share in the error."""
+"""Couplings of a box of designs: the least elements that offer a resistance, and their least share in the error."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, log
-from typing import Protocol
 
 import numpy as np
 
-from vctune.design.bound.design_boxes import B_0, TAU_C, DesignBoxes
-from vctune.design.bound.quadratic_coefficients import Coefficients, concatenated
-from vctune.design.bound.quadratics import GUARD, BoundedQuotient, LeastQuotient, lower, upper
+from vctune.design.bound.quadratics import B_0, GUARD, TAU_C, Quotient, concatenated, quadratic
 from vctune.model.device import Device
 from vctune.model.problem import Problem, Range
 from vctune.model.sampled.impedance_display import spring_forms
-from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, Floats, decimal
+from vctune.proof.boxes import Cells
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, Floats, decimal, stacked
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,38 +25,6 @@ class LeastCoupling:
     none: Flags  # flags of the boxes whose conditions permit no coupling
 
 
-class Offer(Protocol):
-    """The resistance Re Z_c of couplings at some places, or Re(1/Z_c)/s^2 for an impedance display."""
-
-    def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least first and the least second element of couplings whose resistance without drag is 1."""
-
-
-def elements_for(required: Floats, offer: Offer, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-    """Return the least first and second element with which couplings can have a required resistance, at each place."""
-    needed = np.maximum(required - boxes.high[B_0][:, None], 0.0)
-    first, second = (np.where(needed > 0, needed * each, 0.0) for each in offer.least_elements(boxes))
-    return first, second
-
-
-class Couplings(Protocol):
-    """The couplings of a display."""
-
-    @property
-    def first(self) -> Range:
-        """Bounds of the first element."""
-
-    @property
-    def second(self) -> Range:
-        """Bounds of the second element."""
-
-    def ratio(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least and the greatest ratio of the second element to the first in each box."""
-
-    def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of the weighted coupling term of the squared error, over all designs of each box."""
-
-
 @dataclass(frozen=True, slots=True)
 class SeriesCouplings:
     """The couplings of an admittance display, b_0 + b_c x j/(1 + x j) with x = omega tau_c."""
@@ -67,21 +33,16 @@ class SeriesCouplings:
     omega: Floats | None  # frequencies of the error, rad/s; None for the mean over the band
 
     @property
-    def first(self) -> Range:
-        """Bounds of b_c, N s/m."""
-        return self.problem.bounds.damping
-
-    @property
-    def second(self) -> Range:
-        """Bounds of m_c, kg."""
-        return self.problem.bounds.mass
+    def ranges(self) -> tuple[Range, Range]:
+        """Bounds of b_c, N s/m, and of m_c, kg."""
+        return self.problem.bounds.damping, self.problem.bounds.mass
 
     @staticmethod
-    def ratio(boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least and the greatest tau_c."""
+    def ratio(boxes: Cells) -> tuple[Floats, Floats]:
+        """Return the least and the greatest tau_c, the ratio of the second element to the first."""
         return boxes.low[TAU_C], boxes.high[TAU_C]
 
-    def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
+    def felt(self, least: LeastCoupling, boxes: Cells) -> Floats:
         """Return a lower bound of the weighted |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, or of its mean over the
         band."""
         b_c, m_c, b_0 = (each[:, None] for each in (least.first, least.second, boxes.low[B_0]))
@@ -92,8 +53,7 @@ class SeriesCouplings:
         return np.asarray((wanted.weights.coupling / wanted.reference_impedance) ** 2 * (b_0 * b_0 + coupled))
 
     def _transmitted(self, tau_c: Floats) -> Floats:
-        """Return x^2/(1 + x^2), or its mean over log frequency. Without drag, both |Z_c/b_c|^2 and Re Z_c/b_c have this
-        value."""
+        """Return x^2/(1 + x^2), which is |Z_c/b_c|^2 and Re Z_c/b_c without drag, or its mean over log frequency."""
         if self.omega is not None:
             x2 = np.square(self.omega * tau_c)
             return np.asarray(x2 / (1 + x2))
@@ -103,92 +63,95 @@ class SeriesCouplings:
 
 
 @dataclass(frozen=True, slots=True)
+class SpringDampers:
+    """The couplings of an impedance display, b_c F in parallel with k_c T/(1 - z^-1)."""
+
+    problem: Problem  # problem in SI units
+    compliance: Quotient  # weighted |1/Z_c|^2 as a function of b_c and k_c
+    devices: int | None  # number of devices, whose intervals follow one another; None if `compliance` is at frequencies
+
+    @property
+    def ranges(self) -> tuple[Range, Range]:
+        """Bounds of 1/k_c, m/N, and of 1/b_c, m/(N s)."""
+        bounds = self.problem.bounds
+        ends = ((1 / end if end > 0 else inf for end in (of.max, of.min)) for of in (bounds.stiffness, bounds.damping))
+        stiffness, damping = (Range(*each) for each in ends)
+        return stiffness, damping
+
+    @staticmethod
+    def ratio(boxes: Cells) -> tuple[Floats, Floats]:
+        """Return the least and the greatest k_c/b_c; inf if b_c is 0."""
+        with np.errstate(divide="ignore"):
+            return 1 / boxes.high[TAU_C], 1 / boxes.low[TAU_C]
+
+    def felt(self, least: LeastCoupling, boxes: Cells) -> Floats:
+        """Return a lower bound of the weighted |1/Z_c|^2."""
+        k_c, b_c = 1 / least.first, 1 / least.second
+        most = np.stack((b_c, np.fmin(k_c, b_c / boxes.low[TAU_C]))) * (1 + 4 * GUARD)
+        found = self.compliance.of_bounds(Cells(0 * most, most))
+        return found if self.devices is None else found.reshape(len(boxes), self.devices, -1).sum(axis=2)
+
+
+@dataclass(frozen=True, slots=True)
 class SeriesOffer:
     """The resistance Re Z_c at omega. In the sampled loop omega is (2/T) tan(theta/2)."""
 
     omega: Floats  # frequencies, rad/s
 
-    def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least b_c = 1 + 1/x^2, at the greatest tau_c, and the least m_c = tau_c + 1/(omega^2 tau_c)."""
+    def least_elements(self, boxes: Cells) -> tuple[Floats, Floats]:
+        """Return the least b_c = 1 + 1/x^2, at the greatest tau_c, and the least m_c = tau_c + 1/(omega^2 tau_c), for a
+        resistance of 1 without drag."""
         shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
         nearest = np.clip(1 / self.omega, shortest, longest)
         return 1 + 1 / np.square(self.omega * longest), nearest + 1 / (np.square(self.omega) * nearest)
 
 
 @dataclass(frozen=True, slots=True)
-class SpringDampers:
-    """The couplings of an impedance display, b_c F in parallel with k_c T/(1 - z^-1)."""
-
-    problem: Problem  # problem in SI units
-    compliance: BoundedQuotient
-    devices: int | None  # number of devices, whose intervals follow one another; None if `compliance` is at frequencies
-
-    @property
-    def first(self) -> Range:
-        """Bounds of 1/k_c, m/N."""
-        return _inverse(self.problem.bounds.stiffness)
-
-    @property
-    def second(self) -> Range:
-        """Bounds of 1/b_c, m/(N s)."""
-        return _inverse(self.problem.bounds.damping)
-
-    @staticmethod
-    def ratio(boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least and the greatest k_c/b_c; inf if b_c is 0."""
-        with np.errstate(divide="ignore"):
-            return 1 / boxes.high[TAU_C], 1 / boxes.low[TAU_C]
-
-    def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of the weighted |1/Z_c|^2."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            k_c, b_c = 1 / least.first, 1 / least.second
-            k_c = np.fmin(k_c, b_c / boxes.low[TAU_C])
-        most = np.stack((b_c, k_c)) * (1 + 4 * GUARD)
-        found = self.compliance.least(DesignBoxes(0 * most, most))
-        return found if self.devices is None else found.reshape(len(boxes), self.devices, -1).sum(axis=2)
-
-
-def _inverse(range_: Range) -> Range:
-    return Range(*(1 / end if end > 0 else inf for end in (range_.max, range_.min)))
-
-
-@dataclass(frozen=True, slots=True)
 class SpringOffer:
     """Re(1/Z_c)/s^2 of spring-dampers at some angles theta, with s = sin(theta/2) and tau = b_c/k_c."""
 
-    stiff: LeastQuotient  # the 1/k_c and the 1/b_c for which Re(1/Z_c)/s^2 = 1, as functions of boxes of tau
-    damped: LeastQuotient
+    stiff: Quotient  # the 1/k_c and the 1/b_c for which Re(1/Z_c)/s^2 = 1, as functions of boxes of tau
+    damped: Quotient
     best_time_constant: Floats  # tau with the least 1/k_c, s, shape (places,)
 
-    def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
+    def least_elements(self, boxes: Cells) -> tuple[Floats, Floats]:
         """Return the least 1/k_c and 1/b_c for which Re(1/Z_c)/s^2 = 1; inf if Re(1/Z_c)/s^2 is positive nowhere in the
         box."""
         low, high = boxes.low[TAU_C], boxes.high[TAU_C]
-        of_tau = DesignBoxes(np.stack((low, 0 * low)), np.stack((high, 0 * high)))
+        of_tau = Cells(np.stack((low, 0 * low)), np.stack((high, 0 * high)))
         nearest = np.clip(self.best_time_constant, low[:, None], high[:, None])
         offered = self.stiff.below.greatest(of_tau) > 0
-        with np.errstate(all="ignore"):
-            found = (
-                each.least(of_tau, each.above.at(tau, 0 * tau) / each.below.at(tau, 0 * tau))
-                for each, tau in ((self.stiff, nearest), (self.damped, high[:, None] + 0 * nearest))
-            )
-            stiff, damped = (np.where(offered, each, inf) for each in found)
-        return stiff, damped
+        stiff = self.stiff.least(of_tau, (nearest, 0 * nearest))
+        damped = self.damped.least(of_tau, (high[:, None] + 0 * nearest, 0 * nearest))
+        return np.where(offered, stiff, inf), np.where(offered, damped, inf)
 
 
-def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringOffer:
-    """Return Re(1/Z_c)/s^2 of spring-dampers as a function of tau = b_c/k_c, at angles of several devices."""
+Couplings = SeriesCouplings | SpringDampers
+Offer = SeriesOffer | SpringOffer
+
+
+def elements_for(required: Floats, offer: Offer, boxes: Cells) -> tuple[Floats, Floats]:
+    """Return the least first and second element with which couplings can have a required resistance, at each place."""
+    needed = np.maximum(required - boxes.high[B_0][:, None], 0.0)
+    first, second = (np.where(needed > 0, needed * each, 0.0) for each in offer.least_elements(boxes))
+    return first, second
+
+
+def offer_of(devices: Sequence[Device], angles: Sequence[Floats]) -> Offer:
+    """Return the resistance of the couplings in the sampled loop, at angles of several devices."""
+    pairs = list(zip(devices, angles, strict=True))
+    if not devices[0].kind.inverse:
+        return SeriesOffer(np.concatenate([np.tan(theta / 2) * (2 / device.sample_time) for device, theta in pairs]))
     each = []
-    for device, theta in zip(devices, angles, strict=True):
+    for device, theta in pairs:
         (a_1, a_0), (b_2, b_1, b_0) = spring_forms(device.converted(decimal), Enclosure(theta), ENCLOSURES)
-        each.append([a_0, a_1, b_0, b_1, b_2])
-    a_0, a_1, b_0, b_1, b_2 = concatenated(each)
-    zero = 0 * a_0
-    above: Coefficients = (b_0, (b_1, zero), (b_2, zero), None)
-    offered: tuple[Coefficients, ...] = (a_0, (a_1, zero), None, None), (zero, (a_0, zero), (a_1, zero), None)
-    stiff, damped = (LeastQuotient(lower(above), upper(of), lower(of)) for of in offered)
+        above, stiff, damped = [b_0, b_1, 0, b_2, 0, 0], [a_0, a_1, 0, 0, 0, 0], [0, a_0, 0, a_1, 0, 0]
+        each.append(stacked([*above, *stiff, *damped]))
+    of = concatenated(each)
+    mid = of.mid
     with np.errstate(all="ignore"):  # the slope of the quotient is 0 where c_2 tau^2 + 2 c_1 tau - c_0 = 0
-        c_0, c_1, c_2 = a_1.mid * b_0.mid - a_0.mid * b_1.mid, a_0.mid * b_2.mid, a_1.mid * b_2.mid
+        c_0, c_1, c_2 = mid[7] * mid[0] - mid[6] * mid[1], mid[6] * mid[3], mid[7] * mid[3]
         root = c_1 + np.sqrt(np.maximum(c_1 * c_1 + c_2 * c_0, 0.0))
-        return SpringOffer(stiff, damped, np.where(c_0 > 0, c_0 / root, 0.0))
+        best = np.where(c_0 > 0, c_0 / root, 0.0)
+    needed, stiffness, damping = (quadratic(of[k : k + 6]) for k in (0, 6, 12))
+    return SpringOffer(Quotient(needed, stiffness), Quotient(needed, damping), best)

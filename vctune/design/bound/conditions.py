@@ -1,0 +1,221 @@
+"""Constraints on the coupling at some places of several devices, bounded over boxes of gains (README.md, section 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from vctune.design.bound.couplings import Offer, SeriesOffer, elements_for, offer_of
+from vctune.design.bound.quadratics import GUARD, TAU_C, Quadratic, Quotient, concatenated, products, quadratic
+from vctune.model.device import Device
+from vctune.model.device import stacked as stacked_devices
+from vctune.model.gains import Gains
+from vctune.model.hand_arrays import PlacesInHands
+from vctune.model.hands import Hand
+from vctune.model.loop.device_response import device_response
+from vctune.model.loop.loop import Affine, LoopConstants, loop_constants
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
+from vctune.model.sampled.any_hand import any_hand
+from vctune.model.sampled.hand_loop import CommandInHand, LoopInHand, loop_in_hand
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.worlds import Worlds
+from vctune.proof.boxes import Cells
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, Floats, decimal, stacked
+
+NO_GAINS = Gains(0.0, 0.0)  # Gains with which the code evaluates the parts of a loop that do not depend on the gains
+
+# The least elements of the coupling at each place, each of shape (boxes, places), and the boxes that permit no coupling
+Least = tuple[Floats, Floats, Flags]
+
+
+@dataclass(frozen=True, slots=True)
+class LlewellynConditions:
+    """Llewellyn's conditions at some frequencies (model/README.md, section 4)."""
+
+    offer: SeriesOffer  # resistance of the couplings at these frequencies
+    C2: Quadratic  # |C|^2, |D|^2, Re(C conj D), Im(C conj D) and the loop's resistance
+    D2: Quadratic
+    P: Quadratic
+    im: Quadratic
+    resistance: Quadratic
+    relief: Quadratic | None  # 2 b_h Re(C conj N); None without an operator
+
+    def least_elements(self, boxes: Cells, factor: float) -> Least:
+        """Return the least elements of the coupling, from a lower bound of R."""
+        im = np.maximum(np.maximum(self.im.least(boxes), -self.im.greatest(boxes)), 0.0) * (1 - GUARD)
+        resistance, P = self.resistance.greatest(boxes), self.P.greatest(boxes)
+        weight = np.sqrt(self.C2.greatest(boxes) * self.D2.greatest(boxes)) * (1 + GUARD) + P
+        least = np.maximum(self.C2.least(boxes), 0.0) * np.maximum(self.D2.least(boxes), 0.0)
+        excess = np.fmax(np.where(im > 0, im * im / weight, 0.0), np.sqrt(least) * (1 - GUARD) - P)
+        if self.relief is not None:
+            relief = self.relief.greatest(boxes)
+            excess = excess - relief - GUARD * np.abs(relief)
+        R = np.fmax(excess / (2 * resistance) * (1 - 10 * GUARD), 0.0)
+        return *elements_for(factor * R, self.offer, boxes), np.asarray((resistance <= 0).any(axis=1))
+
+
+def llewellyn_conditions(devices: Sequence[Device], omega: Floats) -> LlewellynConditions:
+    """Return Llewellyn's conditions at some frequencies."""
+    device, omega = repeated(devices, len(omega)), np.tile(omega, len(devices))
+    at, crossed, relief = loop_at(device, omega), device.velocity is not None, None
+    C2, D2 = (products(re_conj_product, part, part, crossed=crossed) for part in (at.C, at.D))
+    P, im = (products(of, at.C, at.D, crossed=crossed) for of in (re_conj_product, im_conj_product))
+    if device.ideal:  # C conj C is real, so the square terms are only rounding errors
+        im[3:] = [0.0] * 3
+    if device.operator is not None:
+        twice = 2 * decimal(device.operator.damping)
+        relief = quadratic(products(lambda x, y: twice * re_conj_product(x, y), at.C, at.numerator, crossed=crossed))
+    resistance = quadratic(_resistance(device, at, omega, crossed=crossed))
+    of_C, of_D, of_P, of_im = map(quadratic, (C2, D2, P, im))
+    return LlewellynConditions(SeriesOffer(omega), of_C, of_D, of_P, of_im, resistance, relief)
+
+
+def _resistance(device: Device, at: LoopConstants, omega: Floats, *, crossed: bool) -> list[Number]:
+    """Return the coefficients of the loop's resistance, Re W + Re y |W|^2 + b_h |N|^2."""
+    W, exact, square = at.motor, device.converted(decimal), Enclosure(omega) * Enclosure(omega)
+    found = [0 * square + W.constant.re, W.velocity.re, W.position.re, 0.0, 0.0, 0.0]
+    spring = device_response(exact.bare, Enclosure(omega), ENCLOSURES).spring
+    added = [] if spring is None else [(square * spring.y_c, W)]
+    if exact.operator is not None:
+        added.append((exact.operator.damping, Affine(Pair(1, 0)) if spring is None else at.numerator))
+    for factor, of in added:
+        more = products(lambda x, y, k=factor: k * re_conj_product(x, y), of, of, crossed=crossed)
+        found = [x + y for x, y in zip(found, more, strict=True)]
+    return found
+
+
+def repeated(devices: Sequence[Device], count: int) -> Device:
+    """Return several devices as one device with arrays of parameters, which repeat the parameters of each device."""
+    return stacked_devices([device for device in devices for _ in range(count if len(devices) > 1 else 1)])
+
+
+def loop_at(device: Device, omega: Floats) -> LoopConstants:
+    """Return the constants of a device's loop without a hand, as enclosures (model/README.md, section 2)."""
+    return loop_constants(device_response(device.bare.converted(decimal), Enclosure(omega), ENCLOSURES))
+
+
+@dataclass(frozen=True, slots=True)
+class SampledConditions:
+    """The constraint on the coupling in the sampled loop, in some hands or in any passive hand."""
+
+    offer: Offer  # resistance of the couplings at these places
+    required: Quotient  # R, the resistance that the loop requires of the coupling; for an impedance display R/s^2
+
+    def least_elements(self, boxes: Cells, factor: float) -> Least:
+        """Return the least elements of the coupling, from a lower bound of R."""
+        none = (self.required.below.greatest(boxes) < 0).any(axis=1)
+        return *elements_for(factor * self.required.least(boxes), self.offer, boxes), np.asarray(none)
+
+
+def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> SampledConditions:
+    """Return the constraint on the coupling in hands at some places."""
+    angles = _angles(devices, places.at)
+    each = [_in_hands(device, theta, places.hands) for device, theta in zip(devices, angles, strict=True)]
+    lost, size, _ = (quadratic(concatenated(same)) for same in zip(*each, strict=True))
+    return SampledConditions(offer_of(devices, angles), Quotient(lost, size))
+
+
+def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledConditions:
+    """Return the constraint on the coupling of impedance displays in any passive hand."""
+    angles, each = _angles(devices, omega), []
+    for device, theta in zip(devices, angles, strict=True):
+        delays, at = delays_of(device), Enclosure(theta)
+        disc = any_hand(device.converted(decimal), delays.loop, at, ENCLOSURES, fractional=delays.loop_fractional)
+        lost, slope, size_slope, size_square = disc.of_velocity
+        size = [1 + 0 * at, size_slope, 0, size_square, 0, 0]
+        each.append((stacked([lost + 0 * at, slope, 0, 0, 0, 0]), stacked(size)))
+    required = Quotient(*(quadratic(concatenated(same)) for same in zip(*each, strict=True)))
+    return SampledConditions(offer_of(devices, angles), required)
+
+
+def _angles(devices: Sequence[Device], omega: Floats) -> list[Floats]:
+    """Return the angles omega T of each device, at most pi."""
+    return [np.minimum(omega * device.sample_time, np.pi) for device in devices]
+
+
+def _in_hands(device: Device, theta: Floats, hands: Hand) -> tuple[Enclosure, Enclosure, Enclosure]:
+    """Return -o/2, |F|^2 and e/2 as quadratics in the gains (model/README.md, section 14)."""
+    plant = plant_in_hand(device.bare.converted(decimal), hands.mapped(decimal), delays_of(device), ENCLOSURES)
+    at, sin = loop_in_hand(plant, Enclosure(theta), ENCLOSURES), ENCLOSURES.sin(Enclosure(theta) / 2)
+    if isinstance(at, LoopInHand):
+        F, P = Affine(at.open, at.velocity, at.position), Affine(None, at.seen_velocity, at.seen_position)
+    else:
+        F = Affine(at.closed(NO_GAINS)) if isinstance(at, CommandInHand) else Affine(at.open, at.velocity)
+        P = Affine(at.numerator(NO_GAINS))
+
+    def parts(number: EvenOdd) -> Pair:
+        return Pair(number.even, number.odd)
+
+    def true(number: EvenOdd) -> Pair:
+        return Pair(number.even, sin * number.odd)
+
+    # P conj F = e + j s o; without the factor s in each number (`parts`), the imaginary part is o
+    lost = products(lambda x, y: -0.5 * im_conj_product(x, y), P.mapped(parts), F.mapped(parts))
+    swing = products(lambda x, y: 0.5 * re_conj_product(x, y), P.mapped(true), F.mapped(true))
+    whole = F.mapped(true)
+    return stacked(lost), stacked(products(re_conj_product, whole, whole)), stacked(swing)
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionsInWorlds:
+    """The constraint on the coupling with a box of environments, at some angles and hands."""
+
+    offer: SeriesOffer  # resistance of the couplings at these places
+    required: Quotient  # R, the resistance that the loop requires of the coupling, N s/m
+    kept: float  # b_1, the least damping of the environments, N s/m
+    light_enough: Quadratic | None  # (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2
+    reactive: Quotient | None  # the least s c Im Z_c/g for which `below` is positive
+    inertia: Floats  # (2/T) s^2 at each place
+
+    def least_elements(self, boxes: Cells, factor: float) -> Least:
+        """Return the least b_c and m_c of `resistive` or `below` where `above` is negative."""
+        first, second = elements_for(factor * (self.required.least(boxes) - self.kept), self.offer, boxes)
+        if self.light_enough is not None:
+            above_negative = self.light_enough.least(boxes) > 0
+            first, second = np.where(above_negative, first, 0.0), np.where(above_negative, second, 0.0)
+        if self.reactive is not None:
+            reactance = factor * self.reactive.least(boxes)
+            b_c, m_c = (np.where(reactance > 0, reactance * x, 0.0) for x in self._elements_of_reactance(boxes))
+            first, second = np.fmin(first, b_c), np.fmin(second, m_c)
+        return first, second, np.zeros(len(boxes), bool)
+
+    def _elements_of_reactance(self, boxes: Cells) -> tuple[Floats, Floats]:
+        """Return the least b_c and the least m_c for s c Im Z_c = 1."""
+        shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
+        nearest, omega2 = np.clip(1 / self.offer.omega, shortest, longest), np.square(self.offer.omega)
+        b_c, m_c = (1 + omega2 * np.square(nearest)) / nearest, 1 + omega2 * np.square(shortest)
+        return b_c / self.inertia, m_c / self.inertia
+
+
+def conditions_in_worlds(devices: Sequence[Device], places: PlacesInHands, worlds: Worlds) -> ConditionsInWorlds:
+    """Return the constraint on the coupling with a box of environments at some places."""
+    angles = _angles(devices, places.at)
+    each = [_in_worlds(device, theta, places, worlds) for device, theta in zip(devices, angles, strict=True)]
+    lost, size, heavy, soft = (quadratic(concatenated(same)) for same in zip(*each, strict=True))
+    offer = offer_of(devices, angles)
+    assert isinstance(offer, SeriesOffer)
+    pairs = zip(devices, angles, strict=True)
+    return ConditionsInWorlds(
+        offer,
+        Quotient(lost, size),
+        worlds.low.damping,
+        heavy if worlds.high.mass < inf else None,
+        Quotient(soft, size) if worlds.high.stiffness < inf else None,
+        np.concatenate([2 / device.sample_time * np.square(np.sin(theta / 2)) for device, theta in pairs]),
+    )
+
+
+def _in_worlds(device: Device, theta: Floats, places: PlacesInHands, worlds: Worlds) -> tuple[Enclosure, ...]:
+    """Return four quadratics in the gains; an infinite m_2 or k_2 counts as 0."""
+    lost, size, swing = _in_hands(device, theta, places.hands)
+    half, T, ends = Enclosure(theta) / 2, decimal(device.sample_time), worlds.converted(decimal)
+    sin, cos = ENCLOSURES.sin(half), ENCLOSURES.cos(half)
+    inertia, compliance, turned = sin * sin * (2 / T), cos * cos * (T / 2), cos * swing
+    greatest = 0.0 if worlds.high.mass == inf else ends.high.mass
+    stiffest = 0.0 if worlds.high.stiffness == inf else ends.high.stiffness
+    heavy, soft = greatest * inertia - ends.low.stiffness * compliance, stiffest * compliance - ends.low.mass * inertia
+    return lost, size, heavy * size - turned, soft * size + turned
