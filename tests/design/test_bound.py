@@ -109,14 +109,14 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     size = 10.0 ** rng.uniform(-4, 1, (2, 4, count)) * (rng.random((2, 4, count)) < 0.8)
     boxes = Cells(inner / (1 + size[0]), inner * (1 + size[1]))
     with np.errstate(all="ignore"):
-        lower, least = lower_bounds(relaxed, boxes), least_coupling(relaxed, boxes)
+        lower, (first, second, none) = lower_bounds(relaxed, boxes), least_coupling(relaxed, boxes)
         needed = least_damping(problem, designs, omega)
     meets = within_bounds(problem, designs) & (b_c >= needed) & np.isfinite(needed)
     quiet = (sensitivity(cases(problem.device, designs), upto) <= problem.stability.max_sensitivity).all(axis=1)
     rounding = 1 + 1e-9
-    assert not (least.none & np.isfinite(needed)).any()
-    assert (least.first[meets] <= b_c[meets] * rounding).all()
-    assert (least.second[meets] <= m_c[meets] * rounding).all()
+    assert not (none & np.isfinite(needed)).any()
+    assert (first[meets] <= b_c[meets] * rounding).all()
+    assert (second[meets] <= m_c[meets] * rounding).all()
     at = meets & quiet
     if problem.stability.band.min == 0:  # where the limit of R at omega = 0 counts, which no grid has
         at &= K_p == 0

@@ -1,4 +1,5 @@
-"""Constraints on the coupling at some places of several devices, bounded over boxes of gains (README.md, section 1)."""
+"""Constraints on the coupling at some places of several devices: the least elements of the coupling that they leave in
+boxes of designs (README.md, section 1)."""
 
 from __future__ import annotations
 
@@ -8,8 +9,7 @@ from math import inf
 
 import numpy as np
 
-from vctune.design.bound.couplings import Offer, SeriesOffer, elements_for, offer_of
-from vctune.design.bound.quadratics import GUARD, TAU_C, Quadratic, Quotient, concatenated, products, quadratic
+from vctune.design.bound.quadratics import B_0, GUARD, TAU_C, Quadratic, Quotient, concatenated, products, quadratic
 from vctune.model.device import Device
 from vctune.model.device import stacked as stacked_devices
 from vctune.model.gains import Gains
@@ -21,6 +21,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import CommandInHand, LoopInHand, loop_in_hand
+from vctune.model.sampled.impedance_display import spring_forms
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import Worlds
 from vctune.proof.boxes import Cells
@@ -28,8 +29,76 @@ from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, Floa
 
 NO_GAINS = Gains(0.0, 0.0)  # Gains with which the code evaluates the parts of a loop that do not depend on the gains
 
-# The least elements of the coupling at each place, each of shape (boxes, places), and the boxes that permit no coupling
+# The least first and second element of the coupling at each place, each of shape (boxes, places): b_c and m_c, or 1/k_c
+# and 1/b_c of an impedance display. Then the boxes that permit no coupling
 Least = tuple[Floats, Floats, Flags]
+
+
+@dataclass(frozen=True, slots=True)
+class SeriesOffer:
+    """The resistance Re Z_c at omega. In the sampled loop omega is (2/T) tan(theta/2)."""
+
+    omega: Floats  # frequencies, rad/s
+
+    def least_elements(self, boxes: Cells) -> tuple[Floats, Floats]:
+        """Return the least b_c = 1 + 1/x^2, at the greatest tau_c, and the least m_c = tau_c + 1/(omega^2 tau_c), for a
+        resistance of 1 without drag."""
+        shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
+        nearest = np.clip(1 / self.omega, shortest, longest)
+        return 1 + 1 / np.square(self.omega * longest), nearest + 1 / (np.square(self.omega) * nearest)
+
+    def of_reactance(self, boxes: Cells) -> tuple[Floats, Floats]:
+        """Return the least b_c and the least m_c for Im Z_c = omega."""
+        shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
+        nearest, omega2 = np.clip(1 / self.omega, shortest, longest), np.square(self.omega)
+        return (1 + omega2 * np.square(nearest)) / nearest, 1 + omega2 * np.square(shortest)
+
+
+@dataclass(frozen=True, slots=True)
+class SpringOffer:
+    """Re(1/Z_c)/s^2 of spring-dampers at some angles theta, with s = sin(theta/2) and tau = b_c/k_c."""
+
+    stiff: Quotient  # the 1/k_c and the 1/b_c for which Re(1/Z_c)/s^2 = 1, as functions of boxes of tau
+    damped: Quotient
+    best_time_constant: Floats  # tau with the least 1/k_c, s, shape (places,)
+
+    def least_elements(self, boxes: Cells) -> tuple[Floats, Floats]:
+        """Return the least 1/k_c and 1/b_c for which Re(1/Z_c)/s^2 = 1; inf if Re(1/Z_c)/s^2 is positive nowhere in the
+        box."""
+        low, high = boxes.low[TAU_C], boxes.high[TAU_C]
+        of_tau = Cells(np.stack((low, 0 * low)), np.stack((high, 0 * high)))
+        nearest = np.clip(self.best_time_constant, low[:, None], high[:, None])
+        offered = self.stiff.below.greatest(of_tau) > 0
+        stiff = self.stiff.least(of_tau, (nearest, 0 * nearest))
+        damped = self.damped.least(of_tau, (high[:, None] + 0 * nearest, 0 * nearest))
+        return np.where(offered, stiff, inf), np.where(offered, damped, inf)
+
+
+def elements_for(required: Floats, offer: SeriesOffer | SpringOffer, boxes: Cells) -> tuple[Floats, Floats]:
+    """Return the least first and second element with which couplings can have a required resistance, at each place."""
+    needed = np.maximum(required - boxes.high[B_0][:, None], 0.0)
+    first, second = (np.where(needed > 0, needed * each, 0.0) for each in offer.least_elements(boxes))
+    return first, second
+
+
+def offer_of(devices: Sequence[Device], angles: Sequence[Floats]) -> SeriesOffer | SpringOffer:
+    """Return the resistance of the couplings in the sampled loop, at angles of several devices."""
+    pairs = list(zip(devices, angles, strict=True))
+    if not devices[0].kind.inverse:
+        return SeriesOffer(np.concatenate([np.tan(theta / 2) * (2 / device.sample_time) for device, theta in pairs]))
+    each = []
+    for device, theta in pairs:
+        (a_1, a_0), (b_2, b_1, b_0) = spring_forms(device.converted(decimal), Enclosure(theta), ENCLOSURES)
+        above, stiff, damped = [b_0, b_1, 0, b_2, 0, 0], [a_0, a_1, 0, 0, 0, 0], [0, a_0, 0, a_1, 0, 0]
+        each.append(stacked([*above, *stiff, *damped]))
+    of = concatenated(each)
+    mid = of.mid
+    with np.errstate(all="ignore"):  # the slope of the quotient is 0 where c_2 tau^2 + 2 c_1 tau - c_0 = 0
+        c_0, c_1, c_2 = mid[7] * mid[0] - mid[6] * mid[1], mid[6] * mid[3], mid[7] * mid[3]
+        root = c_1 + np.sqrt(np.maximum(c_1 * c_1 + c_2 * c_0, 0.0))
+        best = np.where(c_0 > 0, c_0 / root, 0.0)
+    needed, stiffness, damping = (quadratic(of[k : k + 6]) for k in (0, 6, 12))
+    return SpringOffer(Quotient(needed, stiffness), Quotient(needed, damping), best)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,15 +169,29 @@ def loop_at(device: Device, omega: Floats) -> LoopConstants:
 
 @dataclass(frozen=True, slots=True)
 class SampledConditions:
-    """The constraint on the coupling in the sampled loop, in some hands or in any passive hand."""
+    """The constraint on the coupling in the sampled loop at some angles: in some hands, in any passive hand, or in some
+    hands with a box of environments, where `resistive` or `below` must be positive if `above` is negative."""
 
-    offer: Offer  # resistance of the couplings at these places
+    offer: SeriesOffer | SpringOffer  # resistance of the couplings at these angles
     required: Quotient  # R, the resistance that the loop requires of the coupling; for an impedance display R/s^2
+    kept: float = 0.0  # b_1, the least damping of the environments, N s/m
+    light_enough: Quadratic | None = None  # (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2
+    reactive: Quotient | None = None  # the least s c Im Z_c/g for which `below` is positive
+    inertia: Floats | float = 1.0  # (2/T) s^2 at each angle
 
     def least_elements(self, boxes: Cells, factor: float) -> Least:
         """Return the least elements of the coupling, from a lower bound of R."""
         none = (self.required.below.greatest(boxes) < 0).any(axis=1)
-        return *elements_for(factor * self.required.least(boxes), self.offer, boxes), np.asarray(none)
+        first, second = elements_for(factor * (self.required.least(boxes) - self.kept), self.offer, boxes)
+        if self.light_enough is not None:
+            above_negative = self.light_enough.least(boxes) > 0
+            first, second = np.where(above_negative, first, 0.0), np.where(above_negative, second, 0.0)
+        if self.reactive is not None and isinstance(self.offer, SeriesOffer):
+            reactance = factor * self.reactive.least(boxes)
+            each = (x / self.inertia for x in self.offer.of_reactance(boxes))
+            b_c, m_c = (np.where(reactance > 0, reactance * x, 0.0) for x in each)
+            first, second = np.fmin(first, b_c), np.fmin(second, m_c)
+        return first, second, np.asarray(none)
 
 
 def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> SampledConditions:
@@ -160,62 +243,25 @@ def _in_hands(device: Device, theta: Floats, hands: Hand) -> tuple[Enclosure, En
     return stacked(lost), stacked(products(re_conj_product, whole, whole)), stacked(swing)
 
 
-@dataclass(frozen=True, slots=True)
-class ConditionsInWorlds:
-    """The constraint on the coupling with a box of environments, at some angles and hands."""
-
-    offer: SeriesOffer  # resistance of the couplings at these places
-    required: Quotient  # R, the resistance that the loop requires of the coupling, N s/m
-    kept: float  # b_1, the least damping of the environments, N s/m
-    light_enough: Quadratic | None  # (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2
-    reactive: Quotient | None  # the least s c Im Z_c/g for which `below` is positive
-    inertia: Floats  # (2/T) s^2 at each place
-
-    def least_elements(self, boxes: Cells, factor: float) -> Least:
-        """Return the least b_c and m_c of `resistive` or `below` where `above` is negative."""
-        first, second = elements_for(factor * (self.required.least(boxes) - self.kept), self.offer, boxes)
-        if self.light_enough is not None:
-            above_negative = self.light_enough.least(boxes) > 0
-            first, second = np.where(above_negative, first, 0.0), np.where(above_negative, second, 0.0)
-        if self.reactive is not None:
-            reactance = factor * self.reactive.least(boxes)
-            b_c, m_c = (np.where(reactance > 0, reactance * x, 0.0) for x in self._elements_of_reactance(boxes))
-            first, second = np.fmin(first, b_c), np.fmin(second, m_c)
-        return first, second, np.zeros(len(boxes), bool)
-
-    def _elements_of_reactance(self, boxes: Cells) -> tuple[Floats, Floats]:
-        """Return the least b_c and the least m_c for s c Im Z_c = 1."""
-        shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
-        nearest, omega2 = np.clip(1 / self.offer.omega, shortest, longest), np.square(self.offer.omega)
-        b_c, m_c = (1 + omega2 * np.square(nearest)) / nearest, 1 + omega2 * np.square(shortest)
-        return b_c / self.inertia, m_c / self.inertia
-
-
-def conditions_in_worlds(devices: Sequence[Device], places: PlacesInHands, worlds: Worlds) -> ConditionsInWorlds:
+def conditions_in_worlds(devices: Sequence[Device], places: PlacesInHands, worlds: Worlds) -> SampledConditions:
     """Return the constraint on the coupling with a box of environments at some places."""
-    angles = _angles(devices, places.at)
-    each = [_in_worlds(device, theta, places, worlds) for device, theta in zip(devices, angles, strict=True)]
-    lost, size, heavy, soft = (quadratic(concatenated(same)) for same in zip(*each, strict=True))
-    offer = offer_of(devices, angles)
-    assert isinstance(offer, SeriesOffer)
+    angles, ends, each = _angles(devices, places.at), worlds.converted(decimal), []
+    light, soft = worlds.high.mass < inf, worlds.high.stiffness < inf  # without a bound the margin is never positive
+    for device, theta in zip(devices, angles, strict=True):
+        lost, size, swing = _in_hands(device, theta, places.hands)
+        half, T = Enclosure(theta) / 2, decimal(device.sample_time)
+        sin, cos = ENCLOSURES.sin(half), ENCLOSURES.cos(half)
+        inertia, compliance, turned = sin * sin * (2 / T), cos * cos * (T / 2), cos * swing
+        more = ends.high.mass * inertia - ends.low.stiffness * compliance if light else inertia
+        less = ends.high.stiffness * compliance - ends.low.mass * inertia if soft else inertia
+        each.append((lost, size, more * size - turned, less * size + turned))
+    loss, F2, above, below = (quadratic(concatenated(same)) for same in zip(*each, strict=True))
     pairs = zip(devices, angles, strict=True)
-    return ConditionsInWorlds(
-        offer,
-        Quotient(lost, size),
+    return SampledConditions(
+        offer_of(devices, angles),
+        Quotient(loss, F2),
         worlds.low.damping,
-        heavy if worlds.high.mass < inf else None,
-        Quotient(soft, size) if worlds.high.stiffness < inf else None,
+        above if light else None,
+        Quotient(below, F2) if soft else None,
         np.concatenate([2 / device.sample_time * np.square(np.sin(theta / 2)) for device, theta in pairs]),
     )
-
-
-def _in_worlds(device: Device, theta: Floats, places: PlacesInHands, worlds: Worlds) -> tuple[Enclosure, ...]:
-    """Return four quadratics in the gains; an infinite m_2 or k_2 counts as 0."""
-    lost, size, swing = _in_hands(device, theta, places.hands)
-    half, T, ends = Enclosure(theta) / 2, decimal(device.sample_time), worlds.converted(decimal)
-    sin, cos = ENCLOSURES.sin(half), ENCLOSURES.cos(half)
-    inertia, compliance, turned = sin * sin * (2 / T), cos * cos * (T / 2), cos * swing
-    greatest = 0.0 if worlds.high.mass == inf else ends.high.mass
-    stiffest = 0.0 if worlds.high.stiffness == inf else ends.high.stiffness
-    heavy, soft = greatest * inertia - ends.low.stiffness * compliance, stiffest * compliance - ends.low.mass * inertia
-    return lost, size, heavy * size - turned, soft * size + turned

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,11 +14,11 @@ from vctune.design.bound.relaxation import Relaxation, lower_bounds, without_int
 from vctune.design.prepared import Posed
 from vctune.design.search.shapes import SLACK
 from vctune.design.variables import coordinates
-from vctune.model.problem import Demands, Problem
+from vctune.model.problem import Problem, Range
 from vctune.proof.boxes import Cells, Integers
 from vctune.proof.claims.cells import by_integrator, pole_turns
 from vctune.proof.claims.loop_claims import of_cells
-from vctune.proof.enclosures.intervals import Flags, Floats
+from vctune.proof.enclosures.intervals import TINY, Flags, Floats
 
 BETTER_HALF = 0.1  # Weight of the greater bound of two halves relative to the smaller one
 LENGTH = 1e-2  # Weight, in the score, of the share of an axis that a box spans
@@ -27,42 +26,46 @@ DIGITS = 9  # Number of decimals to which the code rounds scores before it compa
 
 
 @dataclass(frozen=True, slots=True)
-class Axis:
-    """A variable, with the coordinate log(scale + x) in which the search halves it."""
+class Axes:
+    """The variables K_v, K_p, tau_c and b_0, with the coordinate log(scale + x) in which the search halves them."""
 
-    low: float  # range of the variable
-    high: float
-    scale: float  # 0
+    whole: Cells  # the box of all designs, SI units
+    scale: Floats  # >= 0, shape (4, 1)
 
-    def middle(self, low: Floats, high: Floats) -> Floats:
-        """Return the points at which the search halves intervals: their midpoints in the coordinate."""
-        if self.scale == 0:
-            return np.clip(np.sqrt(low) * np.sqrt(high), low, high)
-        z = 0.5 * (np.log1p(low / self.scale) + np.log1p(high / self.scale))
-        return np.clip(self.scale * np.expm1(z), low, high)
+    @property
+    def free(self) -> list[int]:
+        """The rows of the variables that are not fixed."""
+        return np.flatnonzero(self.whole.low < self.whole.high).tolist()
 
-    def share(self, low: Floats, high: Floats) -> Floats:
-        """Return the share of the axis that each interval covers."""
-        if self.low == self.high:
-            return np.zeros_like(low)
-        whole = np.log((self.scale + self.high) / (self.scale + self.low))
-        return np.log((self.scale + high) / (self.scale + low)) / whole
+    def middle(self, boxes: Cells) -> Floats:
+        """Return the points at which the search halves boxes: their midpoints in the coordinate."""
+        root = np.sqrt(self.scale + boxes.low) * np.sqrt(self.scale + boxes.high)
+        return np.clip(root - self.scale, boxes.low, boxes.high)
+
+    def share(self, boxes: Cells) -> Floats:
+        """Return the share of each axis that the boxes span; nan for a fixed variable."""
+        length, whole = (np.log((self.scale + x.high) / (self.scale + x.low)) for x in (boxes, self.whole))
+        return np.asarray(length / whole)
 
 
-def axes_of(problem: Problem) -> tuple[Axis, Axis, Axis, Axis]:
-    """Return the axes K_v, K_p, tau_c and b_0 of a problem in SI units."""
-    impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
-    units = {"velocity": impedance, "position": impedance / time, "drag": impedance}
+def axes_of(problem: Problem) -> Axes:
+    """Return the variables of a problem in SI units."""
+    impedance, time, bounds = problem.transparency.reference_impedance, problem.device.sample_time, problem.bounds
     scaled = coordinates(problem.in_units(impedance, time), integrator=True)
-    scale = {c.name: c.scale * units[c.name] for c in scaled if c.name in units}
-    bounds = problem.bounds
+    scale = {c.name: c.scale * impedance for c in scaled}
     above, below = (bounds.damping, bounds.stiffness) if problem.device.kind.inverse else (bounds.mass, bounds.damping)
-    low, high = above.min / below.max, above.max / below.min
-    K_v, K_p, b_0 = (
-        Axis(each.min, each.max, scale.get(name, 0.0))
-        for name, each in (("velocity", bounds.velocity), ("position", bounds.position), ("drag", bounds.drag))
-    )
-    return K_v, K_p, Axis(low, high, SLACK * time if low == 0 < high else 0.0), b_0
+    tau_c = Range(above.min / below.max, above.max / below.min)
+    ranges = bounds.velocity, bounds.position, tau_c, bounds.drag
+    scales = [
+        scale.get("velocity", 0.0),
+        scale.get("position", 0.0) / time,
+        SLACK * time if tau_c.min == 0 < tau_c.max else 0.0,
+        scale.get("drag", 0.0),
+    ]
+    low, high, scale_ = np.array([(of.min, of.max, size) for of, size in zip(ranges, scales, strict=True)]).T[
+        :, :, None
+    ]
+    return Axes(Cells(low, high), scale_)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,90 +89,65 @@ class OpenNodes:
         return float(self.bound.min(initial=np.inf))
 
 
-def root(axes: Sequence[Axis]) -> OpenNodes:
-    """Return the single node whose box contains all designs."""
-    boxes = Cells(np.array([[axis.low] for axis in axes]), np.array([[axis.high] for axis in axes]))
-    return OpenNodes(boxes, np.zeros(1), np.zeros(1, bool))
-
-
 def joined(parts: Sequence[OpenNodes]) -> OpenNodes:
     """Return several sets of nodes as one set."""
     boxes = Cells(*(np.hstack([getattr(part.boxes, edge) for part in parts]) for edge in ("low", "high")))
     return OpenNodes(boxes, *(np.concatenate([getattr(part, of) for part in parts]) for of in ("bound", "stable")))
 
 
-def halved(
-    relaxed: Relaxation, axes: Sequence[Axis], parents: OpenNodes, incumbent: float
-) -> tuple[OpenNodes, Flags, int]:
+def halved(relaxed: Relaxation, axes: Axes, parents: OpenNodes, incumbent: float) -> tuple[OpenNodes, Flags, int]:
     """Return nodes halved along the axis that raises their bounds most, whether that is a gain's, and the number of
     computed bounds. The worse half counts most, because it becomes the bound of the box."""
-    n, rows = len(parents), [row for row, axis in enumerate(axes) if axis.low < axis.high]
+    n, rows = len(parents), axes.free
     if not rows:
         bound = np.maximum(lower_bounds(relaxed, parents.boxes), parents.bound)
         return replace(parents, bound=bound), np.zeros(n, bool), n
-    tried = [_halves(relaxed, axes[row], row, parents) for row in rows]
+    middle = axes.middle(parents.boxes)
+    tried = [_halves(relaxed, parents, row, middle[row]) for row in rows]
     bounds = np.array([each.bound.reshape(2, n) for each in tried])
-    most = 2 * incumbent if incumbent < inf else max(1e-300, 2 * bounds.max(initial=0.0, where=np.isfinite(bounds)))
-    share = [axes[row].share(parents.boxes.low[row], parents.boxes.high[row]) for row in rows]
+    most = 2 * (incumbent if incumbent < inf else bounds.max(initial=TINY, where=np.isfinite(bounds)))
     worth = np.minimum(bounds / most, 1.0)  # a half far above the incumbent is pruned, however far
-    score = worth.min(axis=1) + BETTER_HALF * worth.max(axis=1) + LENGTH * np.array(share)
+    score = worth.min(axis=1) + BETTER_HALF * worth.max(axis=1) + LENGTH * axes.share(parents.boxes)[rows]
     best = np.tile(np.argmax(np.round(score, DIGITS), axis=0), 2)
     chosen = joined([each.subset(best == k) for k, each in enumerate(tried)])
-    along_gains = np.repeat(np.array(rows) <= K_P, np.bincount(best, minlength=len(rows)))
-    return chosen, along_gains, 2 * n * len(rows)
+    return chosen, np.sort(best) < sum(row <= K_P for row in rows), 2 * n * len(rows)
 
 
-def _halves(relaxed: Relaxation, axis: Axis, row: int, parents: OpenNodes) -> OpenNodes:
+def _halves(relaxed: Relaxation, parents: OpenNodes, row: int, middle: Floats) -> OpenNodes:
     """Return the lower and then the upper halves of nodes along an axis. A half that contains K_p = 0, but no feasible
     design with K_p > 0, shrinks to K_p = 0."""
-    given = parents.boxes
-    low, high = np.tile(given.low, 2), np.tile(given.high, 2)
-    low[row, len(parents) :] = high[row, : len(parents)] = axis.middle(given.low[row], given.high[row])
+    low, high = np.tile(parents.boxes.low, 2), np.tile(parents.boxes.high, 2)
+    low[row, len(parents) :] = high[row, : len(parents)] = middle
     high[K_P, (low[K_P] == 0) & without_integrator(relaxed.problem, Cells(low, high))] = 0.0
-    halves = Cells(low, high)
-    bound = np.maximum(lower_bounds(relaxed, halves), np.tile(parents.bound, 2))
-    return OpenNodes(halves, bound, np.tile(parents.stable, 2))
+    boxes = Cells(low, high)
+    bound = np.maximum(lower_bounds(relaxed, boxes), np.tile(parents.bound, 2))
+    return OpenNodes(boxes, bound, np.tile(parents.stable, 2))
 
 
-class Stability(NamedTuple):
-    """Proved stability and instability of the loops in each of n boxes of designs."""
-
-    stable: Flags  # whether all loops of the box are stable, shape (n,)
-    unstable: Flags  # whether no loop of the box is stable; both are False if nothing is proved
-    boxes: int  # number of boxes of frequency and gains in the proofs
-
-
-def proved_stability(posed: Posed, boxes: Cells) -> Stability:
-    """Return the boxes whose designs all have stable loops, and those whose designs all have an unstable loop."""
+def proved_stability(posed: Posed, boxes: Cells) -> tuple[Flags, Flags, int]:
+    """Return the boxes whose loops are all proved stable, those whose loops are all proved unstable, and the number of
+    boxes in the proofs."""
     gains = np.concatenate((boxes.low[: K_P + 1], boxes.high[: K_P + 1]))
     rectangles, rectangle_of = np.unique(gains, axis=1, return_inverse=True)  # many boxes have the same gains
     face = np.flatnonzero((rectangles[K_P] == 0) & (rectangles[2 + K_P] > 0))
     faces = rectangles[:, face].copy()
     faces[2 + K_P] = 0.0  # without an integrator the loop has another order
     stable, unstable, count = _of_rectangles(posed, np.hstack((rectangles, faces)))
-    kept, number = rectangle_of.ravel(), rectangles.shape[1]
     for flags in (stable, unstable):
-        flags[face] &= flags[number:]
-    return Stability(stable[kept], unstable[kept], count)
+        flags[face] &= flags[rectangles.shape[1] :]
+    return stable[rectangle_of.ravel()], unstable[rectangle_of.ravel()], count
 
 
-def _of_rectangles(posed: Posed, edges: Floats) -> Stability:
-    """Return the stability of rectangles, given as the low and then the high K_v and K_p."""
-    count, boxes = edges.shape[1], 0
-    cells = Cells(*(np.concatenate((end, np.ones((3, count)))) for end in (edges[:2], edges[2:])))  # any coupling
-    stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
-    devices = dict.fromkeys(case.device.modelled for case in posed.cases)
+def _of_rectangles(posed: Posed, edges: Floats) -> tuple[Flags, Flags, int]:
+    """Return the same for rectangles, given as the low and then the high K_v and K_p."""
+    number, boxes = edges.shape[1], 0
+    cells = Cells(*(np.concatenate((end, np.ones((3, number)))) for end in (edges[:2], edges[2:])))  # any coupling
+    stable, unstable = np.zeros(number, bool), np.zeros(number, bool)
+    demands = [replace(posed.demands, device=device) for device in {case.device.modelled: None for case in posed.cases}]
     for which in by_integrator(cells):
-        turns = [_turns(replace(posed.demands, device=device), cells.subset(which)) for device in devices]
-        number = np.concatenate([of_device for of_device, _ in turns])
-        boxes += sum(taken for _, taken in turns)
-        stable[which] = (number == 0).all(axis=0)
-        unstable[which] = (np.isfinite(number) & (number != 0)).any(axis=0)
-    return Stability(stable, unstable, boxes)
-
-
-def _turns(demands: Demands, cells: Cells) -> tuple[Floats, int]:
-    """Return the winding number around 0 of the curve of each loop (nan if undecided), and the number of boxes."""
-    found = pole_turns(of_cells(demands, cells), in_hand=True)
-    numbers = np.reshape([each.number for each in found], (len(found), len(cells)))
-    return numbers, sum(int(each.boxes.sum()) for each in found)
+        found = [x for each in demands for x in pole_turns(of_cells(each, cells.subset(which)), in_hand=True)]
+        turns = np.reshape([x.number for x in found], (len(found), len(which)))  # around 0; nan if undecided
+        stable[which] = (turns == 0).all(axis=0)
+        unstable[which] = (np.isfinite(turns) & (turns != 0)).any(axis=0)
+        boxes += sum(int(x.boxes.sum()) for x in found)
+    return stable, unstable, boxes

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, log
 
 import numpy as np
 from flint import acb, arb, ctx
 
 from vctune.design.bound.conditions import loop_at, repeated
-from vctune.design.bound.couplings import Couplings, SeriesCouplings, SpringDampers
-from vctune.design.bound.quadratics import Quotient, concatenated, products, quadratic
+from vctune.design.bound.quadratics import B_0, GUARD, TAU_C, Quotient, concatenated, products, quadratic
 from vctune.interrupt import interrupt_deferred
 from vctune.model.device import Device
 from vctune.model.loop.device_response import device_response
@@ -36,17 +35,43 @@ TERM_LENGTH = 12
 
 @dataclass(frozen=True, slots=True)
 class Objective:
-    """The terms of the squared error."""
+    """The terms of the squared error: quotients for each frequency or interval of one device after another."""
 
-    loop: tuple[Quotient, Quotient]  # the two terms of the loop
-    couplings: Couplings  # the couplings, which give the third term
+    problem: Problem  # problem in SI units
+    loop: list[Quotient]  # the two terms of the loop
+    compliance: Quotient | None  # |1/Z_c|^2 of an impedance display's coupling as a function of b_c and k_c
     omega: Floats | None  # frequencies of the error for norm "peak", rad/s; None for "rms"
-    devices: int  # number of devices, whose terms follow one another; the objective is the greatest of their errors
+    devices: int  # number of devices; the objective is the greatest of their errors
 
-    def of_loop(self, boxes: Cells) -> Floats:
-        """Return lower bounds of the sum of the loop's terms, one for each device or frequency."""
-        squared = self.loop[0].of_bounds(boxes) + self.loop[1].of_bounds(boxes)
-        return squared if self.omega is not None else squared.reshape(len(boxes), self.devices, -1).sum(axis=2)
+    def least(self, first: Floats, second: Floats, boxes: Cells) -> Floats:
+        """Return a lower bound of the squared error over each box, from the least elements of its couplings."""
+        squared = self._total(self.loop[0].of_bounds(boxes) + self.loop[1].of_bounds(boxes))
+        return np.asarray((squared + self._coupling(first, second, boxes)).max(axis=1))
+
+    def _total(self, squared: Floats) -> Floats:
+        return squared if self.omega is not None else squared.reshape(len(squared), self.devices, -1).sum(axis=2)
+
+    def _coupling(self, first: Floats, second: Floats, boxes: Cells) -> Floats:
+        """Return the term of the coupling: |1/Z_c|^2, or |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s."""
+        shortest, longest = boxes.low[TAU_C], boxes.high[TAU_C]
+        if self.compliance is not None:
+            b_c = 1 / second
+            most = np.stack((b_c, np.fmin(1 / first, b_c / shortest))) * (1 + 4 * GUARD)
+            return self._total(self.compliance.of_bounds(Cells(0 * most, most)))
+        b_c, m_c, b_0, shortest, longest = (x[:, None] for x in (first, second, boxes.low[B_0], shortest, longest))
+        light, heavy = self._transmitted(shortest), self._transmitted(longest)
+        coupled = 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / longest) * heavy)
+        wanted = self.problem.transparency
+        return np.asarray((wanted.weights.coupling / wanted.reference_impedance) ** 2 * (b_0 * b_0 + coupled))
+
+    def _transmitted(self, tau_c: Floats) -> Floats:
+        """Return x^2/(1 + x^2), which is |Z_c/b_c|^2 and Re Z_c/b_c without drag, or its mean over log frequency."""
+        if self.omega is not None:
+            x2 = np.square(self.omega * tau_c)
+            return np.asarray(x2 / (1 + x2))
+        low, high = self.problem.transparency.band.min, self.problem.transparency.band.max
+        rise = (high - low) * (high + low) * np.square(tau_c) / (1 + np.square(low * tau_c))
+        return np.asarray(np.log1p(rise) / (2 * log(high / low)) * (1 - GUARD * high / (high - low)))
 
 
 def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) -> Objective:
@@ -65,11 +90,8 @@ def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) ->
     else:
         each = [_integrated(one, wanted.band, intervals, [scale > 0 for scale in scales]) for one in devices]
         terms = [concatenated(same) for same in zip(*each, strict=True)]
-    admittance, tracking, *compliance = map(_quotient, terms, scales)
-    couplings: Couplings = SeriesCouplings(problem, omega)
-    if compliance:
-        couplings = SpringDampers(problem, compliance[0], None if omega is not None else len(devices))
-    return Objective((admittance, tracking), couplings, omega, len(devices))
+    admittance, tracking, *rest = map(_quotient, terms, scales)
+    return Objective(problem, [admittance, tracking], rest[0] if rest else None, omega, len(devices))
 
 
 def _quotient(term: Enclosure, scale: float) -> Quotient:

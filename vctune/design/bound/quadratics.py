@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -40,12 +41,16 @@ def concatenated(parts: Sequence[Enclosure]) -> Enclosure:
     return Enclosure(*(np.concatenate(each, axis=-1) for each in zip(*((x.mid, x.rad) for x in parts), strict=True)))
 
 
+# Coefficients in the order of `products`, of shape (points,) or (boxes, points); the float 0 where all vanish
+Coefficients = list[Any]
+
+
 @dataclass(frozen=True, slots=True)
 class Quadratic:
-    """Enclosed quadratics at several points, with coefficients in the order of `products`."""
+    """Enclosed quadratics at several points."""
 
-    low: Floats  # coefficients, each below the enclosed numbers by `GUARD`, shape (6, points)
-    high: Floats  # coefficients, each above the enclosed numbers by `GUARD`
+    low: Coefficients  # each below the enclosed numbers by `GUARD`
+    high: Coefficients  # each above the enclosed numbers by `GUARD`
 
     def least(self, boxes: Cells) -> Floats:
         """Return a lower bound of the values over each box of gains, shape (boxes, points)."""
@@ -65,10 +70,11 @@ def quadratic(coefficients: Enclosure | Sequence[Number]) -> Quadratic:
     """Return quadratics with enclosed coefficients."""
     x = coefficients if isinstance(coefficients, Enclosure) else stacked(coefficients)
     guard = GUARD * (np.abs(x.mid) + x.rad)
-    return Quadratic(x.mid - x.rad - guard, x.mid + x.rad + guard)
+    low, high = x.mid - x.rad - guard, x.mid + x.rad + guard
+    return Quadratic(*([side[0], *(row if np.any(row) else 0.0 for row in side[1:])] for side in (low, high)))
 
 
-def least(coefficients: Floats, boxes: Cells) -> Floats:
+def least(coefficients: Coefficients, boxes: Cells) -> Floats:
     """Return the least value of quadratics over each box of gains."""
     c, v, p, vv, pp, vp = coefficients
     of_v, of_p = _ends(boxes, K_V), _ends(boxes, K_P)
@@ -82,12 +88,12 @@ def least(coefficients: Floats, boxes: Cells) -> Floats:
     return np.minimum(np.minimum.reduce(edges), np.where(inside, _value(coefficients, K_v, K_p), np.inf))
 
 
-def _value(coefficients: Floats, K_v: Floats, K_p: Floats) -> Floats:
+def _value(coefficients: Coefficients, K_v: Floats, K_p: Floats) -> Floats:
     c, v, p, vv, pp, vp = coefficients
     return np.asarray(c + _part(v, vv, K_v) + _part(p, pp, K_p) + K_v * K_p * vp)
 
 
-def _part(linear: Floats, square: Floats, gain: Floats) -> Floats:
+def _part(linear: Any, square: Any, gain: Floats) -> Floats:
     return gain * (linear + gain * square)
 
 
@@ -95,7 +101,7 @@ def _ends(boxes: Cells, row: int) -> tuple[Floats, Floats]:
     return boxes.low[row][:, None], boxes.high[row][:, None]
 
 
-def _extremes(linear: Floats, square: Floats, ends: tuple[Floats, Floats]) -> list[Floats]:
+def _extremes(linear: Any, square: Any, ends: tuple[Floats, Floats]) -> list[Floats]:
     """Return the part of one gain at both ends, and at the point of the box nearest to where its derivative is 0."""
     found = [_part(linear, square, end) for end in ends]
     if np.any(square):
@@ -103,10 +109,10 @@ def _extremes(linear: Floats, square: Floats, ends: tuple[Floats, Floats]) -> li
     return found
 
 
-def less(a: Quadratic, factor: Floats, b: Quadratic) -> Floats:
+def less(a: Quadratic, factor: Floats, b: Quadratic) -> Coefficients:
     """Return the coefficients of quadratics that are at most a - factor b for all gains >= 0."""
-    given, taken = a.low[:, None], factor * b.high[:, None]
-    return np.asarray(given - taken - GUARD * (np.abs(given) + np.abs(taken)))
+    taken = [factor * y if np.ndim(y) else 0.0 for y in b.high]
+    return [x - y - GUARD * (np.abs(x) + np.abs(y)) for x, y in zip(a.low, taken, strict=True)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from math import inf
 import numpy as np
 
 from vctune.design.bound.conditions import (
-    ConditionsInWorlds,
+    Least,
     LlewellynConditions,
     SampledConditions,
     conditions_in_any_hand,
@@ -18,21 +18,20 @@ from vctune.design.bound.conditions import (
     llewellyn_conditions,
     repeated,
 )
-from vctune.design.bound.couplings import LeastCoupling
 from vctune.design.bound.objective import Objective
-from vctune.design.bound.quadratics import B_0, GUARD, K_P, K_V, Quotient, products, quadratic
+from vctune.design.bound.quadratics import B_0, GUARD, K_P, K_V, TAU_C, Quotient, products, quadratic
 from vctune.model.device import Device
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.loop.limits import lags
 from vctune.model.loop.loop import Affine
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import re_conj_product
-from vctune.model.problem import Problem
+from vctune.model.problem import Problem, Range
 from vctune.model.sampled.velocity_loop import return_difference, sampled_plant, split_delay
 from vctune.proof.boxes import Cells
 from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, decimal
 
-Conditions = LlewellynConditions | SampledConditions | ConditionsInWorlds
+Conditions = LlewellynConditions | SampledConditions
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,28 +98,45 @@ def _sensitivity(devices: list[Device], upto: Floats) -> Quotient:
 @np.errstate(all="ignore")
 def lower_bounds(relaxed: Relaxation, boxes: Cells) -> Floats:
     """Return lower bounds of the error of the feasible designs in each box, shape (boxes,); inf if none is feasible."""
-    problem, couplings, least = relaxed.problem, relaxed.objective.couplings, least_coupling(relaxed, boxes)
+    problem, (first, second, none) = relaxed.problem, least_coupling(relaxed, boxes)
     S = np.sqrt(relaxed.sensitivity.of_bounds(boxes).max(axis=1))
     excess = S / problem.stability.max_sensitivity * (1 - GUARD)
-    for element, range_ in zip((least.first, least.second), couplings.ranges, strict=True):
+    for element, range_ in zip((first, second), _element_ranges(problem), strict=True):
         excess = np.fmax(excess, element / range_.max)
-    none = least.none | (excess > 1 + 4 * GUARD) | ((boxes.low[K_P] > 0) & without_integrator(problem, boxes))
-    squared = (relaxed.objective.of_loop(boxes) + couplings.felt(least, boxes)).max(axis=1)
-    known = np.nan_to_num(squared, nan=0.0, posinf=0.0)
-    return np.where(none, inf, np.sqrt(known) * (1 - 10 * GUARD))
+    none = none | (excess > 1 + 4 * GUARD) | ((boxes.low[K_P] > 0) & without_integrator(problem, boxes))
+    squared = np.nan_to_num(relaxed.objective.least(first, second, boxes), nan=0.0, posinf=0.0)
+    return np.where(none, inf, np.sqrt(squared) * (1 - 10 * GUARD))
 
 
 @np.errstate(all="ignore")
-def least_coupling(relaxed: Relaxation, boxes: Cells) -> LeastCoupling:
-    """Return the least elements of the coupling that the conditions and the bounds permit in each box."""
-    of, none = relaxed.objective.couplings, np.zeros(len(boxes), bool)
-    (one, other), (lowest, highest) = of.ranges, of.ratio(boxes)
-    first, second = np.fmax(one.min, other.min / highest), np.full(len(boxes), other.min)
+def least_coupling(relaxed: Relaxation, boxes: Cells) -> Least:
+    """Return the least elements of the coupling that the conditions and the bounds permit in each box, and the boxes
+    that permit no coupling; see `Least`."""
+    one, other = _element_ranges(relaxed.problem)
+    lowest, highest = boxes.low[TAU_C], boxes.high[TAU_C]  # of the ratio of the second element to the first
+    if relaxed.problem.device.kind.inverse:
+        lowest, highest = 1 / highest, 1 / lowest
+    first, second, none = (
+        np.fmax(one.min, other.min / highest),
+        np.full(len(boxes), other.min),
+        np.zeros(len(boxes), bool),
+    )
     for condition in relaxed.conditions:
         b, m, never = condition.least_elements(boxes, relaxed.problem.stability.safety_factor)
         first, second, none = np.maximum(first, b.max(axis=1)), np.maximum(second, m.max(axis=1)), none | never
     second = np.maximum(second, first * lowest)
-    return LeastCoupling(first * (1 - 10 * GUARD), second * (1 - 10 * GUARD), none)
+    return first * (1 - 10 * GUARD), second * (1 - 10 * GUARD), none
+
+
+def _element_ranges(problem: Problem) -> tuple[Range, Range]:
+    """Return the bounds of b_c and m_c; for an impedance display those of 1/k_c and 1/b_c."""
+    if not problem.device.kind.inverse:
+        return problem.bounds.damping, problem.bounds.mass
+    k_c, b_c = (
+        Range(*(1 / end if end > 0 else inf for end in (of.max, of.min)))
+        for of in (problem.bounds.stiffness, problem.bounds.damping)
+    )
+    return k_c, b_c
 
 
 def without_integrator(problem: Problem, boxes: Cells) -> Flags:

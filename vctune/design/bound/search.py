@@ -12,9 +12,9 @@ import numpy as np
 from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
 from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.loops_in_hands import loops_in_hands
-from vctune.design.bound.nodes import Axis, OpenNodes, axes_of, halved, joined, proved_stability, root
+from vctune.design.bound.nodes import Axes, OpenNodes, axes_of, halved, joined, proved_stability
 from vctune.design.bound.objective import objective_of
-from vctune.design.bound.quadratics import B_0, K_P, K_V, TAU_C
+from vctune.design.bound.quadratics import K_P, K_V
 from vctune.design.bound.relaxation import Places, Relaxation, least_coupling, relaxation
 from vctune.design.prepared import Posed, acting_terms, with_acting_terms
 from vctune.design.search.shapes import coupling_of
@@ -96,7 +96,7 @@ class _Search:
     """The state that changes during the search."""
 
     posed: Posed
-    axes: tuple[Axis, ...]
+    axes: Axes
     relaxed: Relaxation  # the relaxation with all places so far
     nodes: OpenNodes
     incumbent: float  # error of the best known design
@@ -120,12 +120,12 @@ def bound(
     """Prove a lower bound on the error of every feasible design of a problem (README.md, section 2)."""
     given, posed = posed, with_acting_terms(posed)
     axes = axes_of(posed.problem)
-    search = _Search(posed, axes, _relaxed(posed, best), root(axes), best.acting_error if best else inf)
+    root = OpenNodes(axes.whole, np.zeros(1), np.zeros(1, bool))
+    search = _Search(posed, axes, _relaxed(posed, best), root, best.acting_error if best else inf)
     history: list[SearchState] = []
     with suppress(OutOfTimeError):
-        if all(axis.low == axis.high for axis in axes[:TAU_C]):  # the search never halves fixed gains
+        if not {K_V, K_P} & set(axes.free):  # the search never halves fixed gains
             _prove_stability(search, search.nodes, np.ones(1, bool))
-    single = all(axis.low == axis.high for axis in axes)
     with np.errstate(all="ignore"):
         while True:
             _prune(search, gap)
@@ -135,11 +135,11 @@ def bound(
             stop = stopped() or out_of_time()
             stop |= search.boxes > most_boxes or search.stability_boxes > most_stability_boxes
             # a further round would not raise the bound of a single box
-            stop |= single and len(history) > 2 and history[-1].bound == history[-2].bound
+            stop |= not axes.free and len(history) > 2 and history[-1].bound == history[-2].bound
             if stop or not len(search.nodes):
                 break
             with suppress(OutOfTimeError):  # at the time limit the open nodes stay open
-                if single or (len(history) - 1) % TRY_EVERY == 0:
+                if not axes.free or (len(history) - 1) % TRY_EVERY == 0:
                     _try_best_node(search, improve)
                 _branch(search)
     terms = acting_terms(posed.problem) if posed is not given else ()
@@ -169,10 +169,10 @@ def _prove_stability(search: _Search, nodes: OpenNodes, asked: Flags) -> None:
     """Mark the boxes whose loops are all proved stable, and set the bound of boxes with only unstable loops to inf."""
     unknown = np.flatnonzero(asked & ~nodes.stable & (nodes.bound < search.incumbent))
     if len(unknown):
-        found = proved_stability(search.posed, nodes.boxes.subset(unknown))
-        search.stability_boxes += found.boxes
-        nodes.stable[unknown] = found.stable
-        nodes.bound[unknown[found.unstable]] = inf
+        stable, unstable, boxes = proved_stability(search.posed, nodes.boxes.subset(unknown))
+        search.stability_boxes += boxes
+        nodes.stable[unknown] = stable
+        nodes.bound[unknown[unstable]] = inf
 
 
 def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
@@ -226,13 +226,13 @@ def _devices(cases: tuple[Problem, ...]) -> list[Device]:
 def _try_best_node(search: _Search, improve: Improve) -> None:
     """Evaluate the middle of the most promising box: find the constraints that it violates, and look for a better
     design."""
-    axes, boxes = search.axes, search.nodes.boxes.subset(np.array([np.argmin(search.nodes.bound)]))
-    middle = np.array([axis.middle(boxes.low[row], boxes.high[row]) for row, axis in enumerate(axes)])
-    least = least_coupling(search.relaxed, Cells(middle, middle))
-    K_v, K_p, tau_c, b_0 = (float(middle[row, 0]) for row in (K_V, K_P, TAU_C, B_0))
-    if boxes.high[K_P, 0] <= axes[K_P].scale:  # a box of very small position gains: try K_p = 0
+    boxes = search.nodes.boxes.subset(np.array([np.argmin(search.nodes.bound)]))
+    middle = search.axes.middle(boxes)
+    first, _, _ = least_coupling(search.relaxed, Cells(middle, middle))
+    K_v, K_p, tau_c, b_0 = middle[:, 0].tolist()
+    if boxes.high[K_P, 0] <= search.axes.scale[K_P, 0]:  # a box of very small position gains: try K_p = 0
         K_p = 0.0
-    _add_places(search, Gains(K_v, K_p), coupling_of(search.posed.problem, float(least.first[0]), tau_c, b_0))
+    _add_places(search, Gains(K_v, K_p), coupling_of(search.posed.problem, float(first[0]), tau_c, b_0))
     better = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
     if better is not None:
         search.improved, search.incumbent = better, better.acting_error
