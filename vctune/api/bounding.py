@@ -53,11 +53,6 @@ class Bounded:
         return self.optimality is not None and self.optimality.proved
 
     @property
-    def improved(self) -> bool:
-        """Whether the search has found a better design than the known design."""
-        return self.optimality is not None and self.optimality.improved is not None
-
-    @property
     def design(self) -> Design:
         """The best known design as the result of the command."""
         found = ExitCode.OK if self.proved else ExitCode.UNDECIDED

@@ -47,6 +47,6 @@ def bound(run: Run, problem: Path, design: Path | None, gap: float, out: Path) -
             if bounded.optimality is None and bounded.status is not Status.INFEASIBLE:
                 run.warn("time-limit", "the search had no time: vctune proved nothing about other designs")
         run.report(path, path.parent, progress)
-    if bounded.improved:
+    if bounded.optimality is not None and bounded.optimality.improved is not None:
         click.echo("found a better design, in a basin that the scan had missed", err=True)
     return run.show(bounded.design, bounded.record.to_json, path.parent, always=True)

@@ -194,12 +194,30 @@ class SampledConditions:
         return first, second, np.asarray(none)
 
 
-def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> SampledConditions:
-    """Return the constraint on the coupling in hands at some places."""
+def conditions_in_hands(
+    devices: Sequence[Device], places: PlacesInHands, worlds: Worlds | None = None
+) -> SampledConditions:
+    """Return the constraint on the coupling in hands at some places, also with a box of environments."""
     angles = _angles(devices, places.at)
     each = [_in_hands(device, theta, places.hands) for device, theta in zip(devices, angles, strict=True)]
-    lost, size, _ = (quadratic(concatenated(same)) for same in zip(*each, strict=True))
-    return SampledConditions(offer_of(devices, angles), Quotient(lost, size))
+    lost, F2, _ = (quadratic(concatenated(same)) for same in zip(*each, strict=True))
+    offer = offer_of(devices, angles)
+    if worlds is None:
+        return SampledConditions(offer, Quotient(lost, F2))
+    light, soft = worlds.high.mass < inf, worlds.high.stiffness < inf  # without a bound the margin is never positive
+    ends, inertias, margins = worlds.converted(decimal), [], []
+    for device, theta, (_, size, swing) in zip(devices, angles, each, strict=True):
+        half, T = Enclosure(theta) / 2, decimal(device.sample_time)
+        sin, cos = ENCLOSURES.sin(half), ENCLOSURES.cos(half)
+        inertia, compliance, turned = sin * sin * (2 / T), cos * cos * (T / 2), cos * swing
+        more = ends.high.mass * inertia - ends.low.stiffness * compliance if light else inertia
+        less = ends.high.stiffness * compliance - ends.low.mass * inertia if soft else inertia
+        margins.append((more * size - turned, less * size + turned))
+        inertias.append(inertia.mid)
+    above, below = (quadratic(concatenated(same)) for same in zip(*margins, strict=True))
+    reactive = Quotient(below, F2) if soft else None
+    kept, inertia = worlds.low.damping, np.concatenate(inertias)
+    return SampledConditions(offer, Quotient(lost, F2), kept, above if light else None, reactive, inertia)
 
 
 def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledConditions:
@@ -241,27 +259,3 @@ def _in_hands(device: Device, theta: Floats, hands: Hand) -> tuple[Enclosure, En
     swing = products(lambda x, y: 0.5 * re_conj_product(x, y), P.mapped(true), F.mapped(true))
     whole = F.mapped(true)
     return stacked(lost), stacked(products(re_conj_product, whole, whole)), stacked(swing)
-
-
-def conditions_in_worlds(devices: Sequence[Device], places: PlacesInHands, worlds: Worlds) -> SampledConditions:
-    """Return the constraint on the coupling with a box of environments at some places."""
-    angles, ends, each = _angles(devices, places.at), worlds.converted(decimal), []
-    light, soft = worlds.high.mass < inf, worlds.high.stiffness < inf  # without a bound the margin is never positive
-    for device, theta in zip(devices, angles, strict=True):
-        lost, size, swing = _in_hands(device, theta, places.hands)
-        half, T = Enclosure(theta) / 2, decimal(device.sample_time)
-        sin, cos = ENCLOSURES.sin(half), ENCLOSURES.cos(half)
-        inertia, compliance, turned = sin * sin * (2 / T), cos * cos * (T / 2), cos * swing
-        more = ends.high.mass * inertia - ends.low.stiffness * compliance if light else inertia
-        less = ends.high.stiffness * compliance - ends.low.mass * inertia if soft else inertia
-        each.append((lost, size, more * size - turned, less * size + turned))
-    loss, F2, above, below = (quadratic(concatenated(same)) for same in zip(*each, strict=True))
-    pairs = zip(devices, angles, strict=True)
-    return SampledConditions(
-        offer_of(devices, angles),
-        Quotient(loss, F2),
-        worlds.low.damping,
-        above if light else None,
-        Quotient(below, F2) if soft else None,
-        np.concatenate([2 / device.sample_time * np.square(np.sin(theta / 2)) for device, theta in pairs]),
-    )

@@ -14,7 +14,6 @@ from vctune.design.bound.conditions import (
     SampledConditions,
     conditions_in_any_hand,
     conditions_in_hands,
-    conditions_in_worlds,
     llewellyn_conditions,
     repeated,
 )
@@ -30,8 +29,6 @@ from vctune.model.problem import Problem, Range
 from vctune.model.sampled.velocity_loop import return_difference, sampled_plant, split_delay
 from vctune.proof.boxes import Cells
 from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, decimal
-
-Conditions = LlewellynConditions | SampledConditions
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,20 +62,19 @@ class Relaxation:
     problem: Problem  # the problem
     devices: list[Device]  # devices and places for which the relaxation imposes the constraints
     places: Places
-    conditions: list[Conditions]  # constraints on the coupling
+    conditions: list[LlewellynConditions | SampledConditions]  # constraints on the coupling
     sensitivity: Quotient  # |S|^2 of the sampled loop of each device
     objective: Objective  # the terms of the squared error
 
 
 def relaxation(problem: Problem, devices: list[Device], places: Places, objective: Objective) -> Relaxation:
     """Relax a problem: impose its constraints at some places only, and bound the terms of its error from below."""
-    found: list[Conditions] = []
+    found: list[LlewellynConditions | SampledConditions] = []
     if problem.passive:
         found.append(llewellyn_conditions(devices, places.omega))
-    if problem.hands_met is not None and problem.worlds is None:
-        found.append(conditions_in_hands(devices, places.in_hands))
-    if problem.hands_met is not None and problem.worlds is not None:
-        found.append(conditions_in_worlds(devices, places.in_hands, problem.worlds.linear))
+    if problem.hands_met is not None:
+        worlds = None if problem.worlds is None else problem.worlds.linear
+        found.append(conditions_in_hands(devices, places.in_hands, worlds))
     if problem.any_hand:
         found.append(conditions_in_any_hand(devices, places.any_hand))
     return Relaxation(problem, devices, places, found, _sensitivity(devices, places.sensitivity), objective)
