@@ -97,9 +97,7 @@ def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) ->
 def _quotient(term: Enclosure, scale: float) -> Quotient:
     pairs = ((term[k], term[k + 1]) for k in (0, 2, 4))
     along = Affine(*(Pair(re, im) if np.any(re.mid) or np.any(im.mid) else None for re, im in pairs))
-    above = products(
-        lambda x, y: scale * re_conj_product(x, y), along, along
-    )  # `of_bounds` covers the rounding
+    above = products(lambda x, y: scale * re_conj_product(x, y), along, along)  # `of_bounds` covers the rounding
     return Quotient(quadratic(above), quadratic(term[6:]))
 
 
