@@ -136,11 +136,11 @@ def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) 
     ]
 
     def integral(integrand: Callable[[acb, bool], acb], k: int) -> arb:
-        check_time()
         low, high = edges[k], edges[k + 1]
         throughout = integrand(acb(low.union(high)), True)
         if throughout == 0:
             return arb(0)
+        check_time()
         # an absolute tolerance, because the integral may be 0
         size = float(throughout.abs_upper())
         tolerance = size * float(high - low) * PRECISION if size < inf else 0.0
