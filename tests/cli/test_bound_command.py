@@ -1,4 +1,4 @@
-"""`vctune bound` as its users meet it: exit codes, what it goes on with, files whole or not at all."""
+"""`vctune bound` as its users meet it: exit codes, bounds that are cut short, files whole or not at all."""
 
 from __future__ import annotations
 
@@ -53,11 +53,10 @@ def test_a_gap_is_proved_and_shown(folder):
     assert found["verdict"] == "proved" and 0 < found["gap"] <= 0.02 and found["open"] == []
     page = (folder / "o/friction-wheel/report.html").read_text()
     assert "No other design lowers the transparency error by more than" in page
-    assert not (folder / "o/friction-wheel/bound.npz").exists()
 
 
 @pytest.mark.slow
-def test_what_is_left_is_kept_and_gone_on_with(folder, monkeypatch):
+def test_a_time_limit_leaves_the_bound_reached(folder, monkeypatch):
     """The clock counts how often it is asked, so that a limit ends the search at the same place on every machine.
 
     Some 700 of the 850 times are asked while the design is proved, before the search.
@@ -66,25 +65,12 @@ def test_what_is_left_is_kept_and_gone_on_with(folder, monkeypatch):
     command = ("bound", "problem.toml", str(design), "--time-limit")
     assert run(*command, "0", cwd=folder).returncode == ExitCode.UNDECIDED
     assert read_design(design).to_json()["optimality"] is None, "a search without time proves nothing"
-    reached = []
-    for _ in range(2):
-        monkeypatch.setattr(running, "perf_counter", map(float, count()).__next__)
-        assert run(*command, "850", "--gap", "0.0001", cwd=folder).returncode == ExitCode.UNDECIDED
-        found = optimality(design)
-        reached.append((found["lower_bound"], found["boxes"]))
-        assert found["verdict"] == "open" and found["open"]
-    assert reached == sorted(reached) and reached[1][1] > reached[0][1] > 0
+    monkeypatch.setattr(running, "perf_counter", map(float, count()).__next__)
+    assert run(*command, "850", "--gap", "0.0001", cwd=folder).returncode == ExitCode.UNDECIDED
+    found = optimality(design)
+    assert found["verdict"] == "open" and found["open"] and found["boxes"] > 0
     monkeypatch.undo()
     assert run(*command, "60", "--gap", "0.01", cwd=folder).returncode == ExitCode.OK
-    assert optimality(design)["boxes"] >= reached[1][1]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 not whole", b"\x93NUMPY"], ids=["empty", "torn", "foreign"])
-def test_a_damaged_rest_is_not_gone_on_with(folder, content):
-    (folder / "o/friction-wheel/bound.npz").write_bytes(content)
-    done = run("bound", "problem.toml", "o/friction-wheel/design.json", cwd=folder)
-    assert (done.returncode, done.stderr) == (ExitCode.OK, "")
 
 
 def test_ctrl_c_leaves_the_bound_reached(folder, monkeypatch):
@@ -106,7 +92,6 @@ def test_ctrl_c_leaves_the_bound_reached(folder, monkeypatch):
     done = run("bound", "problem.toml", design, "--gap", "0.0001", cwd=folder)
     assert (done.returncode, done.stderr) == (ExitCode.UNDECIDED, "")
     assert optimality(design)["lower_bound"] > 0 and next(rounds) == 21
-    assert (design.parent / "bound.npz").exists()
     assert not [path for path in design.parent.iterdir() if path.name.startswith(".")]
 
 

@@ -11,14 +11,14 @@ import pytest
 from vctune.analysis.demands import sensitivity_maxima, transparency_error
 from vctune.analysis.in_hands import least_ratios
 from vctune.api.bounding import bound
-from vctune.design.bound.design_boxes import DesignBoxes
-from vctune.design.bound.lower_bounds import lower_bounds
-from vctune.design.bound.relaxation import Places, relaxation
+from vctune.design.bound.objective import objective_of
+from vctune.design.bound.relaxation import Places, lower_bounds, relaxation
 from vctune.document.reading import read_problem
 from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem
+from vctune.proof.boxes import Cells
 
 WORLDS = Path("tests/reference/worlds")
 NAMES = "world-tools", "world-heavy-tools"
@@ -64,13 +64,15 @@ def random_places(problem: Problem, rng: np.random.Generator, count: int) -> Pla
 def check_bounds(name: str, designs: int, places: int) -> float:
     """Assert that no design is below the bound of a box around it; return the greatest quotient of bound and error."""
     problem, rng = problem_of(name), np.random.default_rng(4)
-    relaxed = relaxation(problem, [problem.device], [problem.device], random_places(problem, rng, places), 48)
+    relaxed = relaxation(
+        problem, [problem.device], random_places(problem, rng, places), objective_of(problem, [problem.device], 48)
+    )
     found = feasible_designs(problem, rng, designs)
     numbers = np.array([[g.velocity, g.position, c.mass / c.damping, c.drag] for g, c, _ in found]).T
     errors, tight = np.array([error for *_, error in found]), 0.0
     for width in (0.0, 1e-3, 0.03, 0.5):
         low, high = numbers / (1 + width * rng.uniform(0, 1, numbers.shape)), numbers * (1 + width)
-        bounds = lower_bounds(relaxed, DesignBoxes(low, high)).error
+        bounds = lower_bounds(relaxed, Cells(low, high))
         assert (bounds <= errors * (1 + 1e-9)).all()
         tight = max(tight, float((bounds / errors).max()))
     return tight

@@ -11,8 +11,7 @@ import pytest
 from mpmath import mp, mpf
 
 from vctune.design.bound import quadratics
-from vctune.design.bound.design_boxes import K_P, K_V
-from vctune.design.bound.quadratics import less, lower, upper
+from vctune.design.bound.quadratics import K_P, K_V, less, quadratic
 from vctune.proof.claims import cells as damping
 from vctune.proof.enclosures.intervals import Enclosure
 from vctune.proof.enclosures.taylor import HIGHER_ERROR, Taylor
@@ -88,19 +87,13 @@ def test_slopes_of_a_function_are_off_by_what_is_counted_and_covered_over_many_r
 
 def exact_terms(coefficients, K_v, K_p):
     """Return the terms of a quadratic whose coefficients are fractions."""
-    constant, linear, square, cross = coefficients
-    return [constant, K_v * linear[0], K_p * linear[1], K_v**2 * square[0], K_p**2 * square[1], K_v * K_p * cross]
+    factors = 1, K_v, K_p, K_v**2, K_p**2, K_v * K_p
+    return [factor * each for factor, each in zip(factors, coefficients, strict=True)]
 
 
 def enclosed(rng, points, signs):
     sizes = [awkward(rng, points) * rng.choice(signs, points) for _ in range(6)]
-    made = [Enclosure(size, np.abs(size) * rng.choice([0.0, U, 2.0**-30], points)) for size in sizes]
-    return made[0], (made[1], made[2]), (made[3], made[4]), made[5]
-
-
-def mapped(coefficients, f):
-    constant, linear, square, cross = coefficients
-    return f(constant), tuple(map(f, linear)), tuple(map(f, square)), f(cross)
+    return [Enclosure(size, np.abs(size) * rng.choice([0.0, U, 2.0**-30], points)) for size in sizes]
 
 
 @pytest.mark.parametrize("guard", [quadratics.GUARD, 0.0])
@@ -115,14 +108,14 @@ def test_a_quadratic_is_off_by_nine_roundings_of_its_terms_and_its_bounds_hold_t
         high[[K_V, K_P], 0] = low[[K_V, K_P], 0] * (1 + 2 * U)
         boxes, factor = SimpleNamespace(low=low, high=high), awkward(rng, (1, points))
         with np.errstate(all="ignore"):  # as where these are used
-            greatest, least = upper(a).greatest(boxes)[0], lower(a).least(boxes)[0]
-            taken = less(lower(a), factor, upper(b)).least(boxes)[0]
+            greatest, least = quadratic(a).greatest(boxes)[0], quadratic(a).least(boxes)[0]
+            taken = quadratics.least(less(quadratic(a), factor, quadratic(b)), boxes)[0]
         for at, ends in product(range(points), product(*((low[k, 0], high[k, 0]) for k in (K_V, K_P)))):
             gains = [Fraction(float(end)) for end in ends]
             sums = {}
             for name, of in (("a", a), ("b", b)):
                 for side in (-1, 1):
-                    said = mapped(of, lambda x, at=at, side=side: Fraction(x.mid[at]) + side * Fraction(x.rad[at]))
+                    said = [Fraction(x.mid[at]) + side * Fraction(x.rad[at]) for x in of]
                     sums[name, side] = exact_terms(said, *gains)
             r = Fraction(float(factor[0, at]))
             high_b, low_a, high_a = sums["b", 1], sums["a", -1], sums["a", 1]

@@ -16,10 +16,9 @@ from random_devices import ordinary_gains, with_parts
 
 import vctune
 from vctune.analysis.loops_in_hands import loops_in_hands
-from vctune.design.bound.design_boxes import DesignBoxes
-from vctune.design.bound.hands_bound import conditions_in_hands
-from vctune.design.bound.lower_bounds import lower_bounds
-from vctune.design.bound.relaxation import Places, relaxation
+from vctune.design.bound.conditions import conditions_in_hands
+from vctune.design.bound.objective import objective_of
+from vctune.design.bound.relaxation import Places, lower_bounds, relaxation
 from vctune.design.prepared import pose
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
@@ -208,13 +207,12 @@ def test_what_a_box_asks_for_in_hands_is_no_more_than_its_designs_ask_for(number
     device = with_parts(rng, number)
     gains, count, spread = ordinary_gains(device, rng)[0], 30, 10.0 ** rng.uniform(-4, 0, (4, 30))
     middle = np.array([[gains.velocity], [gains.position], [1.0], [1.0]])
-    boxes = DesignBoxes(middle / (1 + spread), middle * (1 + spread))
+    boxes = Cells(middle / (1 + spread), middle * (1 + spread))
     places = np.array([*rng.uniform(0, np.pi / device.sample_time, (1, 12)), *rng.uniform(0, 1, (3, 12))])
     places[1:] *= np.array([[device.mass], [30 * device.mass], [3000 * device.mass]])
     places[0, 0], places[0, 1] = 0.0, np.pi / device.sample_time
     with np.errstate(all="ignore"):
-        least, never = conditions_in_hands([device], PlacesInHands(places[0], Hand(*places[1:]))).least_required(boxes)
-        assert not never.any()
+        least = conditions_in_hands([device], PlacesInHands(places[0], Hand(*places[1:]))).required.least(boxes)
     hand = Hand(*(x[None, :] for x in places[1:]))
     loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), places[:1] * device.sample_time, FLOATS)
     for share in rng.random((30, 4, 1)):
@@ -241,13 +239,16 @@ def test_a_box_around_a_certified_design_costs_no_more_than_it():
     omega = some.theta[t] / problem.device.sample_time
     places = PlacesInHands(omega, some.hands.mapped(lambda number: number[h]))
     relaxed = relaxation(
-        problem, [problem.device], [problem.device], Places(np.zeros(0), np.array([500.0]), places), 24
+        problem,
+        [problem.device],
+        Places(np.zeros(0), np.array([500.0]), places),
+        objective_of(problem, [problem.device], 24),
     )
     for size in (0.0, 1e-3, 0.1, 1.0):
         with np.errstate(all="ignore"):
-            lower = lower_bounds(relaxed, DesignBoxes(at / (1 + size), at * (1 + size)))
-        assert lower.error[0] <= best.error and lower.infeasibility[0] <= 1 + 1e-9
-    assert lower_bounds(relaxed, DesignBoxes(at, at)).error[0] > 0.95 * best.error
+            lower = lower_bounds(relaxed, Cells(at / (1 + size), at * (1 + size)))
+        assert lower[0] <= best.error
+    assert lower_bounds(relaxed, Cells(at, at))[0] > 0.95 * best.error
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -11,7 +11,6 @@ from typing import Any
 
 from vctune.api.result import DESIGN_FILE, Files
 from vctune.api.solving import Design, json_text, require_gap, solve
-from vctune.design.bound.nodes import ResumeState, read_resume, resume_bytes
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
 from vctune.design.nlp.ipopt import ipopt_version
@@ -33,17 +32,6 @@ from vctune.report.paths import report_paths
 from vctune.running import OutOfTimeError, check_time
 from vctune.running import time_limit as limited
 
-SAVED = "bound.npz"  # File with the state of an unfinished search, beside design.json
-
-
-@dataclass(frozen=True, slots=True)
-class KnownDesign:
-    """The known design with which a search for a bound begins."""
-
-    record: DesignRecord  # record of the design, or of the reason why there is no design
-    best: Judgement | None  # judgement of the design by this version; None without a design
-    resume: ResumeState | None = None  # state of an earlier search
-
 
 @dataclass(frozen=True, slots=True)
 class Bounded:
@@ -52,7 +40,7 @@ class Bounded:
     file: ProblemFile  # the problem
     record: DesignRecord  # record of the best known design, including the bound if there is one
     judgement: Judgement | None  # judgement of the best known design; None if no design is known
-    optimality: Optimality | None  # `bound`, `gap` and `proved`
+    optimality: Optimality | None = None  # `bound`, `gap` and `proved`
 
     @property
     def status(self) -> Status:
@@ -65,34 +53,23 @@ class Bounded:
         return self.optimality is not None and self.optimality.proved
 
     @property
-    def improved(self) -> bool:
-        """Whether the search has found a better design than the known design."""
-        return self.optimality is not None and self.optimality.improved is not None
-
-    @property
     def design(self) -> Design:
         """The best known design as the result of the command."""
         found = ExitCode.OK if self.proved else ExitCode.UNDECIDED
-        code = ExitCode.FAILED if self.status is Status.INFEASIBLE else found
-        open_ = self.record.optimality is not None and self.record.optimality.verdict == "open"
-        return Design(self.file, self.record, code, resumes=open_)
+        return Design(self.file, self.record, ExitCode.FAILED if self.status is Status.INFEASIBLE else found)
 
     def files(self, design: Path) -> Files:
-        """Return the record with the bound in place of a design.json, and the state of an unfinished search."""
-        saved, files = design.parent / SAVED, self.design.files(design.parent)
-        if design.name != DESIGN_FILE:
-            files = {design: json_text(self.record)} | dict.fromkeys(report_paths(design.parent))
-        if self.optimality is not None:
-            files[saved] = None if self.proved else resume_bytes(self.file.sha256, self.optimality.resume)
-        return files
+        """Return the record with the bound in place of a design.json, and what that makes of the files beside it."""
+        if design.name == DESIGN_FILE:
+            return self.design.files(design.parent)
+        return {design: json_text(self.record)} | dict.fromkeys(report_paths(design.parent))
 
 
 def bound(
     problem: ProblemSource,
-    design: Solved | KnownDesign | str | Path | None = None,
+    design: Solved | str | Path | None = None,
     *,
     gap: float = 0.03,
-    jobs: int = 1,
     time_limit: float = inf,
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress = lambda stage: None,
@@ -103,12 +80,10 @@ def bound(
     ----------
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem; it must leave at least one variable free.
-    design : Solved or KnownDesign or str or Path, optional
-        The result of `solve`, the path of a design.json, or a known design; None to solve the problem first.
+    design : Solved or str or Path, optional
+        The result of `solve` or the path of a design.json; None to solve the problem first.
     gap : float
         The search ends when the design's error is at most (1 + gap) times the bound.
-    jobs : int
-        Number of threads.
     time_limit : float
         Seconds, including the time to solve the problem, after which the function returns the bound reached so far.
     stopped : Callable[[], bool]
@@ -130,28 +105,25 @@ def bound(
     require_gap(gap)
     file = require_free(problem_of(problem))
     with limited(time_limit):
-        start = _starting_design(file, design, progress)
-        if start.record.status == Status.INFEASIBLE.value:
-            return Bounded(file, start.record, None, None)
-        unsearched = Bounded(file, start.record, start.best, None)
-        if start.best is not None and start.best.certificate.cut:
-            return unsearched
+        known = _known(file, design, progress)
+        if known.status is Status.INFEASIBLE or (known.judgement is not None and known.judgement.certificate.cut):
+            return known
         prepared = prepare(file.problem)
+        improve = partial(improved, prepared)
         try:
             check_time()
-            optimality = search(
+            found = search(
                 prepared.given,
-                start.best,
-                partial(improved, prepared),
+                known.judgement,
+                improve,
                 gap=gap,
-                jobs=jobs,
-                resume=start.resume,
                 stopped=stopped,
                 progress=lambda at: progress(str(at)),
             )
         except OutOfTimeError:
-            return unsearched
-    return Bounded(file, _with_bound(file, start.record, optimality), optimality.improved or start.best, optimality)
+            return known
+    record = _with_bound(file, known.record, found)
+    return replace(known, record=record, judgement=found.improved or known.judgement, optimality=found)
 
 
 def require_free(file: ProblemFile) -> ProblemFile:
@@ -161,47 +133,25 @@ def require_free(file: ProblemFile) -> ProblemFile:
     return file
 
 
-def known_design(file: ProblemFile, path: Path, *, given: bool) -> KnownDesign | None:
-    """Return the given design, or the design of an unfinished search."""
-    resume = read_resume(path.parent / SAVED, file.sha256)
-    if resume is None and not given:
-        return None
-    try:
-        record, best = _read(file, path)
-    except InputError:
-        if given:
-            raise
-        return None
-    return None if record.status == Status.INFEASIBLE.value else KnownDesign(record, best, resume)
-
-
-def _starting_design(
-    file: ProblemFile, design: Solved | KnownDesign | str | Path | None, progress: Progress
-) -> KnownDesign:
-    """Return the design from which a search starts: the given design, or the solution of the problem."""
-    if isinstance(design, KnownDesign):
-        return design
-    if isinstance(design, str | Path) and (start := known_design(file, Path(design), given=True)) is not None:
-        return start
-    solved = design if isinstance(design, Solved) else solve(file, progress=progress)
-    resume = solved.optimality.resume if solved.optimality is not None else None
-    return KnownDesign(record_of(file, solved, ipopt_version(), today()), solved.judgement, resume)
-
-
-def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None]:
-    """Return the record in a design.json of the problem, and the judgement of this version on the design."""
-    record = read_design(path)
+def _known(file: ProblemFile, design: Solved | str | Path | None, progress: Progress) -> Bounded:
+    """Return the design from which a search starts, without a bound; this version judges that of a design.json."""
+    if not isinstance(design, str | Path):
+        solved = design or solve(file, progress=progress)
+        return Bounded(file, record_of(file, solved, ipopt_version(), today()), solved.judgement)
+    record = read_design(Path(design))
     if record.problem.sha256 != file.sha256:
-        require_record_of(file, record.problem, str(path), "design")
+        require_record_of(file, record.problem, str(design), "design")
         message = "is of another version of the problem; solve it again"
-        raise InputError.of(str(path), "other-version", message, key="problem.sha256")
+        raise InputError.of(str(design), "other-version", message, key="problem.sha256")
+    if record.status == Status.INFEASIBLE.value:
+        return _known(file, None, progress)
     if record.design is None:
-        return record, None
+        return Bounded(file, record, None)
     best = judge(file.problem, *record.design)
     if best.status is not Status.CERTIFIED and not best.certificate.cut:
         message = f"is not proved to meet the demands (status {best.status}); solve the problem again"
-        raise InputError.of(str(path), "not-certified", message, key="gains")
-    return record, best
+        raise InputError.of(str(design), "not-certified", message, key="gains")
+    return Bounded(file, record, best)
 
 
 def _with_bound(file: ProblemFile, record: DesignRecord, optimality: Optimality) -> DesignRecord:

@@ -100,7 +100,6 @@ class Design:
     file: ProblemFile
     found: DesignRecord
     exit_code: ExitCode
-    resumes: bool = False  # whether running the command again goes on with the work
 
     def rows(self) -> Rows:
         """Yield the status and the proved claims, the numbers, the repairs and the warnings."""
@@ -124,17 +123,16 @@ class Design:
         return files | dict.fromkeys(report_paths(folder))
 
     def steps(self, folder: Path) -> list[str]:
-        """Return the next steps: resume, look at the report, repair the problem, or use the design."""
+        """Return the next steps: look at the report, repair the problem, or use the design."""
         design, source, named = folder / DESIGN_FILE, self.file.source, self.file.source != str(called(STDIN))
         look = [f"open {folder / REPORT}" if (folder / REPORT).exists() else f"vctune report {quote(str(design))}"]
-        again = ["run it again to resume"] * (self.resumes and self.found.status == Status.CERTIFIED.value)
         if self.found.repairs:
             name = source if named else "the problem"
-            return [*again, f"write {self.found.repairs[0].needs} into {name} and solve again", *look]
+            return [f"write {self.found.repairs[0].needs} into {name} and solve again", *look]
         if self.found.status != Status.CERTIFIED.value:
-            return [*again, *look]
+            return look
         check = f"in CI vctune check {quote(source)} {quote(str(folder / GAINS_FILE))}"
-        return [*again, *look, f"vctune export {quote(str(design))}", *[check] * named]
+        return [*look, f"vctune export {quote(str(design))}", *[check] * named]
 
 
 def designed(file: ProblemFile, solved: Solved, *, strict: bool = False) -> Design:

@@ -22,7 +22,6 @@ from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, out_of_time
 
 if TYPE_CHECKING:
-    from vctune.design.bound.nodes import ResumeState
     from vctune.design.bound.search import Optimality, SearchState
 
 BOUND = "the search of every box"  # Name of the search of every box among the stages that a time limit may cut short
@@ -80,7 +79,7 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
         cut=best.cut,
     )
     if exhaustive and (solved.judgement is None or gap is not None) and not out_of_time():
-        solved = _searched(prepared, solved, progress, gap, early.resume if early else None)
+        solved = _searched(prepared, solved, progress, gap)
     if solved.judgement is None:
         proved = solved.optimality is not None and solved.optimality.proved
         cut = out_of_time() and not proved
@@ -104,9 +103,7 @@ def _early(prepared: Prepared) -> Optimality:
     )
 
 
-def _searched(
-    prepared: Prepared, solved: Solved, progress: Progress, gap: float | None, resume: ResumeState | None
-) -> Solved:
+def _searched(prepared: Prepared, solved: Solved, progress: Progress, gap: float | None) -> Solved:
     """Search the remaining boxes for a design if the optimiser found none, or for the bound that the user requested."""
     from vctune.design.bound.search import bound
 
@@ -126,7 +123,6 @@ def _searched(
             gap=within,
             most_boxes=most,
             most_stability_boxes=STABILITY_BOXES if gap is None else inf,
-            resume=resume,
             progress=tell,
         )
     except OutOfTimeError:

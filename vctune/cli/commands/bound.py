@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from vctune.api.argument_ranges import GAPS
-from vctune.cli.options import PATH, command, jobs_option, out_option, problem_argument, time_limited
+from vctune.cli.options import PATH, command, out_option, problem_argument, time_limited
 from vctune.cli.runner import Run
 
 
@@ -21,19 +21,18 @@ from vctune.cli.runner import Run
     show_default="0.03",
     help="Gap to prove between error and bound, as a share.",
 )
-@jobs_option("Number of threads.", 64)
 @out_option()
 @time_limited
-def bound(run: Run, problem: Path, design: Path | None, gap: float, jobs: int, out: Path) -> int:
+def bound(run: Run, problem: Path, design: Path | None, gap: float, out: Path) -> int:
     """Prove a lower bound on the error of every feasible design of PROBLEM.
 
     DESIGN is a design.json of the problem. Without DESIGN, vctune solves the problem first. The command adds the bound
     to design.json and to the report. After Ctrl-C or the time limit, the command writes the bound reached so far and
-    exits with code 3; run it again to continue. A second Ctrl-C ends it at once.
+    exits with code 3. A second Ctrl-C ends it at once.
     """
     from vctune import Status, interrupt, read_problem
     from vctune.api.bounding import bound as search
-    from vctune.api.bounding import known_design, require_free
+    from vctune.api.bounding import require_free
     from vctune.api.result import DESIGN_FILE, design_folder, write
     from vctune.api.solving import solve
 
@@ -41,13 +40,13 @@ def bound(run: Run, problem: Path, design: Path | None, gap: float, jobs: int, o
     path = design or design_folder(file, out) / DESIGN_FILE
     run.doubt(file)
     with run.progress(problem.name) as progress:
-        start = known_design(file, path, given=design is not None) or solve(file, progress=progress)
+        start = design or solve(file, progress=progress)
         with interrupt.interrupt_noted() as stopped:  # from here on, an interrupt would lose work
-            bounded = search(file, start, gap=gap, jobs=jobs, stopped=stopped, progress=progress)
+            bounded = search(file, start, gap=gap, stopped=stopped, progress=progress)
             write(bounded.files(path))
             if bounded.optimality is None and bounded.status is not Status.INFEASIBLE:
                 run.warn("time-limit", "the search had no time: vctune proved nothing about other designs")
         run.report(path, path.parent, progress)
-    if bounded.improved:
+    if bounded.optimality is not None and bounded.optimality.improved is not None:
         click.echo("found a better design, in a basin that the scan had missed", err=True)
     return run.show(bounded.design, bounded.record.to_json, path.parent, always=True)

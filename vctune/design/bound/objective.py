@@ -1,52 +1,77 @@
-"""Bound the error of the designs of a box from below, term by term (design/bound/README.md, section 1)."""
+"""Bound the error of the designs of a box from below, term by term (README.md, section 1)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, log
 
 import numpy as np
 from flint import acb, arb, ctx
 
-from vctune.design.bound.couplings import Couplings, SeriesCouplings, SpringDampers
-from vctune.design.bound.quadratic_coefficients import (
-    Coefficients,
-    Term,
-    concatenated,
-    error_term,
-    listed,
-    loop_at,
-    quadratic,
-    repeated,
-    replaced,
-)
-from vctune.design.bound.quadratics import BoundedQuotient, lower, upper
+from vctune.design.bound.conditions import loop_at, repeated
+from vctune.design.bound.quadratics import B_0, GUARD, TAU_C, Quotient, concatenated, products, quadratic
 from vctune.interrupt import interrupt_deferred
 from vctune.model.device import Device
 from vctune.model.loop.device_response import device_response
 from vctune.model.loop.loop import Affine, LoopConstants, loop_constants
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.numbers.pair import Pair, re_conj_product
+from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.problem import Band, Problem
 from vctune.model.sampled.impedance_display import spring_forms
 from vctune.model.transparency import quotient_terms
+from vctune.proof.boxes import Cells
 from vctune.proof.enclosures.arb_balls import BALLS, ball, device_ball
-from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, stacked
 from vctune.running import check_time
 
 PRECISION = 2.0**-44  # Relative precision of the integrals, 6e-14, about the size of `GUARD`
 
+# A term |X|^2/|Y|^2 of the squared error, prepared for the inequality of Cauchy and Schwarz: Re and Im of the three
+# coefficients of X conj X_0, where X_0 is the value of X if both gains are 0, and the six of |X_0|^2 |Y|^2
+Term = list[Number]
+TERM_LENGTH = 12
+
 
 @dataclass(frozen=True, slots=True)
 class Objective:
-    """The terms of the squared error."""
+    """The terms of the squared error: quotients for each frequency or interval of one device after another."""
 
-    admittance: BoundedQuotient  # the two terms of the loop
-    tracking: BoundedQuotient
-    couplings: Couplings  # the couplings, which give the third term
+    problem: Problem  # problem in SI units
+    loop: list[Quotient]  # the two terms of the loop
+    compliance: Quotient | None  # |1/Z_c|^2 of an impedance display's coupling as a function of b_c and k_c
     omega: Floats | None  # frequencies of the error for norm "peak", rad/s; None for "rms"
-    devices: int  # number of devices, whose terms follow one another; the objective is the greatest of their errors
+    devices: int  # number of devices; the objective is the greatest of their errors
+
+    def least(self, first: Floats, second: Floats, boxes: Cells) -> Floats:
+        """Return a lower bound of the squared error over each box, from the least elements of its couplings."""
+        squared = self._total(self.loop[0].of_bounds(boxes) + self.loop[1].of_bounds(boxes))
+        return np.asarray((squared + self._coupling(first, second, boxes)).max(axis=1))
+
+    def _total(self, squared: Floats) -> Floats:
+        return squared if self.omega is not None else squared.reshape(len(squared), self.devices, -1).sum(axis=2)
+
+    def _coupling(self, first: Floats, second: Floats, boxes: Cells) -> Floats:
+        """Return the term of the coupling: |1/Z_c|^2, or |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s."""
+        shortest, longest = boxes.low[TAU_C], boxes.high[TAU_C]
+        if self.compliance is not None:
+            b_c = 1 / second
+            most = np.stack((b_c, np.fmin(1 / first, b_c / shortest))) * (1 + 4 * GUARD)
+            return self._total(self.compliance.of_bounds(Cells(0 * most, most)))
+        b_c, m_c, b_0, shortest, longest = (x[:, None] for x in (first, second, boxes.low[B_0], shortest, longest))
+        light, heavy = self._transmitted(shortest), self._transmitted(longest)
+        coupled = 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / longest) * heavy)
+        wanted = self.problem.transparency
+        return np.asarray((wanted.weights.coupling / wanted.reference_impedance) ** 2 * (b_0 * b_0 + coupled))
+
+    def _transmitted(self, tau_c: Floats) -> Floats:
+        """Return x^2/(1 + x^2), which is |Z_c/b_c|^2 and Re Z_c/b_c without drag, or its mean over log frequency."""
+        if self.omega is not None:
+            x2 = np.square(self.omega * tau_c)
+            return np.asarray(x2 / (1 + x2))
+        low, high = self.problem.transparency.band.min, self.problem.transparency.band.max
+        rise = (high - low) * (high + low) * np.square(tau_c) / (1 + np.square(low * tau_c))
+        return np.asarray(np.log1p(rise) / (2 * log(high / low)) * (1 - GUARD * high / (high - low)))
 
 
 def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) -> Objective:
@@ -58,41 +83,45 @@ def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) ->
     if wanted.norm == "peak":
         omega = np.tile(np.geomspace(wanted.band.min, wanted.band.max, intervals), len(devices))
         every = repeated(devices, intervals)
-        terms = _loop_terms(loop_at(every, omega), every)
+        found = _loop_terms(loop_at(every, omega), every)
         if kind.inverse:
-            terms.append(_compliance(every.converted(decimal), Enclosure(omega), ENCLOSURES))
+            found.append(_compliance(every.converted(decimal), Enclosure(omega), ENCLOSURES))
+        terms = [stacked(term) for term in found]
     else:
         each = [_integrated(one, wanted.band, intervals, [scale > 0 for scale in scales]) for one in devices]
-        terms = [replaced(same[0], concatenated([listed(term) for term in same])) for same in zip(*each, strict=True)]
-    admittance, tracking, *compliance = (
-        BoundedQuotient(
-            lower(quadratic(re_conj_product, term.along, term.along, crossed=True)), upper(term.size), scale
-        )
-        for term, scale in zip(terms, scales, strict=True)
-    )
-    couplings: Couplings = SeriesCouplings(problem, omega)
-    if compliance:
-        couplings = SpringDampers(problem, compliance[0], None if omega is not None else len(devices))
-    return Objective(admittance, tracking, couplings, omega, len(devices))
+        terms = [concatenated(same) for same in zip(*each, strict=True)]
+    admittance, tracking, *rest = map(_quotient, terms, scales)
+    return Objective(problem, [admittance, tracking], rest[0] if rest else None, omega, len(devices))
+
+
+def _quotient(term: Enclosure, scale: float) -> Quotient:
+    pairs = ((term[k], term[k + 1]) for k in (0, 2, 4))
+    along = Affine(*(Pair(re, im) if np.any(re.mid) or np.any(im.mid) else None for re, im in pairs))
+    above = products(lambda x, y: scale * re_conj_product(x, y), along, along)  # `of_bounds` covers the rounding
+    return Quotient(quadratic(above), quadratic(term[6:]))
 
 
 def _loop_terms(at: LoopConstants, device: Device) -> list[Term]:
-    crossed = device.velocity is not None
-    return [error_term(term, crossed=crossed) for term in quotient_terms(at, device.kind)]
+    found = []
+    for X, Y in quotient_terms(at, device.kind):
+        idle, weight = X.constant, X.constant.abs2()
+        parts = (x for x in (X.velocity, X.position))
+        along = [0.0 if x is None else of(x, idle) for x in parts for of in (re_conj_product, im_conj_product)]
+        size = products(lambda x, y, k=weight: k * re_conj_product(x, y), Y, Y, crossed=device.velocity is not None)
+        found.append([weight, 0.0, *along, *size])
+    return found
 
 
 def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
     """Return |1/Z_c|^2 as a function of b_c and k_c, in the form s^2/(s^2 |Z_c|^2)."""
     theta = omega * device.sample_time
     _, (damped, crossed, stiff) = spring_forms(device, theta, ops)
-    sin = ops.sin(theta / 2)
-    size: Coefficients = (0 * sin, None, (damped, stiff), crossed)
-    return Term(Affine(Pair(sin, 0), None, None), size)
+    return [ops.sin(theta / 2), *[0.0] * 5, 0.0, 0.0, 0.0, damped, stiff, crossed]
 
 
-def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Term]:
-    """Return the terms of the mean over log frequency, with the inequality of Cauchy and Schwarz on each of several
-    equal intervals."""
+def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Enclosure]:
+    """Return the means of the terms over log frequency, each an enclosure of shape (`TERM_LENGTH`, intervals), with the
+    inequality of Cauchy and Schwarz on each of several equal intervals."""
     exact, first = device_ball(device.bare), ball(band.min).log()
     length = ball(band.max).log() - first
     edges = [first + length * k / intervals for k in range(intervals + 1)]
@@ -100,31 +129,32 @@ def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) 
     def of_loop(x: acb) -> list[Term]:
         return _loop_terms(loop_constants(device_response(exact, x.exp(), BALLS)), device)
 
-    terms: list[Callable[[acb], Term]] = [lambda x: of_loop(x)[0], lambda x: of_loop(x)[1]]
-    if device.kind.inverse:
-        terms.append(lambda x: _compliance(exact, x.exp(), BALLS))
+    terms: list[Callable[[acb], Term]] = [
+        lambda x: of_loop(x)[0],
+        lambda x: of_loop(x)[1],
+        lambda x: _compliance(exact, x.exp(), BALLS),
+    ]
 
     def integral(integrand: Callable[[acb, bool], acb], k: int) -> arb:
-        check_time()
         low, high = edges[k], edges[k + 1]
         throughout = integrand(acb(low.union(high)), True)
         if throughout == 0:
             return arb(0)
+        check_time()
         # an absolute tolerance, because the integral may be 0
         size = float(throughout.abs_upper())
         tolerance = size * float(high - low) * PRECISION if size < inf else 0.0
         return acb.integral(integrand, low, high, rel_tol=PRECISION, abs_tol=tolerance).real / length
 
-    def integrated(term: Callable[[acb], Term], counts: bool) -> Term:
-        shape = term(acb(edges[0]))
+    def row_of(term: Callable[[acb], Term], row: int) -> Callable[[acb, bool], acb]:
+        return lambda x, _analytic: acb(term(x)[row])
 
-        def row(index: int) -> Enclosure:
-            if not counts:
-                return Enclosure(np.ones(intervals), np.zeros(intervals))
-            found = [integral(lambda x, _analytic: acb(listed(term(x))[index]), k) for k in range(intervals)]
-            return Enclosure(*(np.array([float(f(x)) for x in found]) for f in (arb.mid, arb.rad)))
-
-        return replaced(shape, [row(index) for index in range(len(listed(shape)))])
+    def integrated(term: Callable[[acb], Term], counts: bool) -> Enclosure:
+        if not counts:
+            return Enclosure(np.ones((TERM_LENGTH, intervals)), np.zeros((TERM_LENGTH, intervals)))
+        found = [[integral(row_of(term, row), k) for k in range(intervals)] for row in range(TERM_LENGTH)]
+        mid, rad = (np.array([[float(f(x)) for x in row] for row in found]) for f in (arb.mid, arb.rad))
+        return Enclosure(mid, rad)
 
     with ctx.workprec(64), interrupt_deferred():  # Arb would replace an exception of the integrand by another one
-        return [integrated(term, counts) for term, counts in zip(terms, wanted, strict=True)]
+        return [integrated(term, counts) for term, counts in zip(terms, wanted, strict=False)]

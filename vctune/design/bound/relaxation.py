@@ -1,47 +1,34 @@
-"""Relax a design problem, so that many boxes of designs can be bounded at once. See model/README.md, section 8;
-design/bound/README.md, section 1."""
+"""Relax a design problem, and compute from it lower bounds on the error of the designs of many boxes at once. See
+model/README.md, section 8; README.md, section 1."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Protocol
+from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 
-from vctune.design.bound.design_boxes import DesignBoxes
-from vctune.design.bound.hands_bound import conditions_in_any_hand, conditions_in_hands
-from vctune.design.bound.llewellyn_bound import llewellyn_conditions
-from vctune.design.bound.objective import Objective, objective_of
-from vctune.design.bound.quadratic_coefficients import quadratic, repeated
-from vctune.design.bound.quadratics import BoundedQuotient, Quadratic, rounded_down, upper
-from vctune.design.bound.worlds_bound import conditions_in_worlds
+from vctune.design.bound.conditions import (
+    Least,
+    LlewellynConditions,
+    SampledConditions,
+    conditions_in_any_hand,
+    conditions_in_hands,
+    llewellyn_conditions,
+    repeated,
+)
+from vctune.design.bound.objective import Objective
+from vctune.design.bound.quadratics import B_0, GUARD, K_P, K_V, TAU_C, Quotient, products, quadratic
 from vctune.model.device import Device
 from vctune.model.hand_arrays import PlacesInHands
+from vctune.model.loop.limits import lags
 from vctune.model.loop.loop import Affine
+from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import re_conj_product
-from vctune.model.problem import Problem
+from vctune.model.problem import Problem, Range
 from vctune.model.sampled.velocity_loop import return_difference, sampled_plant, split_delay
+from vctune.proof.boxes import Cells
 from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, decimal
-
-
-class Conditions(Protocol):
-    """A constraint on the coupling at some places of several devices, one device after another."""
-
-    def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
-        """Return the least elements of the coupling, each of shape (boxes, places), and the boxes that permit no
-        coupling."""
-
-
-@dataclass(frozen=True, slots=True)
-class Relaxation:
-    """A relaxed design problem: fewer frequencies, and bounds instead of values."""
-
-    problem: Problem  # the problem
-    devices: list[Device]  # devices and places for which the relaxation imposes the constraints
-    places: Places
-    conditions: list[Conditions]  # constraints on the coupling
-    sensitivity: BoundedQuotient  # |S|^2 of the sampled loop of each device
-    objective: Objective  # the terms of the squared error
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,14 +41,9 @@ class Places:
     any_hand: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
-    def most(self) -> int:
-        """The greatest number of places for one of the constraints on the coupling."""
-        return max(len(self.omega), len(self.in_hands), len(self.any_hand))
-
-    @property
-    def number(self) -> int:
-        """The total number of places."""
-        return len(self.omega) + len(self.sensitivity) + len(self.in_hands) + len(self.any_hand)
+    def counts(self) -> tuple[int, int, int, int]:
+        """The number of places for each of the constraints on the coupling, and for |S|."""
+        return len(self.omega), len(self.in_hands), len(self.any_hand), len(self.sensitivity)
 
     def joined(self, more: Places) -> Places:
         """Return the union of these places and others, in ascending order and without duplicates."""
@@ -73,52 +55,95 @@ class Places:
         )
 
 
-def relaxation(
-    problem: Problem, devices: list[Device], objective: list[Device], places: Places, intervals: int
-) -> Relaxation:
+@dataclass(frozen=True, slots=True)
+class Relaxation:
+    """A relaxed design problem: fewer frequencies, and bounds instead of values."""
+
+    problem: Problem  # the problem
+    devices: list[Device]  # devices and places for which the relaxation imposes the constraints
+    places: Places
+    conditions: list[LlewellynConditions | SampledConditions]  # constraints on the coupling
+    sensitivity: Quotient  # |S|^2 of the sampled loop of each device
+    objective: Objective  # the terms of the squared error
+
+
+def relaxation(problem: Problem, devices: list[Device], places: Places, objective: Objective) -> Relaxation:
     """Relax a problem: impose its constraints at some places only, and bound the terms of its error from below."""
-    terms = objective_of(problem, objective, intervals)
-    return Relaxation(
-        problem,
-        devices,
-        places,
-        _conditions(problem, devices, places),
-        _sensitivity(devices, places.sensitivity),
-        terms,
-    )
-
-
-def at_places(relaxed: Relaxation, places: Places) -> Relaxation:
-    """Return a relaxation with the constraints at other places, and with the same terms of the error."""
-    problem, devices = relaxed.problem, relaxed.devices
-    return replace(
-        relaxed,
-        places=places,
-        conditions=_conditions(problem, devices, places),
-        sensitivity=_sensitivity(devices, places.sensitivity),
-    )
-
-
-def _conditions(problem: Problem, devices: list[Device], places: Places) -> list[Conditions]:
-    found: list[Conditions] = []
+    found: list[LlewellynConditions | SampledConditions] = []
     if problem.passive:
         found.append(llewellyn_conditions(devices, places.omega))
-    if problem.hands_met is not None and problem.worlds is None:
-        found.append(conditions_in_hands(devices, places.in_hands))
-    if problem.hands_met is not None and problem.worlds is not None:
-        found.append(conditions_in_worlds(devices, places.in_hands, problem.worlds.linear))
+    if problem.hands_met is not None:
+        worlds = None if problem.worlds is None else problem.worlds.linear
+        found.append(conditions_in_hands(devices, places.in_hands, worlds))
     if problem.any_hand:
         found.append(conditions_in_any_hand(devices, places.any_hand))
-    return found
+    return Relaxation(problem, devices, places, found, _sensitivity(devices, places.sensitivity), objective)
 
 
-def _sensitivity(devices: list[Device], upto: Floats) -> BoundedQuotient:
+def _sensitivity(devices: list[Device], upto: Floats) -> Quotient:
     """Return |F_0|^2/|F|^2 of the sampled loop. F is affine in the gains, so |F|^2 is convex in them."""
     device, omega = repeated(devices, len(upto)), np.tile(upto, len(devices))
     whole, fraction = split_delay(device.delay, device.sample_time)
     exact = device.bare.converted(decimal)
     plant = sampled_plant(exact, whole, ENCLOSURES, fractional=bool(np.any(fraction)))
     F = return_difference(plant, exact.sample_time * omega, ENCLOSURES, position=True)
-    loop = Affine(F.open, F.velocity, F.position)
-    size = upper(quadratic(re_conj_product, loop, loop, crossed=True))
-    return BoundedQuotient(Quadratic(rounded_down(F.open.abs2())), size)
+    loop, open_loop = Affine(F.open, F.velocity, F.position), Affine(F.open)
+    return Quotient(*(quadratic(products(re_conj_product, each, each)) for each in (open_loop, loop)))
+
+
+@np.errstate(all="ignore")
+def lower_bounds(relaxed: Relaxation, boxes: Cells) -> Floats:
+    """Return lower bounds of the error of the feasible designs in each box, shape (boxes,); inf if none is feasible."""
+    problem, (first, second, none) = relaxed.problem, least_coupling(relaxed, boxes)
+    S = np.sqrt(relaxed.sensitivity.of_bounds(boxes).max(axis=1))
+    excess = S / problem.stability.max_sensitivity * (1 - GUARD)
+    for element, range_ in zip((first, second), _element_ranges(problem), strict=True):
+        excess = np.fmax(excess, element / range_.max)
+    none = none | (excess > 1 + 4 * GUARD) | ((boxes.low[K_P] > 0) & without_integrator(problem, boxes))
+    squared = np.nan_to_num(relaxed.objective.least(first, second, boxes), nan=0.0, posinf=0.0)
+    return np.where(none, inf, np.sqrt(squared) * (1 - 10 * GUARD))
+
+
+@np.errstate(all="ignore")
+def least_coupling(relaxed: Relaxation, boxes: Cells) -> Least:
+    """Return the least elements of the coupling that the conditions and the bounds permit in each box, and the boxes
+    that permit no coupling; see `Least`."""
+    one, other = _element_ranges(relaxed.problem)
+    lowest, highest = boxes.low[TAU_C], boxes.high[TAU_C]  # of the ratio of the second element to the first
+    if relaxed.problem.device.kind.inverse:
+        lowest, highest = 1 / highest, 1 / lowest
+    first, second, none = (
+        np.fmax(one.min, other.min / highest),
+        np.full(len(boxes), other.min),
+        np.zeros(len(boxes), bool),
+    )
+    for condition in relaxed.conditions:
+        b, m, never = condition.least_elements(boxes, relaxed.problem.stability.safety_factor)
+        first, second, none = np.maximum(first, b.max(axis=1)), np.maximum(second, m.max(axis=1)), none | never
+    second = np.maximum(second, first * lowest)
+    return first * (1 - 10 * GUARD), second * (1 - 10 * GUARD), none
+
+
+def _element_ranges(problem: Problem) -> tuple[Range, Range]:
+    """Return the bounds of b_c and m_c; for an impedance display those of 1/k_c and 1/b_c."""
+    if not problem.device.kind.inverse:
+        return problem.bounds.damping, problem.bounds.mass
+    k_c, b_c = (
+        Range(*(1 / end if end > 0 else inf for end in (of.max, of.min)))
+        for of in (problem.bounds.stiffness, problem.bounds.damping)
+    )
+    return k_c, b_c
+
+
+def without_integrator(problem: Problem, boxes: Cells) -> Flags:
+    """Return the boxes in which no feasible design has K_p > 0, because b_0 lies below R at omega = 0."""
+    device = problem.device
+    beyond = device.structure is not None or (device.operator is not None and not device.ideal)
+    if not problem.passive or problem.stability.band.min > 0 or beyond:
+        return np.zeros(len(boxes), bool)
+    late, gripped = lags(device, FLOATS), device.least_damping
+    b = device.damping + boxes.low[K_P] * late.sensor * (1 - GUARD)
+    b_h, factor = gripped - device.damping, problem.stability.safety_factor
+    most = (gripped + boxes.high[K_V]) * (1 + GUARD) - late.drive * boxes.low[K_P] * (1 - GUARD)
+    eased = 4 * (most * boxes.high[B_0] + factor * b_h * np.maximum(most - gripped, 0.0))
+    return (most < 0) | (eased < factor * b * b * (1 - 10 * GUARD))

@@ -1,9 +1,8 @@
-"""Compute a lower bound on the error of all feasible designs, by branch and bound. See design/bound/README.md."""
+"""Compute a lower bound on the error of all feasible designs, by branch and bound. See README.md, section 2."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, sqrt
@@ -13,12 +12,10 @@ import numpy as np
 from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
 from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.loops_in_hands import loops_in_hands
-from vctune.design.bound.design_boxes import B_0, K_P, K_V, TAU_C, DesignBoxes, axes_of
-from vctune.design.bound.lower_bounds import least_coupling
-from vctune.design.bound.nodes import OpenNodes, ResumeState, joined, root
-from vctune.design.bound.relaxation import Places, Relaxation, at_places, relaxation
-from vctune.design.bound.stability_bound import proved_stability
-from vctune.design.bound.strong_branching import Halved, halved
+from vctune.design.bound.nodes import Axes, OpenNodes, axes_of, halved, joined, proved_stability
+from vctune.design.bound.objective import objective_of
+from vctune.design.bound.quadratics import K_P, K_V
+from vctune.design.bound.relaxation import Places, Relaxation, least_coupling, relaxation
 from vctune.design.prepared import Posed, acting_terms, with_acting_terms
 from vctune.design.search.shapes import coupling_of
 from vctune.design.verdict.judge import Judgement
@@ -27,6 +24,8 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.problem import Problem
 from vctune.model.transparency import TermName
+from vctune.proof.boxes import Cells
+from vctune.proof.enclosures.intervals import Flags
 from vctune.running import OutOfTimeError, out_of_time
 
 # Number of frequencies of the first relaxation, and number of intervals of the transparency band
@@ -79,7 +78,12 @@ class Optimality:
     improved: Judgement | None  # a better design than the given one; None if the search found none
     terms: tuple[TermName, ...]  # terms of the error that the bound covers; empty if it covers all
     history: list[SearchState]  # states of the search; the last entry is the current one
-    resume: ResumeState  # the remaining work; it has no open node if the gap is proved
+    open: OpenNodes  # the remaining boxes; none if the gap is proved
+
+    @property
+    def boxes(self) -> int:
+        """The number of computed lower bounds."""
+        return self.history[-1].boxes
 
     @property
     def gap(self) -> float:
@@ -91,12 +95,14 @@ class Optimality:
 class _Search:
     """The state that changes during the search."""
 
+    posed: Posed
+    axes: Axes
     relaxed: Relaxation  # the relaxation with all places so far
+    nodes: OpenNodes
     incumbent: float  # error of the best known design
-    improved: Judgement | None  # the best known design, if the search found it; else None
-    pruned_bound: float  # the least lower bound of the pruned boxes
-    boxes: int  # number of lower bounds computed
-    history: list[SearchState]  # states so far
+    improved: Judgement | None = None  # the best known design, if the search found it; else None
+    pruned_bound: float = inf  # the least lower bound of the pruned boxes
+    boxes: int = 0  # number of lower bounds computed
     stability_boxes: int = 0  # number of boxes of frequency and gains in the proofs of stable loops
 
 
@@ -108,56 +114,65 @@ def bound(
     gap: float,
     most_boxes: float = inf,
     most_stability_boxes: float = inf,
-    jobs: int = 1,
-    resume: ResumeState | None = None,
     stopped: Callable[[], bool] = lambda: False,
     progress: Callable[[SearchState], None] = lambda state: None,
 ) -> Optimality:
-    """Prove a lower bound on the error of every feasible design of a problem (design/bound/README.md)."""
+    """Prove a lower bound on the error of every feasible design of a problem (README.md, section 2)."""
     given, posed = posed, with_acting_terms(posed)
     axes = axes_of(posed.problem)
-    incumbent = best.acting_error if best else inf
-    nodes, pruned_bound, boxes = root(axes), inf, 0
-    if resume is not None and resume.pruned_bound >= incumbent / (1 + gap):
-        nodes, pruned_bound, boxes = resume.nodes, resume.pruned_bound, resume.boxes
-    search = _Search(_relaxed(posed, best), incumbent, None, pruned_bound, boxes, [])
+    root = OpenNodes(axes.whole, np.zeros(1), np.zeros(1, bool))
+    search = _Search(posed, axes, _relaxed(posed, best), root, best.acting_error if best else inf)
+    history: list[SearchState] = []
     with suppress(OutOfTimeError):
-        if all(axis.low == axis.high for axis in axes[:TAU_C]):  # the search never halves fixed gains
-            nodes = _with_stability(posed, search, Halved(nodes, np.ones(len(nodes), bool), 0))
-    rounds, single = 0, all(axis.low == axis.high for axis in axes)
-    with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
+        if not {K_V, K_P} & set(axes.free):  # the search never halves fixed gains
+            _prove_stability(search, search.nodes, np.ones(1, bool))
+    with np.errstate(all="ignore"):
         while True:
-            nodes = _pruned(nodes, search, gap)
-            search.history.append(_state(search, nodes))
-            progress(search.history[-1])
+            _prune(search, gap)
+            reached = min(search.pruned_bound, search.nodes.lowest, search.incumbent)
+            history.append(SearchState(search.boxes, reached, search.incumbent, len(search.nodes)))
+            progress(history[-1])
             stop = stopped() or out_of_time()
             stop |= search.boxes > most_boxes or search.stability_boxes > most_stability_boxes
-            if not len(nodes) or stop or (single and _stands(search)):
+            # a further round would not raise the bound of a single box
+            stop |= not axes.free and len(history) > 2 and history[-1].bound == history[-2].bound
+            if stop or not len(search.nodes):
                 break
             with suppress(OutOfTimeError):  # at the time limit the open nodes stay open
-                if single or rounds % TRY_EVERY == 0:
-                    _try_best_node(posed, search, nodes, improve)
-                promising, others = _most_promising(nodes)
-                young = halved(search.relaxed, axes, promising, search.incumbent, pool)
-                search.boxes += young.worked_out
-                nodes = joined([others, _with_stability(posed, search, young)])
-            rounds += 1
-    last, proved = search.history[-1], not len(nodes)
-    left = ResumeState(nodes, search.pruned_bound, search.boxes)
-    return Optimality(
-        bound=last.bound,
-        incumbent=search.incumbent,
-        proved=proved,
-        improved=search.improved,
-        terms=acting_terms(posed.problem) if posed is not given else (),
-        history=search.history,
-        resume=left,
+                if not axes.free or (len(history) - 1) % TRY_EVERY == 0:
+                    _try_best_node(search, improve)
+                _branch(search)
+    terms = acting_terms(posed.problem) if posed is not given else ()
+    proved = not len(search.nodes)
+    return Optimality(history[-1].bound, search.incumbent, proved, search.improved, terms, history, search.nodes)
+
+
+def _prune(search: _Search, gap: float) -> None:
+    """Drop the boxes that cannot contain a design better than the incumbent by more than the gap."""
+    nodes, open_ = search.nodes, search.nodes.bound < search.incumbent / (1 + gap)
+    search.pruned_bound = min(search.pruned_bound, nodes.subset(~open_).lowest)
+    search.nodes = nodes.subset(open_)
+
+
+def _branch(search: _Search) -> None:
+    """Halve the boxes with the least bounds."""
+    order = np.argsort(search.nodes.bound, kind="stable")
+    young, along_gains, boxes = halved(
+        search.relaxed, search.axes, search.nodes.subset(order[:CHUNK]), search.incumbent
     )
+    search.boxes += boxes
+    _prove_stability(search, young, along_gains)
+    search.nodes = joined((search.nodes.subset(order[CHUNK:]), young))
 
 
-def _stands(search: _Search) -> bool:
-    """Return whether the last round did not raise the bound. For a single box, no further round would raise it."""
-    return len(search.history) > 2 and search.history[-1].bound == search.history[-2].bound
+def _prove_stability(search: _Search, nodes: OpenNodes, asked: Flags) -> None:
+    """Mark the boxes whose loops are all proved stable, and set the bound of boxes with only unstable loops to inf."""
+    unknown = np.flatnonzero(asked & ~nodes.stable & (nodes.bound < search.incumbent))
+    if len(unknown):
+        stable, unstable, boxes = proved_stability(search.posed, nodes.boxes.subset(unknown))
+        search.stability_boxes += boxes
+        nodes.stable[unknown] = stable
+        nodes.bound[unknown[unstable]] = inf
 
 
 def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
@@ -171,7 +186,8 @@ def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
     if best is not None:
         for case in posed.cases:
             places = places.joined(_tight_places(case, best.gains, best.coupling))
-    return relaxation(problem, _devices(posed.cases), _devices(posed.objective), places, INTERVALS)
+    terms = objective_of(problem, _devices(posed.objective), INTERVALS)
+    return relaxation(problem, _devices(posed.cases), places, terms)
 
 
 def _in_worst_hands(problem: Problem, best: Judgement | None) -> PlacesInHands:
@@ -207,58 +223,26 @@ def _devices(cases: tuple[Problem, ...]) -> list[Device]:
     return list(dict.fromkeys(case.device.modelled for case in cases))
 
 
-def _pruned(nodes: OpenNodes, search: _Search, gap: float) -> OpenNodes:
-    """Drop the boxes that cannot contain a design better than the incumbent by more than the gap."""
-    open_ = nodes.bound < search.incumbent / (1 + gap)
-    search.pruned_bound = min(search.pruned_bound, nodes.subset(~open_).lowest)
-    return nodes.subset(open_)
-
-
-def _state(search: _Search, nodes: OpenNodes) -> SearchState:
-    reached = min(search.pruned_bound, nodes.lowest, search.incumbent)
-    return SearchState(search.boxes, reached, search.incumbent, len(nodes))
-
-
-def _most_promising(nodes: OpenNodes) -> tuple[OpenNodes, OpenNodes]:
-    """Return the nodes with the least bounds, and the other nodes."""
-    chosen = np.zeros(len(nodes), bool)
-    chosen[np.argsort(nodes.bound, kind="stable")[:CHUNK]] = True
-    return nodes.subset(chosen), nodes.subset(~chosen)
-
-
-def _with_stability(posed: Posed, search: _Search, young: Halved) -> OpenNodes:
-    """Mark the new boxes whose loops are all proved stable, and set the bound of boxes with only unstable loops to
-    inf."""
-    nodes = young.nodes
-    unknown = np.flatnonzero(young.along_gains & ~nodes.stable & (nodes.bound < search.incumbent))
-    if len(unknown):
-        found = proved_stability(posed, nodes.boxes.subset(unknown))
-        search.stability_boxes += found.boxes
-        nodes.stable[unknown] = found.stable
-        nodes.bound[unknown[found.unstable]] = inf
-    return nodes
-
-
-def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Improve) -> None:
+def _try_best_node(search: _Search, improve: Improve) -> None:
     """Evaluate the middle of the most promising box: find the constraints that it violates, and look for a better
     design."""
-    axes, first = axes_of(posed.problem), int(np.argmin(nodes.bound))
-    low, high = nodes.boxes.low[:, [first]], nodes.boxes.high[:, [first]]
-    middle = np.array([axis.middle(low[row], high[row]) for row, axis in enumerate(axes)])
-    least = least_coupling(search.relaxed, DesignBoxes(middle, middle))
-    K_v, K_p, tau_c, b_0 = (float(middle[row, 0]) for row in (K_V, K_P, TAU_C, B_0))
-    if high[K_P, 0] <= axes[K_P].scale:  # a box of very small position gains: try K_p = 0
+    boxes = search.nodes.boxes.subset(np.array([np.argmin(search.nodes.bound)]))
+    middle = search.axes.middle(boxes)
+    first, _, _ = least_coupling(search.relaxed, Cells(middle, middle))
+    K_v, K_p, tau_c, b_0 = middle[:, 0].tolist()
+    if boxes.high[K_P, 0] <= search.axes.scale[K_P, 0]:  # a box of very small position gains: try K_p = 0
         K_p = 0.0
-    _add_places(posed, search, Gains(K_v, K_p), coupling_of(posed.problem, float(least.first[0]), tau_c, b_0))
+    _add_places(search, Gains(K_v, K_p), coupling_of(search.posed.problem, float(first[0]), tau_c, b_0))
     better = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
     if better is not None:
         search.improved, search.incumbent = better, better.acting_error
 
 
-def _add_places(posed: Posed, search: _Search, gains: Gains, coupling: AnyCoupling) -> None:
+def _add_places(search: _Search, gains: Gains, coupling: AnyCoupling) -> None:
     """Add the places at which a design violates a constraint to the places of the relaxation."""
     known = more = search.relaxed.places
-    for case in posed.cases:
+    for case in search.posed.cases:
         more = more.joined(_tight_places(case, gains, coupling, broken=True))
-    if known.most < MOST_FREQUENCIES and more.number > known.number:
-        search.relaxed = at_places(search.relaxed, more)
+    if max(known.counts[:3]) < MOST_FREQUENCIES and sum(more.counts) > sum(known.counts):
+        relaxed = search.relaxed
+        search.relaxed = relaxation(relaxed.problem, relaxed.devices, more, relaxed.objective)

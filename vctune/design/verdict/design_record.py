@@ -388,14 +388,14 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
 
 def optimality_record(found: Optimality) -> OptimalityRecord:
     """Return the record of the bound on every design: bound, gap, history, and open boxes."""
-    nodes = found.resume.nodes
+    nodes = found.open
     lowest = np.argsort(nodes.bound, kind="stable")[:SHOWN]
     every = max(1, len(found.history) // SHOWN)
     return OptimalityRecord(
         lower_bound=found.bound,
         gap=found.gap,
         verdict="proved" if found.proved else "open",
-        boxes=found.resume.boxes,
+        boxes=found.boxes,
         terms=list(found.terms) or None,
         history=[
             GlanceRecord(boxes=at.boxes, lower_bound=at.bound, error=at.incumbent, open=at.open)
