@@ -25,7 +25,9 @@ Margin = Callable[[Number, Values], Number]  # must be positive; of a tuple of n
 Curve = Callable[[Number, Values], Pair]  # must not be 0
 
 LOST = -1.0  # Least nearness to a proof: a margin that would not be positive even if it rose by its whole variation
-FROM_ZERO = 0.1  # Relative width of an interval from frequency 0, which halving never reduces
+# Least relative width of an interval from frequency 0, whose ends no halving brings nearer in ratio. It is 1 at first,
+# and falls with the fourth root of the interval
+FROM_ZERO = 0.1
 NEAR_ZERO = 1e-3  # Least divisor in the relative width of a row, as a share of the row's range
 FREQUENCY_FIRST = 64.0  # Weight of the frequency's relative width where one of several margins has no bound
 WIDER = 0.1  # Exponent of a row's relative width in the weight of the row's cost
@@ -310,7 +312,8 @@ def _relative(boxes: Boxes) -> Floats:
     sizes = np.abs(boxes.low) + np.abs(boxes.high) + NEAR_ZERO * boxes.spans
     sizes[0] = np.abs(boxes.low[0]) + np.abs(boxes.high[0])
     relative = (boxes.high - boxes.low) / sizes
-    relative[0] = np.where(boxes.low[0] == 0, FROM_ZERO, relative[0])
+    from_zero = np.maximum((boxes.high[0] / boxes.spans[0]) ** 0.25, FROM_ZERO)
+    relative[0] = np.where(boxes.low[0] == 0, from_zero, relative[0])
     return np.asarray(relative)
 
 
