@@ -11,9 +11,10 @@ import numpy as np
 
 from vctune.design.nlp.ipopt import lagrangian, numbers_of
 from vctune.design.prepared import Prepared, prepare, with_acting_terms
-from vctune.design.result import Polished, Price, Solved
+from vctune.design.result import Polished, Solved
 from vctune.design.variables import coordinates, design_of
 from vctune.design.verdict.judge import Status
+from vctune.document.records.design_json import Price
 from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem
@@ -95,7 +96,8 @@ def _price(prepared: Prepared, polished: Polished, here: tuple[float, float], nu
         change = (acting2 * exp(2 * (there - objective)) + other2) / (acting2 + others2) - 1
         changes += [(change, sign)] if abs(change) < 2 * STEP * STEEPEST else []
     change, sign = min(changes)
-    return Price(number.key, number.old, number.old * (1 + sign * BETTER), round(change / 2 * BETTER / STEP, 12))
+    new, change = number.old * (1 + sign * BETTER), round(change / 2 * BETTER / STEP, 12)
+    return Price(key=number.key, old=number.old, new=new, change=change)
 
 
 def _changed(
