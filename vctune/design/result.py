@@ -37,14 +37,6 @@ class Solution:
 
 
 @dataclass(frozen=True, slots=True)
-class Round:
-    """One NLP of an exchange."""
-
-    constraints: int
-    solution: Solution  # point at which IPOPT stopped
-
-
-@dataclass(frozen=True, slots=True)
 class Polished:
     """A local optimum in dimensionless units, which meets the constraints at every frequency in double precision,
     without proof."""
@@ -56,7 +48,7 @@ class Polished:
     working_set: WorkingSet
     solution: Solution
     tightening: float  # relative tightening of the constraints
-    rounds: list[Round]  # the NLPs of the exchange
+    rounds: list[Solution]  # the answers of the exchange's NLPs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
