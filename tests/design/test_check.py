@@ -14,7 +14,7 @@ from command import check_files
 from conftest import DEVICE, FIXED, ROOT, drawn, for_passive_hands
 
 from vctune.design.solve import solve
-from vctune.design.verdict.checked import CheckVerdict
+from vctune.design.verdict.check import CheckVerdict
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.gains_file import gains_text
 from vctune.document.reading import parse_problem

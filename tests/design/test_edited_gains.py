@@ -13,7 +13,7 @@ from conftest import DEVICE, for_passive_hands
 import vctune
 from vctune.design.solve import solve
 from vctune.design.verdict import repair as repairing
-from vctune.design.verdict.checked import Checked, CheckVerdict
+from vctune.design.verdict.check import Checked, CheckVerdict
 from vctune.design.verdict.judge import Status, judge
 from vctune.design.verdict.repair import with_repairs
 from vctune.document.gains_file import design_numbers

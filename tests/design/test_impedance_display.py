@@ -24,7 +24,7 @@ from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_h
 from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.prepared import acting_terms, pose
 from vctune.design.solve import solve
-from vctune.design.verdict.checked import CheckVerdict
+from vctune.design.verdict.check import CheckVerdict
 from vctune.design.verdict.design_record import record_of
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem as problem_of

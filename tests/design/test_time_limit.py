@@ -241,7 +241,7 @@ def test_a_mistake_of_units_is_named_before_the_work(folder, monkeypatch, text, 
     (folder / "doubtful.toml").write_text(text)
     (folder / "given.toml").write_text(text + GAINS)
     (folder / "of-doubtful.toml").write_text(STUDY.replace("device.toml", "doubtful.toml"))
-    for place, work in (("design.verdict.gains_check", "judge_all"), ("api.solving", "find"), ("api.sweeping", "run")):
+    for place, work in (("design.verdict.check", "judge_all"), ("api.solving", "find"), ("api.sweeping", "run")):
         monkeypatch.setattr(f"vctune.{place}.{work}", _too_early)
     for command in (("solve", "doubtful.toml"), ("check", "given.toml"), ("sweep", "of-doubtful.toml")):
         done = run(*command, cwd=folder)

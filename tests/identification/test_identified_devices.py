@@ -11,7 +11,7 @@ from conftest import drawn
 from identification_logs import Log, driven, encoded, random_case
 
 from vctune import check, identify, solve
-from vctune.design.verdict.checked import CheckVerdict
+from vctune.design.verdict.check import CheckVerdict
 from vctune.document.text.errors import InputError
 from vctune.identification.box import Bounded
 from vctune.model.device import Device

@@ -12,7 +12,7 @@ from conftest import mostly_slow
 from identification_logs import Log, driven, encoded, multisine, random_case, spoiled
 
 from vctune import check, identify, solve
-from vctune.design.verdict.checked import CheckVerdict
+from vctune.design.verdict.check import CheckVerdict
 from vctune.document.text.errors import InputError
 from vctune.identification.box import Estimate, box, jackknife
 from vctune.identification.identify import readable

@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator
 from servo_logs import moved, servo_case
 
 from vctune import check, identify, problem, solve
-from vctune.design.verdict.checked import CheckVerdict
+from vctune.design.verdict.check import CheckVerdict
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.codes import ENDING
 from vctune.document.text.errors import InputError

@@ -23,7 +23,7 @@ from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.gains_file import gains_text, numbers_text
 from vctune.document.reading import ProblemFile
-from vctune.document.records.design_json import DesignRecord, RepairRecord, design_of, read_design
+from vctune.document.records.design_json import DesignRecord, Repair, design_of, read_design
 from vctune.document.records.part import text
 from vctune.document.records.printed_json import ReportRecord as ReportRecord
 from vctune.document.records.simulation_json import simulation_beside
@@ -173,9 +173,8 @@ def rows_of(record: DesignRecord) -> Rows:
     yield from ((("warning:", "yellow"), f" {warning}") for warning in record.warnings)
 
 
-def _repair(repair: RepairRecord, width: int) -> Line:
-    old = "true" if repair.turns_off else "inf" if repair.old is None else text(repair.old, 12)
-    end = f"  instead of {old}: {repair.change}, error {text(repair.error, 4)}"
+def _repair(repair: Repair, width: int) -> Line:
+    end = f"  instead of {repair.told_old}: {repair.change}, error {text(repair.error, 4)}"
     return "  ", (repair.needs.ljust(width), "bold"), end
 
 

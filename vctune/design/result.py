@@ -14,6 +14,7 @@ from vctune.design.search.working_set import WorkingSet
 from vctune.design.variables import Point
 from vctune.design.verdict.infeasible import Infeasibility
 from vctune.design.verdict.judge import Judgement, Status
+from vctune.document.records.design_json import Price, Repair
 from vctune.document.text.codes import Note
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem
@@ -36,14 +37,6 @@ class Solution:
 
 
 @dataclass(frozen=True, slots=True)
-class Round:
-    """One NLP of an exchange."""
-
-    constraints: int
-    solution: Solution  # point at which IPOPT stopped
-
-
-@dataclass(frozen=True, slots=True)
 class Polished:
     """A local optimum in dimensionless units, which meets the constraints at every frequency in double precision,
     without proof."""
@@ -55,41 +48,7 @@ class Polished:
     working_set: WorkingSet
     solution: Solution
     tightening: float  # relative tightening of the constraints
-    rounds: list[Round]  # the NLPs of the exchange
-
-
-@dataclass(frozen=True, slots=True)
-class Repair:
-    """A change of one value of the problem file that makes a design possible, although 90 % of the change does not."""
-
-    key: str  # dotted key
-    old: float  # old and new value, in the unit of the file; 1 and 0 for true and false
-    new: float
-    change: str  # meaning of the change, in words
-    needs: str  # the new line of the file, in TOML
-    size: float  # change relative to the greater of the two values, by which repairs with the same error are ordered
-    error: float  # transparency error of the repaired design
-
-    def __str__(self) -> str:
-        if self.needs == f"{self.key} = false":
-            return f"{self.needs} instead of true"
-        return f"{self.key} = {self.new:.12g} instead of {self.old:.12g}"
-
-    @property
-    def rank(self) -> tuple[float, float]:
-        """Sort key of repairs: the error in its printed digits, then the size of the change."""
-        return float(f"{self.error:.4g}"), self.size
-
-
-@dataclass(frozen=True, slots=True)
-class Price:
-    """The effect on the least error of improving one parameter of the device while the rest of the problem stays the
-    same."""
-
-    key: str  # key of the parameter in the problem file
-    old: float  # the value, and a value that is better by 1 %, in SI units and hertz
-    new: float
-    change: float  # first-order change of the least error as a share of this error; at most 0
+    rounds: list[Solution]  # the answers of the exchange's NLPs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vctune.design.variables import keys_for, point, ranges
-from vctune.design.verdict.checked import OUT_OF_TIME, Checked, CheckVerdict
+from vctune.design.verdict.check import OUT_OF_TIME, Checked, CheckVerdict
 from vctune.design.verdict.judge import Status, judge_all
 from vctune.document.reading import ProblemFile
 from vctune.document.records.gains_json import ProblemRecord, stated_units

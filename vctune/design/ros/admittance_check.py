@@ -20,8 +20,7 @@ from vctune.design.ros.admittance_problem import (
     document_of_both,
 )
 from vctune.design.ros.admittance_repair import remedy, repairs_of_axis
-from vctune.design.verdict.check_message import check_message
-from vctune.design.verdict.checked import VERDICTS, Checked, CheckVerdict, DesignFinding, finding_of
+from vctune.design.verdict.check import VERDICTS, Checked, CheckVerdict, DesignFinding, check_message, finding_of
 from vctune.design.verdict.judge import Status, judge
 from vctune.design.verdict.repair import Progress
 from vctune.document.reading import ProblemFile, problem_file
@@ -183,7 +182,7 @@ def _checked(
     finding = finding_of(file, judgement, repairs, [])
     traps = [note.line for note in (*given.notes, *_traps(axis, given.filter_coefficient, problem.problem.device))]
     finding = replace(finding, warnings=[*traps, *finding.warnings])
-    parts, line, verdict = [check_message(judgement, None, [], [])], axis.line, VERDICTS[judgement.status]
+    parts, line, verdict = [check_message(judgement)], axis.line, VERDICTS[judgement.status]
     if judgement.status is Status.VIOLATED and finding.repairs is not None:
         parts.append(remedy(finding.repairs, problem.source))
         line = next((given.lines[repair.key] for repair in finding.repairs if repair.key in given.lines), line)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from math import sqrt
 from typing import Any
 
-from vctune.design.result import Repair
 from vctune.design.ros.admittance_problem import FILTER_AS_CORNER, as_problem
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.design.verdict.parameter_changes import ParameterChange, parameter_changes
-from vctune.design.verdict.repair import OF_FIXED, Progress, find_repairs
+from vctune.design.verdict.repair import Progress, find_repairs
 from vctune.document.reading import pose
+from vctune.document.records.design_json import Repair
 from vctune.document.ros import HEAVIEST, LIGHTEST, TUNED, Admittance
 from vctune.model.problem import Problem
 
@@ -26,7 +25,7 @@ def repairs_of_axis(
     changes = [*_of_file(document), *parameter_changes(as_problem(document), problem)]
     of_file = FILTER_AS_CORNER if document["ft_sensor"]["filter_coefficient"] < 1 else ""
     own = [each for each in changes if each.path[0] != "coupling" and each.key != f"device.{of_file}"]
-    found = find_repairs(document, own, OF_FIXED, progress, _posed)
+    found = find_repairs(document, own, progress, _posed)
     return sorted(map(_in_yaml, found), key=lambda repair: (repair.key not in TUNED, repair.rank))
 
 
@@ -48,7 +47,7 @@ def _posed(document: dict[str, Any]) -> Problem | None:
 
 
 def _in_yaml(repair: Repair) -> Repair:
-    return replace(repair, needs=f"{repair.key}: {repair.new!r}") if repair.key in TUNED else repair
+    return repair.model_copy(update={"needs": f"{repair.key}: {repair.new!r}"}) if repair.key in TUNED else repair
 
 
 def _of_file(document: dict[str, Any]) -> Iterator[ParameterChange]:

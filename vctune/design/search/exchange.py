@@ -15,7 +15,7 @@ from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.nlp.ipopt import NEAR_SIDE, numbers_of, solve
 from vctune.design.nlp.nlp_structure import nlp_structure
 from vctune.design.prepared import Posed, with_device
-from vctune.design.result import Polished, Round
+from vctune.design.result import Polished, Solution
 from vctune.design.search.scan import ScanResult
 from vctune.design.search.shapes import scaled_coupling
 from vctune.design.search.start import Start
@@ -172,7 +172,7 @@ class _Search:
     known: Point  # the best known feasible design, an answer or the start, and its error
     radius: float  # half-width of the trust box in log coordinates
     panels: int
-    rounds: list[Round] = field(default_factory=list)
+    rounds: list[Solution] = field(default_factory=list)
     best: Polished | None = None
     known_error: float = inf
     missed: float = 0.0  # greatest violation of the last answer
@@ -200,7 +200,7 @@ def _step(posed: Posed, search: _Search) -> None:
     if search.finished:
         return
     demands = violations(posed, search.cases, values, search.tightening, search.witnesses)
-    search.rounds.append(Round(sum(working_set.sizes()), solution))
+    search.rounds.append(solution)
     if unstable is not None:
         cut = add_stability_cut(unstable, working_set, design_of(search.reference)[0], gains)
         if not cut or search.unstable:

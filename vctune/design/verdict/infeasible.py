@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass
 from math import inf, pi
 
-import numpy as np
-
-from vctune.analysis.demands import demand_grid, ratio_minima, response, sampled_span, sensitivity_maxima
+from vctune.analysis.demands import demand_grid, response, sampled_span, sensitivity_maxima
 from vctune.analysis.extrema import local_minima
-from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.sampled_loop import spectral_radius
 from vctune.design.prepared import Prepared
 from vctune.design.search.scan import ScanResult
 from vctune.design.variables import design_of, point
-from vctune.model.gains import AnyCoupling, Coupling, Gains
+from vctune.design.verdict.judge import margin_on_band, margins_in_hands
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.keys import QUANTITIES
 from vctune.model.numbers.units import UNITS
@@ -99,17 +97,21 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
     if lacking is not None:
         return lacking
     peaks = sensitivity_maxima(problem, gains)
-    ratio, omega, place = _least_ratio(problem, gains, coupling)
-    peak = -peaks.value[0]
-    excess = peak / stability.max_sensitivity
+    on_band = [margin_on_band(problem, gains, coupling)] if problem.passive else []
+    worst = min([*on_band, *margins_in_hands(problem.demands, [device], gains, coupling)], key=lambda at: at.ratio)
+    ratio, place = worst.ratio, f"at {worst.omega / (2 * pi):.4g} Hz"
+    if worst.of != "ratio":
+        hand = "any passive hand" if worst.hand is None else f"the hand of {worst.hand.in_words(problem.units)}"
+        place += f" in {hand}"
+    excess, most = -peaks.value[0] / stability.max_sensitivity, stability.max_sensitivity
     shortfall = stability.safety_factor / ratio if ratio > 0 else inf
     if excess > max(shortfall, 1):
+        hz = peaks.omega[0] / (2 * pi)
         return (
-            f"|S| reaches {peak:.4g} at {peaks.omega[0] / (2 * pi):.4g} Hz, above max_sensitivity "
-            f"{stability.max_sensitivity:.4g}",
+            f"|S| reaches {-peaks.value[0]:.4g} at {hz:.4g} Hz, above max_sensitivity {most:.4g}",
             "allow lower gains or a higher max_sensitivity",
         )
-    if device.servo is not None and omega == 0 and shortfall > 1:
+    if device.servo is not None and worst.omega == 0 and shortfall > 1:
         return _short_of_drag(problem, ratio, place)
     return _shortfall(problem, coupling, ratio, place) if shortfall > 1 else None
 
@@ -154,18 +156,6 @@ def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str
     )
 
 
-def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float, str]:
-    """Return the least Re Z_c / R over the required hands, its frequency, rad/s, and its place in words."""
-    found = []
-    if problem.passive:
-        minima = ratio_minima(problem, gains, coupling)
-        found.append((float(minima.value[0]), float(minima.omega[0]), f"at {minima.omega[0] / (2 * pi):.4g} Hz"))
-    for worst in least_ratios(problem, gains, coupling):
-        hand = "any passive hand" if worst.hand is None else f"the hand of {worst.hand.in_words(problem.units)}"
-        found.append((worst.ratio, worst.omega, f"at {worst.omega / (2 * pi):.4g} Hz in {hand}"))
-    return min(found)
-
-
 def _lacking_resistance(problem: Problem, gains: Gains) -> tuple[str, str] | None:
     """Return the place on the band at which Re G_hh is negative, and a possible repair, in words; None if there is no
     such place."""
@@ -183,10 +173,7 @@ def _lacking_resistance(problem: Problem, gains: Gains) -> tuple[str, str] | Non
 
 
 def _tight_coupling(problem: Problem, coupling: AnyCoupling) -> str:
-    most = problem.bounds
-    at_damping = np.isclose(coupling.damping, most.damping.max, rtol=1e-3)
-    at_mass = isinstance(coupling, Coupling) and np.isclose(coupling.mass, most.mass.max, rtol=1e-3)
-    at_drag = isinstance(coupling, Coupling) and 0 < most.drag.max <= coupling.drag * (1 + 1e-3)
-    bounds = ("coupling.drag", at_drag), ("coupling.damping", at_damping), ("coupling.mass", at_mass)
-    names = [name for name, tight in bounds if tight]
-    return " and ".join(names) if names else "coupling.damping"
+    """Return the keys of the coupling's numbers that lie on their upper bounds."""
+    upper = ((name, getattr(problem.bounds, name).max) for name in ("drag", "damping", "mass"))
+    found = [f"coupling.{name}" for name, most in upper if 0 < most <= getattr(coupling, name, 0.0) * (1 + 1e-3)]
+    return " and ".join(found) or "coupling.damping"

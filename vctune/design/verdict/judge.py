@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from math import inf, pi
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,6 @@ from vctune.analysis.demands import (
 )
 from vctune.analysis.in_hands import (
     TOGETHER,
-    RatioInAnyHand,
-    RatioInHand,
     least_ratios_in_any_hand,
     least_ratios_of_devices,
     resistive_ratio_at,
@@ -35,6 +33,7 @@ from vctune.model.hands import Hand
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.units import UNITS, Units, hertz
 from vctune.model.problem import Demands, Problem
+from vctune.model.worlds import WorldsMet
 from vctune.proof.certificate import Certificate, certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import CLAIMS
@@ -57,12 +56,29 @@ STATUS_OF = {
     Verdict.UNDECIDED: Status.UNDECIDED,
 }
 
-
 IDLE_TRACKING = 0.5  # Mean or greatest |1 - G_he| above which vctune warns that a design hardly uses its velocity loop
 
 
 PROVING = 0.85  # Share of the remaining time that the proof of a design may take if there is a time limit
 CUT = " (the time limit cut its proof)"  # Words that follow a claim if the time limit ended its proof
+
+
+MarginName = Literal["ratio", "hands", "any_hand", "walls"]
+
+
+class Margin(NamedTuple):
+    """The least Re Z_c / R of a claim on a device: on the band, in the hands of a box, in any passive hand, or with
+    walls."""
+
+    ratio: float  # inf if nothing is required
+    omega: float  # rad/s
+    device: Device
+    hand: Hand | None = None
+    of: MarginName = "ratio"
+
+
+def _ratio(margin: Margin) -> float:
+    return margin.ratio
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,16 +98,8 @@ class Judgement:
         devices.
     acting_error : float
         The objective with only the terms that can differ between designs; bounds on the error refer to it.
-    min_ratio, worst : float
-        Least Re Z_c / R of all claims, and its frequency, rad/s (0 or inf at an end of the axis).
-    tightest : Device
-        The device with the least ratio, among the nominal device and those of a box.
-    in_hand : RatioInHand, optional
-        The least Re Z_c / R in the hands of the claim, with its hand; None without this claim.
-    in_any_hand : RatioInAnyHand, optional
-        The least Re(1/Z_c)/R of an impedance display in any passive hand; None without this claim.
-    in_walls : RatioInHand, optional
-        The least ratio of the condition on walls, with its hand; None without walls.
+    margins : tuple of Margin
+        The least Re Z_c / R of each claim on each device.
     peak_sensitivity, worst_sensitivity : float
         Greatest ``|S|`` of the nominal device and the devices of a box up to Nyquist, and its frequency, rad/s.
     certificate : Certificate
@@ -106,15 +114,10 @@ class Judgement:
     transparency: TransparencyError
     error: float
     acting_error: float
-    min_ratio: float
-    worst: float
-    tightest: Device
+    margins: tuple[Margin, ...]
     peak_sensitivity: float
     worst_sensitivity: float
     certificate: Certificate
-    in_hand: RatioInHand | None = None
-    in_any_hand: RatioInAnyHand | None = None
-    in_walls: RatioInHand | None = None
     cut: bool = False
 
     @property
@@ -131,7 +134,46 @@ class Judgement:
     @property
     def kind(self) -> Display:
         """The kind of display of the device."""
-        return self.tightest.kind
+        return self.device.kind
+
+    def least(self, *claims: MarginName) -> Margin | None:
+        """Return the least margin of some claims, or of all; None without one."""
+        return min((at for at in self.margins if not claims or at.of in claims), default=None, key=_ratio)
+
+    @property
+    def binding(self) -> Margin:
+        """The least margin of all claims, of ratio inf if no claim has one."""
+        return self.least() or Margin(inf, 0.0, self.device)
+
+    @property
+    def min_ratio(self) -> float:
+        """Least Re Z_c / R of all claims."""
+        return self.binding.ratio
+
+    @property
+    def worst(self) -> float:
+        """Frequency of the least Re Z_c / R, rad/s; 0 or inf at an end of the axis."""
+        return self.binding.omega
+
+    @property
+    def tightest(self) -> Device:
+        """The device with the least ratio, among the nominal device and those of a box."""
+        return self.binding.device
+
+    @property
+    def in_hand(self) -> Margin | None:
+        """The least Re Z_c / R in the hands of the claim; None without this claim."""
+        return self.least("hands")
+
+    @property
+    def in_any_hand(self) -> Margin | None:
+        """The least Re(1/Z_c)/R of an impedance display in any passive hand; None without this claim."""
+        return self.least("any_hand")
+
+    @property
+    def in_walls(self) -> Margin | None:
+        """The least ratio of the condition on walls; None without walls."""
+        return self.least("walls")
 
     @property
     def worst_hz(self) -> float:
@@ -146,7 +188,7 @@ class Judgement:
     @property
     def ratio_name(self) -> str:
         """The name of the least ratio: Re Z_c / R, or Re(1/Z_c)/R for an impedance display."""
-        return f"least {self.tightest.kind.ratio}"
+        return f"least {self.kind.ratio}"
 
     def loop(self, hand: Hand | None = None) -> Loop:
         """Return the sampled loop of the nominal device with this design, for arrays, state space and python-control.
@@ -164,17 +206,13 @@ class Judgement:
     @property
     def idle(self) -> bool:
         """Whether the design is certified but hardly uses its velocity loop."""
-        return (
-            self.tightest.kind.own_loop
-            and self.status is Status.CERTIFIED
-            and self.transparency.tracking > IDLE_TRACKING
-        )
+        return self.kind.own_loop and self.status is Status.CERTIFIED and self.transparency.tracking > IDLE_TRACKING
 
     @property
     def open_claims(self) -> list[str]:
         """The claims that are not proved, in words: each with its verdict, its place, and the device on which it
         fails."""
-        units, kind = UNITS[self.tightest.units], self.tightest.kind
+        units, kind = UNITS[self.device.units], self.kind
         return [
             f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(kind)}{CUT * found.cut}"
             for claim, found in self.certificate.outcomes.items()
@@ -261,103 +299,81 @@ def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed
 
 def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
     """Return a judgement: a certificate, and values in double precision."""
-    in_hand = posed.demands.hands is not None or posed.demands.any_hand
-    at: list[_InHands] = []
-    devices = [case.device for case in posed.hand_cases] if in_hand else []
+    devices, in_hands = [case.device for case in posed.hand_cases], list[list[Margin]]()
     # first one device, so that a judgement has at least one ratio when time runs out
     batches = [devices[:1], *(devices[k : k + TOGETHER] for k in range(1, len(devices), TOGETHER))]
     for batch in in_time(batches if devices else []):
         with unlimited():
-            at.extend(_in_hands(posed.demands, batch, gains, coupling))
+            in_hands.append(margins_in_hands(posed.demands, batch, gains, coupling))
+    evaluated = sum(map(len, batches[: len(in_hands)]))
     with unlimited():
-        judgement = _estimated(posed, gains, coupling, certificate, at)
-    return replace(judgement, cut=certificate.cut or (in_hand and len(at) < len(posed.hand_cases)))
-
-
-class _InHands(NamedTuple):
-    """A device, with its least ratios in the hands of the claim, in any passive hand, and with walls."""
-
-    device: Device
-    held: RatioInHand | None
-    any_hand: RatioInAnyHand | None
-    walls: RatioInHand | None
-
-
-def _in_hands(demands: Demands, devices: Sequence[Device], gains: Gains, coupling: AnyCoupling) -> list[_InHands]:
-    hands, walls = demands.hands, demands.walls_met
-    held: list[RatioInHand | None] = [None] * len(devices)
-    at_walls = list(held)
-    if hands is not None:
-        of_each = least_ratios_of_devices(devices, hands, gains, coupling, demands.worlds_met)
-        held = [ratios[0] for ratios in of_each]
-    if hands is not None and walls:
-        at_walls = [ratios[0] for ratios in least_ratios_of_devices(devices, hands, gains, coupling, walls)]
-    return [
-        _InHands(
-            device,
-            one,
-            least_ratios_in_any_hand(device, gains, coupling)[0] if demands.any_hand else None,
-            wall,
+        on_band = margins_on_band(posed, gains, coupling)
+        held = [*(margin for batch in in_hands for margin in batch), *_refuted(posed, gains, coupling, certificate)]
+        transparency, differing = transparency_error(posed.problem, gains, coupling), with_acting_terms(posed)
+        error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
+        sensitivity, omega = peak_sensitivity(posed, gains)
+        return Judgement(
+            device=posed.problem.device,
+            gains=gains,
+            coupling=coupling,
+            transparency=transparency,
+            error=error,
+            acting_error=error if differing is posed else differing.error(gains, coupling),
+            margins=(*on_band, *held),
+            peak_sensitivity=sensitivity,
+            worst_sensitivity=omega,
+            certificate=certificate,
+            cut=certificate.cut or evaluated < len(devices),
         )
-        for device, one, wall in zip(devices, held, at_walls, strict=True)
-    ]
 
 
-def _estimated(
-    posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate, in_hands: list[_InHands]
-) -> Judgement:
-    cases = posed.cases
-    (min_ratio, worst), tightest, held = (inf, 0.0), posed.problem.device, None
-    if posed.demands.passive:
-        ratios = [least_ratio(case, gains, coupling) for case in cases]
-        devices = (case.device for case in cases)
-        (min_ratio, worst), tightest = min(zip(ratios, devices, strict=True), key=lambda at: at[0])
-        inside = worst_inside(posed, gains, coupling) if posed.box is not None else []
-        if inside and inside[0].ratio < min_ratio:
-            min_ratio, worst, tightest = inside[0].ratio, inside[0].omega, inside[0].device
-    if of_hands := [(at.held, at.device) for at in in_hands if at.held is not None]:
-        of_hands += _refuted(posed, gains, coupling, certificate)
-        held, device = min(of_hands, key=lambda pair: pair[0].ratio)
-        if held.ratio < min_ratio:
-            min_ratio, worst, tightest = held.ratio, held.omega, device
-    in_any_hand = None
-    if of_any := [(at.any_hand, at.device) for at in in_hands if at.any_hand is not None]:
-        in_any_hand, device = min(of_any, key=lambda pair: pair[0].ratio)
-        if in_any_hand.ratio < min_ratio:
-            min_ratio, worst, tightest = in_any_hand.ratio, in_any_hand.omega, device
-    in_walls = None
-    if of_walls := [(at.walls, at.device) for at in in_hands if at.walls is not None]:
-        in_walls, device = min(of_walls, key=lambda pair: pair[0].ratio)
-        if in_walls.ratio < min_ratio:
-            min_ratio, worst, tightest = in_walls.ratio, in_walls.omega, device
-    peaks = ((case, sensitivity_maxima(case, gains)) for case in cases)
-    loud, sensitivity = min(peaks, key=lambda pair: float(pair[1].value[0]))
-    if (louder := loudest(posed, gains, loud, sensitivity)) is not None:  # of many numbers not every vertex is a case
-        sensitivity = louder[1]
-    transparency, differing = transparency_error(posed.problem, gains, coupling), with_acting_terms(posed)
-    error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
-    return Judgement(
-        device=posed.problem.device,
-        gains=gains,
-        coupling=coupling,
-        transparency=transparency,
-        error=error,
-        acting_error=error if differing is posed else differing.error(gains, coupling),
-        min_ratio=min_ratio,
-        worst=worst,
-        tightest=tightest,
-        peak_sensitivity=float(-sensitivity.value[0]),
-        worst_sensitivity=float(sensitivity.omega[0]),
-        certificate=certificate,
-        in_hand=held,
-        in_any_hand=in_any_hand,
-        in_walls=in_walls,
-    )
+def peak_sensitivity(posed: Posed, gains: Gains) -> tuple[float, float]:
+    """Return the greatest |S| of the devices of a problem up to Nyquist, and its frequency, rad/s."""
+    peaks = ((case, sensitivity_maxima(case, gains)) for case in posed.cases)
+    loud, found = min(peaks, key=lambda pair: float(pair[1].value[0]))
+    if (louder := loudest(posed, gains, loud, found)) is not None:  # of many numbers not every vertex is a case
+        found = louder[1]
+    return float(-found.value[0]), float(found.omega[0])
 
 
-def _refuted(
-    posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate
-) -> list[tuple[RatioInHand, Device]]:
+def margins_on_band(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Margin]:
+    """Return the least ratio of each device on the stability band, if there is a claim about it."""
+    if not posed.demands.passive:
+        return []
+    found = [margin_on_band(case, gains, coupling) for case in posed.cases]
+    inside = worst_inside(posed, gains, coupling) if posed.box is not None else []
+    return [*found, *(Margin(at.ratio, at.omega, at.device) for at in inside[:1])]
+
+
+def margin_on_band(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Margin:
+    """Return the least Re Z_c / R on the stability band, with the exact limits at 0 and infinity."""
+    device, band = problem.device, problem.stability.band
+    minima = ratio_minima(problem, gains, coupling)
+    candidates = [(float(minima.value[0]), float(minima.omega[0]))]
+    for edge, limit_of in ((0.0, low_frequency_limit), (inf, high_frequency_limit)):
+        if edge in (band.min, band.max):
+            limit = limit_of(device, gains, series_coupling(coupling))
+            candidates.append((limit.coupling / limit.required if limit.required > 0 else inf, edge))
+    return Margin(*min(candidates), device)
+
+
+def margins_in_hands(demands: Demands, devices: Sequence[Device], gains: Gains, coupling: AnyCoupling) -> list[Margin]:
+    """Return the least ratio of each device in the hands of each claim."""
+    found = list[Margin]()
+    if demands.hands is not None:
+        claims: list[tuple[MarginName, WorldsMet | None]] = [("hands", demands.worlds_met)]
+        claims += [("walls", demands.walls_met)] if demands.walls_met else []
+        for name, worlds in claims:
+            ratios = least_ratios_of_devices(devices, demands.hands, gains, coupling, worlds)
+            least = ((device, each[0]) for device, each in zip(devices, ratios, strict=True))
+            found += [Margin(at.ratio, at.omega, device, at.hand, name) for device, at in least]
+    if demands.any_hand:
+        worst = ((device, least_ratios_in_any_hand(device, gains, coupling)[0]) for device in devices)
+        found += [Margin(at.ratio, at.omega, device, of="any_hand") for device, at in worst]
+    return found
+
+
+def _refuted(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> list[Margin]:
     """Return Re Z_c / R at the witness of a claim with environments, one of which resonates with the loop there."""
     outcome, met = certificate.outcomes.get("worlds"), posed.demands.worlds_met
     # elsewhere the margins of the reactance are as good, and continuous; with one environment they say nothing there
@@ -366,22 +382,4 @@ def _refuted(
     device, hand, omega = outcome.device or posed.problem.device, outcome.hand, outcome.witness
     if hand is None or not omega:
         return []
-    return [(RatioInHand(resistive_ratio_at(device, gains, coupling, omega, hand, met), omega, hand), device)]
-
-
-def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float]:
-    """Return the least Re Z_c / R on the stability band and its frequency, with the exact limits at 0 and infinity."""
-    device, band = problem.device, problem.stability.band
-    minima = ratio_minima(problem, gains, coupling)
-    candidates = [(float(minima.value[0]), float(minima.omega[0]))]
-    if band.min == 0:
-        limit = low_frequency_limit(device, gains, series_coupling(coupling))
-        candidates.append((_quotient(limit.coupling, limit.required), 0.0))
-    if band.max == inf:
-        limit = high_frequency_limit(device, gains, series_coupling(coupling))
-        candidates.append((_quotient(limit.coupling, limit.required), inf))
-    return min(candidates)
-
-
-def _quotient(coupling: float, required: float) -> float:
-    return coupling / required if required > 0 else inf
+    return [Margin(resistive_ratio_at(device, gains, coupling, omega, hand, met), omega, device, hand, "hands")]

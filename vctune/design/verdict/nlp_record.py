@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, pi
+from math import degrees
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from vctune.document.records.design_json import ActiveRecord
 from vctune.model.device import Device
 from vctune.model.loop.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.units import hertz
 from vctune.model.problem import Problem
 
 ACTIVE = 1e-5  # Multiplier above which the record lists a constraint as active
@@ -29,35 +30,27 @@ def active(solved: Solved) -> list[ActiveRecord]:
     """Return the active constraints of a design, with kind, frequency and multiplier, the greatest multiplier first."""
     if solved.polished is None or not solved.polished.solution.converged:
         return []
-    posed, multipliers = solved.polished.working_set, [float(f"{m:.{DIGITS}g}") for m in _priced(solved.polished)]
-    rate = 1 / (2 * pi * solved.problem.device.sample_time)
-    coupled = f"Re {solved.problem.device.kind.couples}"
-    where: list[tuple[str, ConstraintPoint | None]] = [("Re Z_c >= safety_factor R", at) for at in posed.ratio]
-    where += [("|S| <= max_sensitivity", at) for at in posed.sensitivity]
-    where += [("stability of the sampled loop", None) for _ in posed.stability]
-    where += [("greatest error", at) for at in posed.peak]
-    where += [("|1 - S| r < 1 of the unmodelled dynamics", at) for at in posed.unmodelled]
-    where += [
-        (f"{coupled} >= safety_factor R in {'any passive' if at.hand is None else 'a'} hand", at)
-        if at.wall is None
-        else ("walls in a hand", at)
-        for at in posed.in_hand
-    ]
-    for at in posed.tracked_peaks:
-        where += [("|S| <= max_sensitivity", at), ("", None)]
+    at, multipliers = solved.polished.working_set, [float(f"{m:.{DIGITS}g}") for m in _priced(solved.polished)]
+    coupled = f"Re {solved.problem.device.kind.couples} >= safety_factor R in"
+    # the demand and the place of each constraint, in the order of the NLP
+    where: list[tuple[str, ConstraintPoint | None]] = [("Re Z_c >= safety_factor R", place) for place in at.ratio]
+    where += [("|S| <= max_sensitivity", place) for place in at.sensitivity]
+    where += [("stability of the sampled loop", None)] * len(at.stability)
+    where += [("greatest error", place) for place in at.peak]
+    where += [("|1 - S| r < 1 of the unmodelled dynamics", place) for place in at.unmodelled]
+    for place in at.in_hand:
+        in_hand = f"{coupled} {'any passive' if place.hand is None else 'a'} hand"
+        where.append((in_hand if place.wall is None else "walls in a hand", place))
+    for place in at.tracked_peaks:
+        where += [("|S| <= max_sensitivity", place), ("", None)]
     where += [("greatest error", None)] * solved.polished.structure.mean_errors
-    several = len(pose(solved.problem).cases) > 1
-    held = [
-        ActiveRecord(
-            demand=demand,
-            hz=place.omega * rate if place else None,
-            multiplier=multiplier,
-            **({"device": _device(solved.problem, place)} if place and several else {}),
-        )
-        for (demand, place), multiplier in zip(where, multipliers, strict=True)
-        if demand and multiplier > ACTIVE
-    ]
-    return sorted(held, key=lambda row: -row.multiplier)
+    several, found = len(pose(solved.problem).cases) > 1, list[ActiveRecord]()
+    for (demand, where_at), multiplier in zip(where, multipliers, strict=True):
+        if demand and multiplier > ACTIVE:
+            hz = hertz(where_at.omega / solved.problem.device.sample_time) if where_at else None
+            also = {"device": _device(solved.problem, where_at)} if where_at and several else {}
+            found.append(ActiveRecord(demand=demand, hz=hz, multiplier=multiplier, **also))
+    return sorted(found, key=lambda row: -row.multiplier)
 
 
 def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
@@ -92,7 +85,7 @@ def solver_record(solved: Solved) -> dict[str, Any]:
         + polished.structure.mean_errors,
         "frequencies": dict(zip(DEMANDS, polished.working_set.sizes(), strict=True)),
         "rounds": len(polished.rounds),
-        "iterations": sum(each.solution.iterations for each in polished.rounds),
+        "iterations": sum(each.iterations for each in polished.rounds),
     }
 
 

@@ -15,16 +15,14 @@ from vctune.model.numbers.keys import KEYS, SPRING_KEYS, SYMBOLS
 from vctune.model.parts import PART_NUMBERS
 from vctune.model.problem import Problem
 
-# Steps that the search tries, relative to the smaller of the old and the new value, or to the natural size if the old
-# value is 0; the last step is the limit
-STEPS = (0.03, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 100.0)
-STEPS_FROM_ZERO = (1e-4, 1e-2, 0.1, 0.3, 1.0, 3.0, 10.0)
+# Steps that the search tries before the limit, relative to the smaller of the old and the new value, or to the natural
+# size if the old value is 0
+STEPS = (0.03, 0.2, 1.0, 3.0, 10.0)
+STEPS_FROM_ZERO = (1e-4, 1e-2, 0.1, 1.0, 10.0)
 ROUNDING = 0.15  # Greatest share by which rounding to few digits may enlarge a step
-FURTHEST = 1e6  # Greatest factor by which the search changes a bound or a gain; no device needs more
-SOFTEST = 1e-3  # Least share to which the search reduces the greatest mass, damping or stiffness of the hands
+FURTHEST = 100.0  # Greatest factor by which the search changes a bound or a gain
+SOFTEST = 1e-3  # Least share to which the search reduces the greatest mass, damping or stiffness of a box
 DIGITS = 12  # Greatest number of significant digits of a new value
-# Parameters of a device's parts for which better parts exist, such as the bandwidth of an actuator
-BETTER = {key: each for key, each in PART_NUMBERS.items() if each.better}
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")  # Keys of parameters that increase Re Z_c as they grow
 
@@ -54,49 +52,39 @@ class ParameterChange:
             return self.path[-1] != "max" or self.limit < self.old
         return self.path[0] == "stability" or self.path[-1] in ("min", "max") or self.key in ONLY_UPWARDS
 
-    def value(self, relative: float) -> float:
-        """Return the value after a given relative change, limited to `limit`."""
-        if self.old == 0:
-            return min(self.scale * relative, self.limit)
-        if self.old == inf:
-            return max(self.scale / relative, self.limit)
-        if self.limit > self.old:
-            return min(self.old * (1 + relative), self.limit)
-        return max(self.old / (1 + relative), self.limit)
-
-    def relative_change(self, new: float) -> float:
+    def relative(self, new: float) -> float:
         """Return the relative change to a new value; inf for a change to 0."""
-        if self.old == 0:
-            return new / self.scale
-        if self.old == inf:
-            return self.scale / new
+        if self.old in (0, inf):
+            return new / self.scale if self.old == 0 else self.scale / new
         return abs(new - self.old) / min(new, self.old) if new > 0 else inf
 
     def size(self, new: float) -> float:
         """Return the size r/(1 + r) of a relative change r, to compare changes of different values."""
-        relative = self.relative_change(new)
+        relative = self.relative(new)
         return relative / (1 + relative) if relative < inf else 1.0
 
-    def steps(self) -> Iterator[float]:
-        """Yield the relative changes to try, up to the limit."""
-        last = self.relative_change(self.limit)
-        if not self.switch:
-            steps = STEPS_FROM_ZERO if self.old == 0 else STEPS
-            yield from (relative for relative in steps if relative < last)
-        yield last
+    def steps(self) -> Iterator[tuple[float, float]]:
+        """Yield at most six relative changes with their new values; the last is the limit."""
+        last = self.relative(self.limit)
+        for step in () if self.switch else STEPS_FROM_ZERO if self.old == 0 else STEPS:
+            if step < last:
+                yield step, self._rounded(self._value(step), step)
+        yield last, self._rounded(self.limit, last)
 
-    def rounded(self, relative: float) -> float:
-        """Return the new value after a relative change, rounded away from the old value to as few digits as
-        possible."""
-        exact, upwards = self.value(relative), self.limit > self.old
+    def _value(self, relative: float) -> float:
+        if self.old in (0, inf):
+            return self.scale * relative if self.old == 0 else self.scale / relative
+        return self.old * (1 + relative) if self.limit > self.old else self.old / (1 + relative)
+
+    def _rounded(self, exact: float, relative: float) -> float:
+        """Return a new value, rounded away from the old one to as few digits as possible."""
+        upwards = self.limit > self.old
         for digits in range(1, DIGITS):
-            context = Context(prec=digits, rounding=ROUND_CEILING if upwards else ROUND_FLOOR)
-            new = float(context.create_decimal(Decimal(exact)))
+            new = _digits(exact, digits, ROUND_CEILING if upwards else ROUND_FLOOR)
             within = new <= self.limit if upwards else new >= self.limit
-            if within and self.relative_change(new) <= relative * (1 + ROUNDING):
+            if within and self.relative(new) <= relative * (1 + ROUNDING):
                 return new
-        towards = Context(prec=3, rounding=ROUND_FLOOR if upwards else ROUND_CEILING)  # the limit itself is not passed
-        return float(towards.create_decimal(Decimal(exact)))
+        return _digits(exact, 3, ROUND_FLOOR if upwards else ROUND_CEILING)  # the limit itself is not passed
 
     def line(self, new: float) -> str:
         """Return the new line of TOML after the change."""
@@ -116,57 +104,58 @@ class ParameterChange:
         return placed(document, (*beside, (self.path, new)))
 
 
-def parameter_changes(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
-    """Return the possible changes of a problem: of the device, of the constraints, and of the bounds or gains in the
+def _digits(value: float, digits: int, rounding: str) -> float:
+    return float(Context(prec=digits, rounding=rounding).create_decimal(Decimal(value)))
+
+
+def parameter_changes(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
+    """Yield the possible changes of a problem: of the device, of the constraints, and of the bounds or gains in the
     file."""
-    band = _of_band(document, problem) if problem.passive else ()
-    of_demands = [*band, *_of_worlds(problem), *_of_demands(problem)]
-    return [*_of_device(problem), *_of_operator(problem), *of_demands, *_of_gains(document, problem)]
+    yield from _of_device(problem)
+    yield from _of_operator(problem)
+    yield from _of_band(document, problem) if problem.passive else ()
+    yield from _of_worlds(problem)
+    stability = problem.stability
+    most, factor = stability.max_sensitivity, stability.safety_factor
+    if problem.device.kind.own_loop:
+        yield ParameterChange(("stability", "max_sensitivity"), "a greater |S|", most, 10 * most)
+    if factor > 1:
+        yield ParameterChange(("stability", "safety_factor"), "a smaller safety factor", factor, 1.0)
+    yield from _of_gains(document, problem)
 
 
 def _of_device(problem: Problem) -> Iterator[ParameterChange]:
-    device, loop = problem.device, _natural_impedance(problem)
+    device, T = problem.device, problem.device.sample_time
     if device.servo is None:
-        yield ParameterChange(
-            ("device", "damping"), "more device damping", device.damping, max(100 * device.damping, loop), loop
-        )
-    yield ParameterChange(
-        ("device", "sample_time"), "a shorter sample time", device.sample_time, device.sample_time / 100
-    )
+        yield _more_damping(("device", "damping"), "more device damping", device.damping, problem)
+    yield ParameterChange(("device", "sample_time"), "a shorter sample time", T, T / 100)
     late: KeyPath = ("device", "delay") if device.servo is None else ("device", "servo", "delay")
     if device.latency > 0:
         yield ParameterChange(late, "less delay", device.latency, 0.0)
-    nyquist = 0.5 / device.sample_time
-    for key, each in sorted(BETTER.items(), key=lambda entry: entry[1].quantity == "time"):
-        number, meaning = device.number(key), problem.units.translated(each.better)
-        if number is None or number == 0:
-            continue
-        limit = 0.0
+    better = {key: each for key, each in PART_NUMBERS.items() if each.better and device.number(key)}
+    for key, each in sorted(better.items(), key=lambda entry: entry[1].quantity == "time"):
+        number, limit = device.number(key), 0.0
         if each.quantity == "rate":
-            fastest = nyquist if each.sampled else max(100 * number, nyquist)
-            limit = min(fastest, FASTEST / device.sample_time)
+            limit = min(0.5 / T if each.sampled else max(100 * number, 0.5 / T), FASTEST / T)
+        meaning = problem.units.translated(each.better)
         yield ParameterChange(("device", *key.split(".")), meaning, number, limit)
 
 
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
-    """Yield changes that leave fewer hands: more damping or, for a claim about a box of hands, less mass or
+    """Yield changes that leave fewer hands: more damping or, for a claim about a box of hands, also less mass or
     stiffness."""
-    device, low, high = problem.device, problem.hands.low, problem.hands.high
-    meaning, loop = "more damping in every hand", _natural_impedance(problem)
-    path: KeyPath = ("operator", "damping")
+    low, high, meaning = problem.hands.low, problem.hands.high, "more damping in every hand"
     if problem.hands_met is None:
-        yield ParameterChange(path, meaning, low.damping, max(100 * low.damping, loop), loop)
+        yield _more_damping(("operator", "damping"), meaning, low.damping, problem)
         return
-    for name, scale in (("damping", loop), ("stiffness", loop / device.loop_lag)):
-        least, most = getattr(low, name), getattr(high, name)
-        if least < most:
-            more = meaning if name == "damping" else "more stiffness in every hand"
-            yield ParameterChange(("operator", name, "min"), more, least, most, min(scale, most), most)
-    for name, lighter in (("mass", "lighter hands"), ("damping", "less damped hands"), ("stiffness", "softer hands")):
-        least, most = getattr(low, name), getattr(high, name)
-        if least < most:
-            lowest = max(least, SOFTEST * most)
-            yield ParameterChange(("operator", name, "max"), lighter, most, lowest, 1.0, least)
+    loop = _natural_impedance(problem)
+    for name, words, scale in (
+        ("damping", meaning, loop),
+        ("stiffness", "more stiffness in every hand", loop / problem.device.loop_lag),
+    ):
+        yield from _raised(("operator", name), words, getattr(low, name), getattr(high, name), scale)
+    for name, words in (("mass", "lighter hands"), ("damping", "less damped hands"), ("stiffness", "softer hands")):
+        yield from _lowered(("operator", name), words, getattr(low, name), getattr(high, name), 1.0)
 
 
 def _of_worlds(problem: Problem) -> Iterator[ParameterChange]:
@@ -174,22 +163,36 @@ def _of_worlds(problem: Problem) -> Iterator[ParameterChange]:
     worlds = problem.worlds
     if worlds is None or worlds.exact:
         return
-    low, high, loop = worlds.low, worlds.high, problem.device.mass / problem.device.loop_lag
+    low, high, loop, tau = worlds.low, worlds.high, _natural_impedance(problem), problem.device.loop_lag
     path: KeyPath = ("environment", "damping", "min")
-    more = "more damping in every environment"
-    yield ParameterChange(path, more, low.damping, max(100 * low.damping, loop), loop)
+    yield _more_damping(path, "more damping in every environment", low.damping, problem)
     if worlds.walls:
         yield ParameterChange(("environment", "walls"), "springs that are always in contact", 1.0, 0.0, switch=True)
-    tau = problem.device.loop_lag
-    for name, least, most, scale, words in (
-        ("mass", low.mass, high.mass, loop * tau, ("lighter", "heavier")),
-        ("stiffness", low.stiffness, high.stiffness, loop / tau, ("softer", "stiffer")),
+    for name, scale, less, more in (
+        ("mass", loop * tau, "lighter", "heavier"),
+        ("stiffness", loop / tau, "softer", "stiffer"),
     ):
-        if least < most:
-            lowest, highest = max(least, SOFTEST * (most if most < inf else scale)), min(most, FURTHEST * scale)
-            yield ParameterChange(("environment", name, "max"), f"{words[0]} environments", most, lowest, scale, least)
-            path = ("environment", name, "min")
-            yield ParameterChange(path, f"{words[1]} environments", least, highest, scale, most)
+        least, most = getattr(low, name), getattr(high, name)
+        yield from _lowered(("environment", name), f"{less} environments", least, most, scale)
+        yield from _raised(("environment", name), f"{more} environments", least, most, scale)
+
+
+def _raised(path: KeyPath, meaning: str, least: float, most: float, scale: float) -> Iterator[ParameterChange]:
+    """Yield a greater lower end of a range."""
+    if least < most:
+        yield ParameterChange((*path, "min"), meaning, least, min(most, FURTHEST * scale), min(scale, most), most)
+
+
+def _lowered(path: KeyPath, meaning: str, least: float, most: float, scale: float) -> Iterator[ParameterChange]:
+    """Yield a smaller upper end of a range."""
+    if least < most:
+        lowest = max(least, SOFTEST * (most if most < inf else scale))
+        yield ParameterChange((*path, "max"), meaning, most, lowest, scale, least)
+
+
+def _more_damping(path: KeyPath, meaning: str, old: float, problem: Problem) -> ParameterChange:
+    loop = _natural_impedance(problem)
+    return ParameterChange(path, meaning, old, max(100 * old, loop), loop)
 
 
 def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
@@ -212,34 +215,23 @@ def _hz(document: dict[str, Any], edge: int, omega: float) -> float:
     return float(f"{omega / (2 * pi):.{DIGITS}g}") if stated is None else stated
 
 
-def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
-    stability = problem.stability
-    most, factor = stability.max_sensitivity, stability.safety_factor
-    if problem.device.kind.own_loop:
-        yield ParameterChange(("stability", "max_sensitivity"), "a greater |S|", most, 10 * most)
-    if factor > 1:
-        yield ParameterChange(("stability", "safety_factor"), "a smaller safety factor", factor, 1.0)
-
-
 def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
     """Yield changes of the fixed variables of a design, and wider bounds of the ranges in the file."""
-    natural = _natural_sizes(problem)
-    for key in problem.device.kind.stated:
-        table, name = key.split(".")
-        path, bounds, symbol = (table, name), getattr(problem.bounds, name), SYMBOLS[key]
-        downwards = key not in ONLY_UPWARDS
+    for key, natural in _natural_sizes(problem).items():
+        _, name = path = tuple(key.split("."))
+        bounds, symbol = getattr(problem.bounds, name), SYMBOLS[key]
+        lowest = 0.0 if key.startswith("gains.") else bounds.min / FURTHEST
+        downwards = key not in ONLY_UPWARDS and bounds.min > 0
         if number_at(document, *path, "max") is not None:
-            furthest, unit = _upwards(bounds.max, natural[key]), natural[key]
-            yield ParameterChange((*path, "max"), f"a higher bound of {symbol}", bounds.max, furthest, unit, bounds.min)
-            if downwards and bounds.min > 0:
-                furthest = _downwards(bounds.min, key)
-                yield ParameterChange(
-                    (*path, "min"), f"a lower bound of {symbol}", bounds.min, furthest, unit, bounds.max
-                )
+            most, widest = bounds.max, max(FURTHEST * bounds.max, 10 * natural)
+            yield ParameterChange((*path, "max"), f"a higher bound of {symbol}", most, widest, natural, bounds.min)
+            if downwards:
+                low = f"a lower bound of {symbol}"
+                yield ParameterChange((*path, "min"), low, bounds.min, lowest, natural, most)
         elif number_at(document, *path) is not None or key == "coupling.drag":
-            yield change_of_gain(problem, key, bounds.min, _upwards(bounds.min, natural[key]))
-            if downwards and bounds.min > 0:
-                yield change_of_gain(problem, key, bounds.min, _downwards(bounds.min, key))
+            yield change_of_gain(problem, key, bounds.min, max(FURTHEST * bounds.min, 10 * natural))
+            if downwards:
+                yield change_of_gain(problem, key, bounds.min, lowest)
 
 
 def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> ParameterChange:
@@ -258,18 +250,8 @@ def _natural_impedance(problem: Problem) -> float:
 
 
 def _natural_sizes(problem: Problem) -> dict[str, float]:
-    """Return the natural size of each variable of a design, under the variable's key."""
-    tau = problem.device.loop_lag
+    """Return the natural size of each stated variable of a design, under the variable's key."""
+    tau, Z_0 = problem.device.loop_lag, problem.transparency.reference_impedance
     loop = _natural_impedance(problem) + problem.device.damping
-    Z_0 = problem.transparency.reference_impedance
-    return dict(zip(KEYS, (loop, loop / tau, Z_0, Z_0 * tau, Z_0), strict=True)) | {SPRING_KEYS[3]: Z_0 / tau}
-
-
-def _upwards(old: float, natural: float) -> float:
-    """Return the greatest value to try."""
-    return max(FURTHEST * old, 10 * natural)
-
-
-def _downwards(old: float, key: str) -> float:
-    """Return the least value to try, which is 0 for a gain of the velocity loop."""
-    return 0.0 if key.startswith("gains.") else old / FURTHEST
+    sizes = dict(zip(KEYS, (loop, loop / tau, Z_0, Z_0 * tau, Z_0), strict=True)) | {SPRING_KEYS[3]: Z_0 / tau}
+    return {key: sizes[key] for key in problem.device.kind.stated}

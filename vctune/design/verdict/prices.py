@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from math import exp, isclose
 
 import numpy as np
 
 from vctune.design.nlp.ipopt import lagrangian, numbers_of
 from vctune.design.prepared import Prepared, prepare, with_acting_terms
-from vctune.design.result import Polished, Price, Solved
+from vctune.design.result import Polished, Solved
 from vctune.design.variables import coordinates, design_of
 from vctune.design.verdict.judge import Status
+from vctune.document.records.design_json import Price
 from vctune.model.device import Device
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand
 from vctune.model.problem import Problem
 from vctune.proof.claims.delays import kept_at_whole_sample, sensed_force_jumps
 from vctune.running import OutOfTimeError, check_time
@@ -34,10 +37,9 @@ def with_prices(solved: Solved) -> Solved:
         return solved
     if not polished.solution.converged:  # without convergence the multipliers are not derivatives
         return solved
-    prepared = prepare(solved.problem)
-    prices = []
+    prepared, prices = prepare(solved.problem), list[Price]()
+    here = _changed(prepared, polished, lambda device: device, lambda hand: hand)
     try:
-        here = _changed(prepared, polished, _OfDevice("sample_time"), 1.0)
         for number in _numbers(solved.problem):
             check_time()
             prices.append(_price(prepared, polished, here, number))
@@ -47,114 +49,78 @@ def with_prices(solved: Solved) -> Solved:
 
 
 @dataclass(frozen=True, slots=True)
-class _OfDevice:
-    """A parameter of the device, identified by its key in its table."""
+class _Number:
+    """A parameter with a price, and how it changes devices and hands by a factor."""
 
-    name: str
-
-    @property
-    def key(self) -> str:
-        """The dotted key."""
-        return f"device.{self.name}"
-
-    def of(self, problem: Problem) -> float:
-        """Return the value of the parameter."""
-        return float(problem.device.number(self.name))
-
-    def changed(self, device: Device, factor: float) -> Device:
-        """Return a device with the parameter multiplied by `factor`."""
-        return device.with_numbers({self.name: factor * device.number(self.name)})
-
-    def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
-        """Return the hand unchanged."""
-        return hand
+    key: str
+    old: float
+    device: Callable[[float, Device], Device] = lambda factor, device: device
+    hand: Callable[[float, Hand], Hand] = lambda factor, hand: hand
 
 
-@dataclass(frozen=True, slots=True)
-class _OfHands:
-    """The least or the greatest mass, damping or stiffness of the hands; both at once if they are equal."""
-
-    name: str  # name of the hand's parameter
-    end: str  # "min", "max", or "" for both
-
-    @property
-    def key(self) -> str:
-        """The dotted key."""
-        return f"operator.{self.name}.{self.end}".rstrip(".")
-
-    def of(self, problem: Problem) -> float:
-        """Return the value of the parameter."""
-        return float(getattr(problem.hands.low if self.end == "min" else problem.hands.high, self.name))
-
-    def changed(self, device: Device, factor: float) -> Device:
-        """Return the device unchanged."""
-        return device
-
-    def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
-        """Return a hand of a box; if it lies at this end of the range, its parameter is multiplied by `factor`."""
-        value = getattr(hand, self.name)
-        edge = getattr(hands.low if self.end == "min" else hands.high, self.name)
-        return replace(hand, **{self.name: factor * value}) if isclose(value, edge) else hand
-
-
-def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
+def _numbers(problem: Problem) -> list[_Number]:
     """Return the parameters that get a price: parameters of the device and, for a servo, also of the hands."""
-    found: list[_OfDevice | _OfHands] = [_OfDevice(name) for name, old in problem.device.numbers().items() if old > 0]
+    known = problem.device.numbers()
+    found = [_Number(f"device.{name}", old, partial(_of_device, name)) for name, old in known.items() if old > 0]
     if problem.device.kind.own_loop:
         return found
     low, high = problem.hands.low, problem.hands.high
-    for part in fields(Hand):
-        least, most = getattr(low, part.name), getattr(high, part.name)
-        ends = [("", most)] if least == most else [("min", least), ("max", most)]
-        found += [_OfHands(part.name, end) for end, value in ends if value > 0]
+    for name in (part.name for part in fields(Hand)):
+        least, most = getattr(low, name), getattr(high, name)
+        ends = {"": most} if least == most else {".min": least, ".max": most}
+        found += [
+            _Number(f"operator.{name}{end}", old, hand=partial(_of_hand, name, old))
+            for end, old in ends.items()
+            if old > 0
+        ]
     return found
 
 
-def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDevice | _OfHands) -> Price:
+def _of_device(name: str, factor: float, device: Device) -> Device:
+    return device.with_numbers({name: factor * device.number(name)})
+
+
+def _of_hand(name: str, edge: float, factor: float, hand: Hand) -> Hand:
+    """Return a hand of the box; if it lies at this edge of the box, its parameter is multiplied by `factor`."""
+    value = getattr(hand, name)
+    return replace(hand, **{name: factor * value}) if isclose(value, edge) else hand
+
+
+def _price(prepared: Prepared, polished: Polished, here: tuple[float, float], number: _Number) -> Price:
     """Return the price of a parameter, for an increase or a decrease, whichever lowers the error."""
-    old = number.of(prepared.problem)
-    less, more = (_changed(prepared, polished, number, factor) for factor in (1 - STEP, 1 + STEP))
-    optimised = with_acting_terms(prepared.given).error(*design_of(prepared.units.to_si(polished.values))) ** 2
-
-    def error2(at: _Changed) -> float:
-        return optimised * exp(2 * (at.lagrangian - here.lagrangian)) + at.others2
-
-    changes = [(error2(at) / error2(here) - 1, sign) for sign, at in ((-1, less), (1, more))]
-    change, sign = min((each for each in changes if abs(each[0]) < 2 * STEP * STEEPEST), default=(0.0, -1))
-    return Price(number.key, old, old * (1 + sign * BETTER), round(min(change / 2 * BETTER / STEP, 0.0), 12))
-
-
-@dataclass(frozen=True, slots=True)
-class _Changed:
-    """The parts of the squared error after a change of one parameter."""
-
-    lagrangian: float  # Lagrangian of the last NLP, whose objective is the logarithm of the error
-    others2: float  # sum of the squared terms of the error that are the same for every design, which the NLP omits
+    changes, (objective, others2) = [(0.0, -1)], here
+    acting2 = with_acting_terms(prepared.given).error(*design_of(prepared.units.to_si(polished.values))) ** 2
+    for sign in (-1, 1):
+        factor = 1 + sign * STEP
+        there, other2 = _changed(prepared, polished, partial(number.device, factor), partial(number.hand, factor))
+        change = (acting2 * exp(2 * (there - objective)) + other2) / (acting2 + others2) - 1
+        changes += [(change, sign)] if abs(change) < 2 * STEP * STEEPEST else []
+    change, sign = min(changes)
+    new, change = number.old * (1 + sign * BETTER), round(change / 2 * BETTER / STEP, 12)
+    return Price(key=number.key, old=number.old, new=new, change=change)
 
 
-def _changed(prepared: Prepared, polished: Polished, number: _OfDevice | _OfHands, factor: float) -> _Changed:
-    """Return the parts of the squared error after a parameter of the devices or hands is multiplied by `factor`."""
+def _changed(
+    prepared: Prepared, polished: Polished, of_device: Callable[[Device], Device], of_hand: Callable[[Hand], Hand]
+) -> tuple[float, float]:
+    """Return the Lagrangian of the last NLP, whose objective is the logarithm of the error, after a change of all
+    devices and hands, and the sum of the squared terms of the error that are the same for every design."""
 
-    def changed(device: Device) -> Device:
-        return number.changed(device, factor)
+    def on(device: Device) -> Device:
+        changed = of_device(device)
+        jumps = problem.hands_met is not None and sensed_force_jumps(device, problem.hands_met)
+        return kept_at_whole_sample(changed, device) if jumps else changed
 
     def held(hand: Hand) -> Hand:
-        return number.held(hand, prepared.scaled.problem.hands, factor)
+        return of_hand(hand.in_units(1 / impedance, 1 / time)).in_units(impedance, time)
 
-    def posed_on(device: Device) -> Device:
-        if problem.hands_met is None or not sensed_force_jumps(device, problem.hands_met):
-            return changed(device)
-        return kept_at_whole_sample(changed(device), device)
-
-    problem, structure, design = prepared.problem, polished.structure, prepared.units.to_si(polished.values)
-    law = design_of(design)
-    other = prepare(replace(problem, device=changed(problem.device)))
-    posed, values = other.scaled, other.units.to_dimensionless(design)
-    working_set = polished.working_set.on_devices(posed_on, other.units.time / prepared.units.time, held)
-    free = coordinates(posed.problem, integrator=structure.integrator)
+    problem, units, design = prepared.problem, prepared.units, prepared.units.to_si(polished.values)
+    impedance, time = units.impedance, units.time
+    other = prepare(replace(problem, device=of_device(problem.device)))
+    values, law = other.units.to_dimensionless(design), design_of(design)
+    free = coordinates(other.scaled.problem, integrator=polished.structure.integrator)
     box = np.array([each.low for each in free]), np.array([each.high for each in free])
-    given = numbers_of(posed, structure, free, values, box, working_set, polished.tightening)
-    return _Changed(
-        lagrangian(structure, given, polished.solution),
-        other.given.error(*law) ** 2 - with_acting_terms(other.given).error(*law) ** 2,
-    )
+    working_set = polished.working_set.on_devices(on, other.units.time / time, held)
+    given = numbers_of(other.scaled, polished.structure, free, values, box, working_set, polished.tightening)
+    others2 = other.given.error(*law) ** 2 - with_acting_terms(other.given).error(*law) ** 2
+    return lagrangian(polished.structure, given, polished.solution), others2

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from vctune.analysis.demands import sensitivity_maxima
-from vctune.analysis.in_hands import least_ratios, ratio_in_some_hands
+from vctune.analysis.in_hands import ratio_in_some_hands
 from vctune.design.prepared import pose as pose_devices
-from vctune.design.result import Repair, Solved
-from vctune.design.verdict.judge import Judgement, Status, judge, least_ratio
-from vctune.design.verdict.parameter_changes import (
-    ParameterChange,
-    change_of_gain,
-    parameter_changes,
+from vctune.design.result import Solved
+from vctune.design.verdict.judge import (
+    Judgement,
+    Status,
+    margins_in_hands,
+    margins_on_band,
+    peak_sensitivity,
 )
+from vctune.design.verdict.parameter_changes import ParameterChange, change_of_gain, parameter_changes
 from vctune.document.gains_file import design_numbers, design_tables
 from vctune.document.reading import ProblemFile, pose
+from vctune.document.records.design_json import Repair
 from vctune.document.text import toml
-from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.keys import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.proof.claims.loop_claims import stable_loop
@@ -35,72 +36,47 @@ REPAIRS = "the repairs"  # Name of a stage that a time limit may cut short
 # Greatest numbers of changed problems that a search solves, or of changed designs that it judges. They bound its time
 # and, unlike a number of seconds, give the same answer on every machine
 MOST_SOLVED, MOST_JUDGED = 10, 24
-MOST_BOXES = 20_000  # Greatest number of boxes of each proof of a changed design
+MOST_BOXES = 20_000  # Greatest number of boxes of each proof of a changed problem's design
 # Share by which the screening requires a greater ratio than the limit, so that the proof of rounded gains succeeds
 SLACK = 1e-5
 
 Progress = Callable[[str], None]
-Posed = Callable[[dict[str, Any]], Problem | None]
-
-
-@dataclass(frozen=True, slots=True)
-class RepairTest:
-    """Functions with which the search for repairs tests a changed problem."""
-
-    estimate: Callable[[Problem], bool]  # whether a problem seems to have a design
-    verify: Callable[[Problem], Judgement | None]  # its certified design
-    most: int  # greatest number of problems to verify
 
 
 def _posed(document: dict[str, Any]) -> Problem | None:
     return pose(document, "")[0]
 
 
-def _seems_admissible(problem: Problem) -> bool:
-    """Return whether the fixed design of a problem meets the constraints in double precision, with proved stable
-    poles."""
-    return all(_seems_admissible_on(case, *problem.fixed_design) for case in pose_devices(problem).cases)
+def _hopeful(problem: Problem) -> bool:
+    """Return whether a problem seems to have a design in double precision: the fixed one, or one near a start."""
+    if not problem.bounds.fixed:
+        from vctune.design.search.optimum import within_reach
 
-
-def _seems_admissible_on(problem: Problem, gains: Gains, coupling: AnyCoupling) -> bool:
-    least = problem.stability.safety_factor * (1 + SLACK)
-    if problem.passive and least_ratio(problem, gains, coupling)[0] < least:
+        return within_reach(problem) is not None
+    posed, law, least = pose_devices(problem), problem.fixed_design, problem.stability.safety_factor * (1 + SLACK)
+    if any(ratio_in_some_hands(case, *law) < least for case in posed.cases):
         return False
-    if -sensitivity_maxima(problem, gains).value[0] > problem.stability.max_sensitivity:
+    if peak_sensitivity(posed, law[0])[0] > problem.stability.max_sensitivity:
         return False
-    if ratio_in_some_hands(problem, gains, coupling) < least:
+    if any(margin.ratio < least for margin in margins_on_band(posed, *law)):
         return False
-    if any(worst.ratio < least for worst in least_ratios(problem, gains, coupling)):
+    held = [case.device for case in posed.hand_cases]
+    if held and any(margin.ratio < least for margin in margins_in_hands(posed.demands, held, *law)):
         return False
-    return all(stable_loop(loop, gains, model=problem.passive) for loop in problem.device.loops)
+    loops = (loop for case in posed.cases for loop in case.device.loops)
+    return all(stable_loop(loop, law[0], model=problem.passive) for loop in loops)
 
 
-def _judged(problem: Problem) -> Judgement | None:
-    with boxes_at_most(MOST_BOXES):
-        judgement = judge(problem, *problem.fixed_design)
-    return judgement if judgement.status is Status.CERTIFIED else None
-
-
-def _solved(problem: Problem) -> Judgement | None:
+def _certified(problem: Problem) -> Judgement | None:
+    """Return the certified design of a problem: the fixed one, or the one that the optimiser finds."""
     from vctune.design.solve import solve
 
-    # without the search of every box, which can take half a minute
-    solved = solve(problem, exhaustive=False)
-    if solved.cut:  # the time limit cut the solution short
+    with boxes_at_most(MOST_BOXES):
+        solved = solve(problem, exhaustive=False)  # without the search of every box, which can take half a minute
+    if solved.cut and not problem.bounds.fixed:
         raise OutOfTimeError
     judgement = solved.judgement
     return judgement if judgement is not None and judgement.status is Status.CERTIFIED else None
-
-
-def _seems_solvable(problem: Problem) -> bool:
-    from vctune.design.search.optimum import within_reach
-
-    return within_reach(problem) is not None
-
-
-OF_FIXED = RepairTest(_seems_admissible, _judged, MOST_JUDGED)
-# Tests for problems that fix every variable of the design, and for problems that leave one variable free
-OF_FREE = RepairTest(_seems_solvable, _solved, MOST_SOLVED)
 
 
 def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
@@ -112,31 +88,12 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
         return replace(solved, cut=(*solved.cut, REPAIRS))
     document = toml.parse(file.text, problem.name)
     if judgement is not None:
-        repairs = repairs_of_design(document, judgement, [], progress)
+        repairs, _ = repairs_of_design(document, judgement, [], progress)
     else:
-        repairs = find_repairs(document, parameter_changes(document, problem), OF_FREE, progress)
+        repairs = find_repairs(document, parameter_changes(document, problem), progress)
     seconds, cut = perf_counter() - began, (REPAIRS,) * out_of_time()
     found = repairs or None if cut else repairs  # after the time limit others may exist
     return replace(solved, repairs=found, seconds={**solved.seconds, "repairs": seconds}, cut=(*solved.cut, *cut))
-
-
-def repairs_of_design(
-    stated: dict[str, Any],
-    judgement: Judgement,
-    changed: Sequence[ParameterChange],
-    progress: Progress = lambda stage: None,
-) -> list[Repair]:
-    """Return the changes of one value after which a refuted design passes: first of the design, then of the problem."""
-    pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
-    problem, _ = pose(pasted, "")
-    assert problem is not None, "a valid problem with valid gains is one"
-    with suppress(OutOfTimeError):
-        found = undone(pasted, changed, OF_FIXED)
-        settled = set(SYMBOLS) if found else set()
-        changes = [change for change in parameter_changes(pasted, problem) if change.key not in settled]
-        found += find_repairs(pasted, changes, OF_FIXED, progress)
-        return sorted(found, key=lambda repair: (repair.key not in SYMBOLS, repair.rank))
-    return []
 
 
 def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -> list[ParameterChange]:
@@ -145,70 +102,81 @@ def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -
     return [change_of_gain(problem, key, given[key], new) for key, new in solved.items() if new != given[key]]
 
 
-def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> list[Repair]:
-    """Undo one edit at a time; return each reversal that gives a certified design, the least error first."""
-    found = []
-    for change in changed:
-        design = _verified(change.applied(pasted, change.limit), test)
-        found += [repair_of(change, change.limit, design)] if design is not None else []
-    return sorted(found, key=lambda repair: repair.rank)
+def repairs_of_design(
+    stated: dict[str, Any],
+    judgement: Judgement,
+    changed: Sequence[ParameterChange],
+    progress: Progress = lambda stage: None,
+) -> tuple[list[Repair], bool]:
+    """Return the changes of one value after which a refuted design passes, first of the design, then of the problem,
+    and whether only all edits together undo it."""
+    pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
+    found = list[Repair]()
+    with suppress(OutOfTimeError):
+        for edit in changed:
+            if (design := _verified(edit.applied(pasted, edit.limit))) is not None:
+                found.append(_repair(edit, edit.limit, design))
+        undone = reduce(lambda document, edit: edit.applied(document, edit.limit), changed, pasted)
+        together = len(changed) > 1 and not found and _verified(undone) is not None
+        problem, settled = _posed(pasted), set(SYMBOLS) if found else set[str]()
+        assert problem is not None, "a valid problem with valid gains is one"
+        changes = [change for change in parameter_changes(pasted, problem) if change.key not in settled]
+        found += find_repairs(pasted, changes, progress)
+        return sorted(found, key=lambda repair: (repair.key not in SYMBOLS, repair.rank)), together
+    return [], False
 
 
-def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> bool:
-    """Return whether undoing all edits leads to a certified design."""
-    document = reduce(lambda document, change: change.applied(document, change.limit), changed, pasted)
-    return _verified(document, test) is not None
-
-
-def _verified(document: dict[str, Any], test: RepairTest) -> Judgement | None:
+def _verified(document: dict[str, Any]) -> Judgement | None:
     check_time()
-    problem, _ = pose(document, "")
-    return test.verify(problem) if problem is not None else None
+    problem = _posed(document)
+    return None if problem is None else _certified(problem)
 
 
-def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
-    """Return a change of a value as a repair."""
-    error = design.transparency.error
-    return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
+def _repair(change: ParameterChange, new: float, design: Judgement) -> Repair:
+    return Repair(
+        key=change.key,
+        old=change.old,
+        new=new,
+        change=change.meaning,
+        needs=change.line(new),
+        size=change.size(new),
+        error=design.transparency.error,
+    )
 
 
 @np.errstate(all="ignore")
 def find_repairs(
     document: dict[str, Any],
-    changes: Sequence[ParameterChange],
-    test: RepairTest = OF_FIXED,
+    changes: Iterable[ParameterChange],
     progress: Progress = lambda stage: None,
-    posed: Posed = _posed,
+    posed: Callable[[dict[str, Any]], Problem | None] = _posed,
 ) -> list[Repair]:
-    """Return the least of a few steps of each change that repairs a problem alone.
+    """Return the least of at most six steps of each change that repairs a problem alone.
 
     Small steps of every change come before great steps of any. A step that seems to suffice is proved.
     """
-    found, left, verified = list[Repair](), dict(enumerate(changes)), 0
+    found, settled, verified = list[Repair](), set[int](), 0
 
-    def applied(change: ParameterChange, new: float) -> Problem | None:
+    def hopeful(change: ParameterChange, new: float) -> Problem | None:
         check_time()
-        return posed(change.applied(document, new))
-
-    def seems_to_suffice(problem: Problem | None) -> bool:
-        return problem is not None and test.estimate(problem)
+        problem = posed(change.applied(document, new))
+        return problem if problem is not None and _hopeful(problem) else None
 
     with suppress(OutOfTimeError):
-        for place, change in enumerate(changes):  # what only relaxes a constraint suffices at most at its limit
-            if change.eases and not seems_to_suffice(applied(change, change.limit)):
-                del left[place]
-        for relative, number in sorted((step, each) for each in left for step in changes[each].steps()):
-            if number not in left or verified >= test.most:
+        # a change that only relaxes a constraint suffices at most at its limit
+        tried = [change for change in changes if not change.eases or hopeful(change, change.limit)]
+        steps = [(size, k, new) for k, change in enumerate(tried) for size, new in change.steps()]
+        for _, k, new in sorted(steps):
+            if k in settled:
                 continue
-            change = changes[number]
-            progress(f"looking for repairs: {change.meaning}{f', {len(found)} found' if found else ''}")
-            new = change.rounded(relative)
-            problem = applied(change, new)
-            if problem is None or not seems_to_suffice(problem):
+            progress(f"looking for repairs: {tried[k].meaning}{f', {len(found)} found' if found else ''}")
+            if (problem := hopeful(tried[k], new)) is None:
                 continue
             verified += 1
-            if (design := test.verify(problem)) is not None:
+            if verified > (MOST_JUDGED if problem.bounds.fixed else MOST_SOLVED):
+                break
+            if (design := _certified(problem)) is not None:
                 check_time()  # at the time limit the judgement may be incomplete
-                found.append(repair_of(change, new, design))
-                del left[number]
+                found.append(_repair(tried[k], new, design))
+                settled.add(k)
     return sorted(found, key=lambda repair: repair.rank)

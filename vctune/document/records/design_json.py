@@ -43,14 +43,13 @@ def design_of(value: Any, source: str) -> DesignRecord:
 NO_DIFFERENCE = 5e-5
 
 
-class PriceRecord(Part):
-    """The price of a parameter of the device: the relative change of the least error, to first order, if this number
-    improves."""
+class Price(Part):
+    """The effect on the least error of improving one parameter of the device while the rest of the problem stays."""
 
-    key: str
-    old: float
+    key: str  # key of the parameter in the problem file
+    old: float  # the value, and a value that is better by 1 %, in SI units and hertz
     new: float
-    change: float
+    change: float  # first-order change of the least error as a share of this error; at most 0
 
     @property
     def worth(self) -> str:
@@ -81,17 +80,31 @@ class ActiveRecord(Part):
     device: DeviceRecord | None = None  # device on which it is active; null if there is only one device
 
 
-class RepairRecord(Part):
-    """A change of one value of the problem file after which there is a design, or after which an idle design uses its
-    loop."""
+class Repair(Part):
+    """A change of one value of the problem file after which there is a design."""
 
     key: str  # dotted key
     old: Number  # old and new value, in the unit of the file; 1 and 0 for true and false. An infinite value is null
     new: Number
     change: str  # meaning of the change, in words
     needs: str  # the new line of the file, in TOML
-    size: Number = None  # change relative to the greater of the two values; null in older files
-    error: Number  # transparency error of the repaired design
+    size: float  # change relative to the greater of the two values, by which repairs with the same error are ordered
+    error: float  # transparency error of the repaired design
+
+    def __str__(self) -> str:
+        if self.turns_off:
+            return f"{self.needs} instead of true"
+        return f"{self.key} = {text(self.new, 12)} instead of {self.told_old}"
+
+    @property
+    def told_old(self) -> str:
+        """The old value in words."""
+        return "true" if self.turns_off else "inf" if self.old is None else text(self.old, 12)
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Sort key of repairs: the error in its printed digits, then the size of the change."""
+        return float(f"{self.error:.4g}"), self.size
 
     @property
     def turns_off(self) -> bool:
@@ -194,8 +207,8 @@ class DesignRecord(Document):
     active: list[ActiveRecord]
     proved: bool | None = None
     idle: bool = False
-    repairs: list[RepairRecord] | None = None
-    prices: list[PriceRecord] | None = None
+    repairs: list[Repair] | None = None
+    prices: list[Price] | None = None
     contact: ContactRecord | None = None
     felt: InHandRecord | None = None
     at_bound: list[str]

@@ -1,0 +1,241 @@
+"""Check existing gains: the verdict, one line of text, and the full record. The optimiser is imported only to find
+repairs. See cli/README.md, section 2."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from math import pi
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from vctune.analysis.growth import growth_near
+from vctune.design.result import Solved
+from vctune.design.variables import keys_for, ranges
+from vctune.design.verdict.design_record import record_of, warnings
+from vctune.design.verdict.judge import Judgement, Status, judge_all
+from vctune.design.verdict.parameter_changes import ParameterChange
+from vctune.design.verdict.rendered import rendered_in_words
+from vctune.design.verdict.repair import Progress, edits, repairs_of_design
+from vctune.document.doubts import file_doubts
+from vctune.document.reading import GainsFile, ProblemFile
+from vctune.document.records.design_json import Repair
+from vctune.document.schema.kinds import require_gains_of
+from vctune.document.text import toml
+from vctune.document.text.codes import Note
+from vctune.document.text.errors import InputError, Mistake
+from vctune.model.numbers.keys import SYMBOLS
+from vctune.model.numbers.units import UNITS
+from vctune.proof.certificate import certify
+from vctune.proof.outcome import Verdict
+from vctune.proof.prover import boxes_at_most
+from vctune.running import OutOfTimeError, out_of_time
+
+OUT_OF_TIME = Note("time-limit", "the time limit cut the check short; what is stated was known by then")
+OTHER_VERSION = Note("other-version", "the gains were made for another version of the problem (sha256 differs)")
+MOST_BOXES = 20_000  # Greatest number of boxes of the proof that a design misses only the safety factor
+
+
+class CheckVerdict(StrEnum):
+    """The verdict of a check."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    UNDECIDED = "undecided"
+    BAD_INPUT = "bad input"
+
+
+VERDICTS = {
+    Status.CERTIFIED: CheckVerdict.PASSED,
+    Status.VIOLATED: CheckVerdict.FAILED,
+    Status.UNDECIDED: CheckVerdict.UNDECIDED,
+    Status.INFEASIBLE: CheckVerdict.FAILED,
+}
+
+
+class Finding(Protocol):
+    """The details of a check of usable input: warnings and JSON object."""
+
+    @property
+    def warnings(self) -> list[str]: ...
+    def record(self) -> dict[str, Any]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class DesignFinding:
+    """The details of a check of valid gains."""
+
+    file: ProblemFile
+    judgement: Judgement
+    repairs: list[Repair] | None
+    warnings: list[str]
+
+    def record(self) -> dict[str, Any]:
+        """Return the object of design.json."""
+        solved = Solved(problem=self.file.problem, judgement=self.judgement, repairs=self.repairs)
+        return record_of(self.file, solved).model_copy(update={"warnings": self.warnings}).to_json()
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """The result of a check."""
+
+    source: Path  # path of the file that states the gains
+    name: str  # name of the problem
+    verdict: CheckVerdict  # verdict on the claims
+    message: str
+    line: int  # line of the source to which the message refers
+    finding: Finding | None  # details of the check; None for bad input
+    strict: bool = False  # whether a warning fails the check
+
+    @property
+    def warnings(self) -> list[str]:
+        """The warnings in addition to the verdict."""
+        return self.finding.warnings if self.finding else []
+
+    @property
+    def failed_by_warnings(self) -> bool:
+        """Whether the check fails only because of its warnings."""
+        return self.strict and bool(self.warnings) and self.verdict in (CheckVerdict.PASSED, CheckVerdict.UNDECIDED)
+
+    @property
+    def result(self) -> CheckVerdict:
+        """The verdict, or "failed" because of a warning."""
+        return CheckVerdict.FAILED if self.failed_by_warnings else self.verdict
+
+
+def check_problem(
+    file: ProblemFile, design: GainsFile | None = None, progress: Progress = lambda stage: None
+) -> Checked:
+    """Check the design that a problem fixes, or another design for the problem."""
+    problem = file.problem
+    if design is not None:
+        require_gains_of(file, design)
+    elif problem.bounds.fixed:
+        law = problem.fixed_design
+        design = GainsFile(problem.device.kind, *law, sha256=None, units=None, text=file.text, source=file.source)
+    else:
+        free = [key for key, bounds in zip(keys_for(problem), ranges(problem), strict=True) if not bounds.fixed]
+        message = "nothing to check: not fixed; name a gains file, or fix the numbers"
+        raise InputError(file.source, [Mistake("not-fixed", ", ".join(free), message)])
+    with np.errstate(all="ignore"):
+        return _judged(file, design, progress)
+
+
+def _judged(file: ProblemFile, design: GainsFile, progress: Progress) -> Checked:
+    progress(f"proving {Path(design.source).name}")
+    (judgement,) = judge_all(file.problem, [(design.gains, design.coupling)], [design.corner])
+    edited = edits(file.problem, judgement, design.solved) if design.sha256 == file.sha256 else []
+    repairs, together, remedies = None, list[ParameterChange](), list[str]()
+    if judgement.status is Status.VIOLATED:
+        stated = toml.parse(file.text, file.problem.name)
+        repairs, undone = repairs_of_design(stated, judgement, edited, progress)
+        together = edited if undone else []
+    other = [OTHER_VERSION] if design.sha256 and design.sha256 != file.sha256 else []
+    finding = finding_of(file, judgement, repairs, other)
+    if together:
+        numbers = [f"{change.key} = {change.limit:.12g} instead of {change.old:.12g}" for change in together]
+        remedies.append(f"the design of this problem, with {' and '.join(numbers)}, passes")
+    if finding.repairs is not None:
+        remedies.append(_remedy(finding.repairs, edited))
+    known = rendered_in_words(file.problem, judgement)
+    message = "; ".join([check_message(judgement), *remedies, *([known] if known else [])])
+    line = _line_to_change(design.text, finding.repairs, together)
+    return Checked(Path(design.source), file.problem.name, VERDICTS[judgement.status], message, line, finding)
+
+
+def finding_of(
+    file: ProblemFile, judgement: Judgement, repairs: list[Repair] | None, notes: Sequence[Note]
+) -> DesignFinding:
+    """Return the details of the check of judged gains, with all warnings."""
+    cut = judgement.cut
+    if judgement.status is Status.VIOLATED:
+        cut |= out_of_time()
+        repairs = repairs or None if cut else repairs  # after the time limit others may exist
+    found = [*([OUT_OF_TIME] if cut else []), *file_doubts(file), *warnings(file.problem, judgement), *notes]
+    return DesignFinding(file, judgement, repairs, [note.line for note in found])
+
+
+def check_message(judgement: Judgement) -> str:
+    """Return the proved claims of a design, or the claims that fail with the least margin."""
+    if judgement.status is Status.CERTIFIED:
+        return _proved(judgement)
+    at, units = judgement.binding, UNITS[judgement.device.units]
+    hand = "" if at.hand is None else f" in the hand of {at.hand.in_words(units)}"
+    if _misses_only_the_factor(judgement):
+        return judgement.stable_but + hand
+    grows = [words] if (words := _growth(judgement)) else []
+    if (missed := judgement.reserve_missed) is not None:
+        return "; ".join([missed + hand, *judgement.open_claims, *grows])
+    worst = f"{judgement.ratio_name} {at.ratio:.6g} at {at.omega / (2 * pi):.6g} Hz{hand}"
+    return "; ".join([*judgement.open_claims, worst, *grows])
+
+
+def _proved(judgement: Judgement) -> str:
+    demands, units = judgement.certificate.demands, UNITS[judgement.device.units]
+    low, high = (edge / (2 * pi) for edge in demands.band)
+    where = [f"from {low:.6g} to {high:.6g} Hz"] if demands.passive else []
+    where += ["in any passive hand up to Nyquist"] if demands.any_hand else []
+    if demands.hands is not None:
+        worlds = f" with {demands.worlds.in_words(units)}" if demands.worlds else ""
+        where += [f"in every hand of {demands.hands.in_words(units)}{worlds} up to Nyquist"]
+    limits = [f"safety factor {demands.factor:g}"]
+    limits += [f"|S| at most {demands.max_sensitivity:g}"] if judgement.kind.own_loop else []
+    return f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, {', '.join(limits)}"
+
+
+def _misses_only_the_factor(judgement: Judgement) -> bool:
+    """Return whether a refuted design is proved without a safety factor, where only hands or environments ask for it.
+
+    `Judgement.reserve_missed` says so of Llewellyn's conditions.
+    """
+    certificate = judgement.certificate
+    failing = {claim for claim, outcome in certificate.outcomes.items() if outcome.verdict is not Verdict.PROVED}
+    if certificate.demands.factor <= 1 or not failing or not failing <= {"hands", "worlds", "any_hand"}:
+        return False
+    with boxes_at_most(MOST_BOXES), suppress(OutOfTimeError):
+        demands = replace(certificate.demands, factor=1.0)
+        return certify(certificate.design, demands, certificate.box).verdict is Verdict.PROVED
+    return False
+
+
+def _growth(judgement: Judgement) -> str:
+    """Return how a motion grows in the hand of a refuted claim with its least environment; "" if it does not."""
+    demands, outcome = judgement.certificate.demands, judgement.certificate.outcomes.get("worlds")
+    if outcome is None or outcome.verdict is not Verdict.REFUTED or outcome.hand is None or not outcome.witness:
+        return ""
+    assert demands.worlds is not None
+    law, device, worlds = (judgement.gains, judgement.coupling), outcome.device or judgement.device, demands.worlds
+    found = growth_near(device, *law, outcome.hand, worlds.low, outcome.witness)
+    if found is None:
+        return ""
+    behind = "with the least environment of the box"
+    if worlds.exact and worlds.high.mass == 0:
+        behind = "with its spring alone" if worlds.high.stiffness else "with nothing behind it"
+    hand = outcome.hand.in_words(UNITS[judgement.device.units])
+    return f"in the hand of {hand} {behind} a motion grows by {found.rate:.4g}/s at {found.hz:.4g} Hz"
+
+
+def _remedy(repairs: Sequence[Repair], edited: Sequence[ParameterChange]) -> str:
+    """Return the best change of one gain after which the design passes, and the changes of the problem after which it
+    passes."""
+    if not repairs:
+        return "no change of one number passes"
+    of_gain = [repair for repair in repairs if repair.key in SYMBOLS]
+    first, *others = [*of_gain[:1], *(repair for repair in repairs if repair.key not in SYMBOLS)]
+    taken_back = (first.key, first.new) in {(change.key, change.limit) for change in edited}
+    known = ", as in the design of this problem" if taken_back else ""
+    so = f"; so would {', or '.join(map(str, others))}" if others else ""
+    return f"{first} would pass{known}{so}"
+
+
+def _line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequence[ParameterChange]) -> int:
+    """Return the line of the value to change; if the file does not state this value, return the line of the table."""
+    lines = toml.Lines(text)
+    keys = [change.key for change in together] or [repair.key for repair in repairs or [] if repair.key in SYMBOLS]
+    paths = [path for key in keys[:1] for path in (tuple(key.split(".")), (key.split(".")[0],))]
+    return next((line for path in [*paths, ("gains",)] if (line := lines.locate(path)) is not None), 1)
