@@ -222,7 +222,7 @@ def test_the_first_interrupt_is_noted_and_the_second_delivered():
 
 LOSES_AN_INTERRUPT = """
 import signal, sys, weakref
-from vctune.design.nlp import ipopt
+from vctune.design.nlp import nlp
 class Collected: pass
 def losing(*given, solve=ipopt.solve):
     collected = Collected()

@@ -13,7 +13,7 @@ from vctune.api.result import DESIGN_FILE, Files
 from vctune.api.solving import Design, json_text, require_gap, solve
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
-from vctune.design.nlp.ipopt import ipopt_version
+from vctune.design.nlp.nlp import ipopt_version
 from vctune.design.prepared import prepare
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress, improved

@@ -137,7 +137,7 @@ class Design:
 
 def designed(file: ProblemFile, solved: Solved, *, strict: bool = False) -> Design:
     """Return a solved problem as the result of a command; if `strict`, a warning is a failure."""
-    from vctune.design.nlp.ipopt import ipopt_version
+    from vctune.design.nlp.nlp import ipopt_version
 
     record = record_of(file, solved, ipopt_version(), today())
     cut = any(has_code(warning, "time-limit") for warning in record.warnings)

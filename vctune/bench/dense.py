@@ -10,10 +10,9 @@ import casadi as ca
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.design.nlp.ipopt import NlpNumbers, numbers_of
-from vctune.design.nlp.nlp import OPTIONS, assembled
-from vctune.design.nlp.nlp_structure import NlpStructure, nlp_structure
+from vctune.design.nlp.nlp import OPTIONS, Nlp, assembled, stated
 from vctune.design.prepared import Prepared
+from vctune.design.result import NlpStructure
 from vctune.design.search.rounding import rounded
 from vctune.design.search.start import Start
 from vctune.design.search.working_set import WorkingSet, constraint_points
@@ -33,20 +32,19 @@ class DenseProblem:
     """A problem on a fixed grid of frequencies, from one start."""
 
     prepared: Prepared  # the problem, prepared for the search
-    structure: NlpStructure  # structure of the NLP
     free: tuple[Coordinate, ...]  # the design variables of the NLP
     fixed: Point  # the start's values of all design variables, dimensionless; a design keeps those that are not free
-    numbers: NlpNumbers  # start, parameters and bounds of the NLP
+    numbers: Nlp  # the NLP with its numbers
 
     def values(self, z: Floats) -> tuple[Floats, Floats]:
         """Return the logarithm of the error, of shape (1,), and the constraints in use minus their lower bounds."""
-        f, g = functions(self.structure).values(z, self.numbers.parameters)
+        f, g = functions(self.numbers.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
         return np.nan_to_num(np.array(f).ravel(), nan=MISSED, posinf=MISSED), beyond
 
     def slopes(self, z: Floats) -> tuple[Floats, Floats]:
         """Return the gradient of the objective, and the Jacobian of the constraints in use."""
-        df, dg = functions(self.structure).slopes(z, self.numbers.parameters)
+        df, dg = functions(self.numbers.structure).slopes(z, self.numbers.parameters)
         return np.array(df).ravel(), np.array(dg)[self.posed]
 
     @property
@@ -104,12 +102,10 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
         if scaled.transparency.norm == "peak"
         else [],
     )
-    structure = nlp_structure(posed, free, working_set, PANELS, integrator=integrator)
     fixed = point(start.gains, start.coupling)
     box = (np.array([c.low for c in free]), np.array([c.high for c in free]))
-    return DenseProblem(
-        prepared, structure, free, fixed, numbers_of(posed, structure, free, fixed, box, working_set, reserve)
-    )
+    numbers = stated(posed, free, fixed, box, working_set, PANELS, reserve, integrator=integrator)
+    return DenseProblem(prepared, free, fixed, numbers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +126,7 @@ def ipopt(dense: DenseProblem) -> Stopped:
     """Solve a problem on its grid by IPOPT."""
     given = dense.numbers
     with interrupt_deferred():
-        solver = compiled(dense.structure)
+        solver = compiled(dense.numbers.structure)
         found = solver(
             x0=given.guess, p=given.parameters, lbx=given.low, ubx=given.high, lbg=given.least, ubg=given.most
         )

@@ -159,7 +159,7 @@ def _peer_row(name: str, prepared: Prepared, scan_result: ScanResult, peer: Peer
         dense_problem.values(dense_problem.numbers.guess)
         dense_problem.slopes(dense_problem.numbers.guess)
         if peer.solver is ipopt:
-            compiled(dense_problem.structure)
+            compiled(dense_problem.numbers.structure)
     times: list[float] = []
     paces = []
     while not times or (len(times) < REPEATS and times[0] < SLOW_SECONDS):

@@ -39,7 +39,7 @@ def _print_version(context: click.Context, parameter: click.Parameter, wanted: b
     if not wanted:
         return
     from vctune.cli.runner import emit
-    from vctune.design.nlp.ipopt import ipopt_version
+    from vctune.design.nlp.nlp import ipopt_version
     from vctune.version import versions
 
     emit("\n".join(f"{name} {number}" for name, number in versions(ipopt_version()).items()))

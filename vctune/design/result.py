@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.responses import Loop
-from vctune.design.nlp.nlp_structure import NlpStructure
 from vctune.design.search.scan import ScanResult
 from vctune.design.search.start import Start
 from vctune.design.search.working_set import WorkingSet
@@ -16,11 +15,34 @@ from vctune.design.verdict.infeasible import Infeasibility
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.records.design_json import Price, Repair
 from vctune.document.text.codes import Note
+from vctune.model.display import Display
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem
+from vctune.model.transparency import TermName
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
+
+
+@dataclass(frozen=True, slots=True)
+class NlpStructure:
+    """The content of an NLP. Two problems with the same structure share one compiled solver."""
+
+    kind: Display  # kind of the device
+    rigid: bool  # whether b_c is infinite
+    walls: bool  # whether the environments include walls
+    free: tuple[tuple[int, bool], ...]  # (index among a design's variables, whether it may be 0) for each free variable
+    integrator: bool  # whether the law has the term K_p/s
+    terms: tuple[TermName, ...]  # terms of the error with a positive weight
+    tables: tuple[tuple[str, Any, int], ...]  # name, form and number of columns of each table of parameters
+    mean_errors: int  # number of devices whose greatest mean error is the objective; 0 for one device
+    epigraph: bool  # whether the objective is the greatest of several values
+    tracked_peaks: int  # number of peaks of |S| whose frequencies are variables
+
+    @property
+    def variables(self) -> int:
+        """Number of variables: free variables of the design, frequencies of tracked peaks, epigraph."""
+        return len(self.free) + self.tracked_peaks + self.epigraph
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +70,7 @@ class Polished:
     working_set: WorkingSet
     solution: Solution
     tightening: float  # relative tightening of the constraints
+    panels: int  # of the error's quadrature
     rounds: list[Solution]  # the answers of the exchange's NLPs
 
 

@@ -1,42 +1,31 @@
-"""State the design problem on a finite set of frequencies as a CasADi NLP (design/README.md, section 7)."""
+"""State the design problem on a finite set of points as a CasADi NLP, and solve it by IPOPT (design/README.md, section
+7)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import lru_cache, reduce
-from math import inf, pi
-from typing import Any
+import re
+from collections.abc import Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from functools import lru_cache
+from io import StringIO
+from math import inf, log, pi
+from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
 
-from vctune.design.nlp.nlp_parameters import (
-    PERTURBED_LOOP,
-    PULSE_TRANSFER,
-    STABILITY_CUT,
-    Layout,
-    common_layout,
-    device_of,
-    frequency_layout,
-    plant_layout,
-    plant_of,
-    tables,
-    unpacked,
-)
-from vctune.design.nlp.nlp_structure import DEMANDS, NlpStructure
-from vctune.design.variables import CORNER, coupling_from
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, sampled_resistance, series_coupling
-from vctune.model.loop.llewellyn import modulus_excess
-from vctune.model.loop.loop import loop_response
-from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate
-from vctune.model.numbers.pair import EvenOdd, Pair
-from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand, seen_in_hand
-from vctune.model.sampled.impedance_display import offered_by_spring, spring_damper_admittance
-from vctune.model.sampled.velocity_loop import return_difference, sensitivity_abs2
-from vctune.model.sampled.worlds.loop_in_walls import disjuncts_in_walls, strip_in_walls
-from vctune.model.sampled.worlds.loop_in_worlds import Seen, disjuncts, offered_at, room_of
-from vctune.model.transparency import PANEL_NODES, TERMS, loop_terms, squared_terms
-from vctune.model.worlds import World, Worlds
+from vctune.analysis.extrema import Floats
+from vctune.design.nlp.demands import MARGINS, Sought, at_frequencies, constants, error2, tracked_peak
+from vctune.design.nlp.symbols import columns_of, form_of, leaves, rebuilt
+from vctune.design.prepared import Posed
+from vctune.design.result import NlpStructure, Solution
+from vctune.design.search.working_set import DEMANDS, WorkingSet
+from vctune.design.variables import CORNER, Coordinate, Point, coupling_from
+from vctune.interrupt import interrupt_deferred
+from vctune.model.gains import Gains
+from vctune.model.problem import Problem
+from vctune.model.transparency import TERMS, Terms, log_quadrature
 
 # Options of IPOPT
 OPTIONS: dict[str, Any] = {
@@ -59,267 +48,113 @@ OPTIONS: dict[str, Any] = {
     "ipopt.min_refinement_steps": 0,
     "ipopt.max_refinement_steps": 1,
 }
+# Steps in which the number of slots of each kind of constraint grows, in the order of `DEMANDS`; for hands with a box
+# of environments another
+STEPS, IN_WORLDS = (12, 12, 4, 12, 12, 12), 36
+NEAR_SIDE = 1e-2  # Distance within which a point counts as lying on a side of the trust box
+TRACKING_REACH = 0.5  # Greatest change of the log frequency of a tracked peak of |S| in one NLP
 
 
-class _SymbolArithmetic:
-    """Arithmetic of CasADi symbols."""
+class Common(NamedTuple):
+    """The parameters that all constraints share."""
 
-    pi = pi
-    precision = 2.0**-53
-    arrays = None
-
-    @staticmethod
-    def is_zero(x: Number) -> bool:
-        return bool(ca.SX(x).is_zero())
-
-    sqrt = staticmethod(ca.sqrt)
-    exp = staticmethod(ca.exp)
-    sin = staticmethod(ca.sin)
-    cos = staticmethod(ca.cos)
-    reciprocal = staticmethod(by_conjugate)
-
-    @staticmethod
-    def modulus(re: Number, im: Number) -> Number:
-        return ca.sqrt(re * re + im * im)
-
-    @staticmethod
-    def sinc(x: Number) -> Number:
-        return ca.sin(x) / x
-
-    @staticmethod
-    def sinc_curvature(x: Number) -> Number:
-        return (1 - ca.sin(x) / x) / (x * x)
-
-    @staticmethod
-    def phi_1(x: Number) -> Number:
-        return (1 - ca.exp(-x)) / x
-
-    @staticmethod
-    def phi_2(x: Number) -> Number:
-        return (x - 1 + ca.exp(-x)) / (x * x)
-
-    @staticmethod
-    def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
-        return ca.if_else(x > 0, yes(), no())
-
-    @staticmethod
-    def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
-        raise NotImplementedError("a symbol lies between no two points of a table")
-
-    @staticmethod
-    def within(radius: Number) -> Number:
-        return 0.0
-
-    @staticmethod
-    def middle(x: Number) -> Number:
-        return x
-
-    @staticmethod
-    def magnitude(x: Number) -> float:
-        raise NotImplementedError("a symbol has no size")
-
-
-SYMBOLS: Arithmetic = _SymbolArithmetic()
+    fixed: tuple[float, ...]  # the variables of a design where they are fixed, and the scales of those that may be 0
+    scales: tuple[float, ...]
+    weights: Terms
+    safety_factor: float
 
 
 @dataclass(frozen=True, slots=True)
-class _AtOneFrequency:
-    """The expressions of the NLP as symbols at one frequency. `assembled` applies them to all frequencies."""
+class Nlp:
+    """An NLP with its numbers."""
 
-    z: ca.SX  # free variables, parameters common to all frequencies, epigraph variable
-    common: ca.SX
-    epigraph: ca.SX
-    inputs: dict[str, ca.SX]
-    values: dict[str, Number]  # value of the constraint, or term of the objective, for each kind
+    structure: NlpStructure
+    guess: Floats  # start and bounds of the variables
+    parameters: Floats  # the columns of the structure's tables
+    low: Floats
+    high: Floats
+    least: Floats  # bounds of the constraints; least is -inf for an unused constraint
+    most: Floats
 
 
-def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
-    z, epigraph, weight, y = ca.SX.sym("z", len(structure.free)), ca.SX.sym("t"), ca.SX.sym("weight"), ca.SX.sym("y")
-    common_column, common = _symbols("common", common_layout(structure))
-    frequency_column, frequency = _symbols("frequency", frequency_layout(structure))
-    pulse_column, pulse = _symbols("pulse", PULSE_TRANSFER)
-    perturbed_column, perturbed = _symbols("perturbed", PERTURBED_LOOP)
-    cut_column, cut = _symbols("cut", STABILITY_CUT)
-    in_hand_column, in_hand = _symbols("held", tables(structure)["in_hand"].layout)
-    plant_column, plant = _symbols("plant", plant_layout(structure))
-
-    gains, coupling, corner = _design(structure, z, common)
-    operator = common["operator_damping"] if structure.operator_damping else None
-    at = device_of(structure, common | frequency, operator)
-    loop, response = loop_response(at, gains, SYMBOLS), _coupling_response(coupling, frequency)
-    squares = squared_terms(loop_terms(loop, at, structure.kind), response, 1.0)
-    weights = dict(zip(TERMS, ca.vertsplit(common["weights"]), strict=True))
-    error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in structure.terms), start=ca.SX(0))
-    offered = 2 * loop.resistance * response.re
-    if loop.operator_relief is not None:  # R may be negative; with the relief on this side, both sides are > 0
-        offered += common["safety_factor"] * loop.operator_relief
-    L, perturbed_L = _loop_gain(structure, gains, pulse), _loop_gain(structure, gains, perturbed)
-    sampled = plant_of(structure, {name: ca.vertsplit(column) for name, column in plant.items()})
-    on_peak = return_difference(sampled, ca.exp(y), SYMBOLS, position=structure.integrator)
-    log_peak = ca.log(sensitivity_abs2(on_peak, gains)) / 2
-    return _AtOneFrequency(
-        z,
-        common_column,
-        epigraph,
-        inputs={
-            "node": ca.vertcat(frequency_column, weight),
-            "ratio": frequency_column,
-            "sensitivity": pulse_column,
-            "stability": cut_column,
-            "peak": frequency_column,
-            "unmodelled": perturbed_column,
-            "in_hand": in_hand_column,
-            "tracked_peaks": ca.vertcat(y, plant_column),
-        },
-        values={
-            "node": weight * error2,
-            "ratio": ca.log(offered) - ca.log(modulus_excess(loop, SYMBOLS)),
-            "sensitivity": ca.log(Pair(1 + L.re, L.im).abs2()) / 2,
-            "stability": cut["open"] + gains.velocity * cut["velocity"] + gains.position * cut["position"],
-            "peak": epigraph - ca.log(error2) / 2,
-            "unmodelled": _room(perturbed_L) - perturbed["log_radius"],
-            "in_hand": _demanded_in_hand(structure, in_hand, gains, coupling, corner),
-            "tracked_peaks": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
-        },
+def stated(
+    posed: Posed,
+    free: tuple[Coordinate, ...],
+    start: Point,
+    box: tuple[Floats, Floats],
+    points: WorkingSet,
+    panels: int,
+    tightening: float,
+    *,
+    integrator: bool,
+) -> Nlp:
+    """Return the NLP of a dimensionless problem on a working set, from a start within a trust box."""
+    problem, stability = posed.problem, posed.problem.stability
+    weights = problem.transparency.weights
+    scales = [0.0] * len(start)
+    for coordinate in free:
+        scales[coordinate.index] = coordinate.scale
+    trees: dict[str, Any] = {
+        "common": Common(tuple(map(float, start)), tuple(scales), weights, stability.safety_factor)
+    }
+    columns = {"common": columns_of([trees["common"]])}
+    if problem.transparency.norm == "rms":
+        omega, weight = log_quadrature(problem.transparency.band.min, problem.transparency.band.max, panels)
+        nodes = [(at_frequencies(case.device, omega), weight) for case in posed.objective]
+        trees["node"], columns["node"] = nodes[0], columns_of(nodes)
+    found = constants(posed, points, tightening, position=integrator)
+    sizes = dict(zip(DEMANDS, points.sizes(), strict=True))
+    slots = {kind: -(-sizes[kind] // step) * step for kind, step in zip(DEMANDS, _steps(problem), strict=True)}
+    if slots["sensitivity"]:  # if |S| is near its limit, so is the stability boundary
+        slots["stability"] = max(slots["stability"], STEPS[2])
+        found.setdefault("stability", (np.zeros(1),) * 3)
+    for kind, tree in found.items():
+        known = columns_of([tree])
+        trees[kind] = tree
+        columns[kind] = known[:, np.minimum(np.arange(slots.get(kind, 1)), known.shape[1] - 1)]
+    y = [log(point.omega) for point in points.tracked_peaks]
+    structure = NlpStructure(
+        kind=problem.device.kind,
+        rigid=problem.bounds.damping.min == inf,
+        walls=problem.worlds is not None and problem.worlds.walls,
+        free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
+        integrator=integrator,
+        terms=tuple(term for term in TERMS if getattr(weights, term) > 0),
+        tables=tuple((name, form_of(tree), columns[name].shape[1]) for name, tree in trees.items()),
+        mean_errors=len(posed.objective) if problem.transparency.norm == "rms" and len(posed.objective) > 1 else 0,
+        epigraph=problem.transparency.norm == "peak" or len(posed.objective) > 1,
+        tracked_peaks=len(y),
+    )
+    levels = {
+        "ratio": log(stability.safety_factor) + tightening,
+        "sensitivity": -log(stability.max_sensitivity) + tightening,
+        "unmodelled": tightening,
+    }
+    least = [
+        np.where(np.arange(count) < sizes[kind], levels.get(kind, 0.0), -inf)
+        for kind, count in ((kind, slots[kind]) for kind in DEMANDS)
+    ]
+    peaks, means = np.tile([levels["sensitivity"], 0.0], len(y)), np.zeros(structure.mean_errors)
+    most = np.full(sum(slots.values()), inf), np.tile([inf, 0.0], len(y)), np.full(structure.mean_errors, inf)
+    low, high = (list(bound) for bound in box)
+    guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
+    low, high = [*low, *(at - TRACKING_REACH for at in y)], [*high, *(min(at + TRACKING_REACH, log(pi)) for at in y)]
+    guess += y
+    if structure.epigraph:
+        low, high, guess = [*low, -inf], [*high, inf], [*guess, 0.0]
+    return Nlp(
+        structure=structure,
+        guess=np.array(guess),
+        parameters=np.concatenate([each.ravel(order="F") for each in columns.values()]),
+        low=np.array(low),
+        high=np.array(high),
+        least=np.concatenate((*least, peaks, means)),
+        most=np.concatenate(most),
     )
 
 
-def _loop_gain(structure: NlpStructure, gains: Gains, pulse: dict[str, ca.SX]) -> Pair:
-    """Return L = K_v G_v + K_p G_x of the sampled loop, where S = 1/(1 + L)."""
-    L = Pair(pulse["re_G_v"], pulse["im_G_v"]).scaled(gains.velocity)
-    return L + Pair(pulse["re_G_x"], pulse["im_G_x"]).scaled(gains.position) if structure.integrator else L
-
-
-def _room(L: Pair) -> Number:
-    """Return -log |1 - S|, the logarithm of the greatest permitted radius of unmodelled dynamics."""
-    return (ca.log(Pair(1 + L.re, L.im).abs2()) - ca.log(L.abs2())) / 2
-
-
-# Scale of the asinh with which the constraint in a hand compares Re Z_c and R, in units of Z_0, or Re(1/Z_c)/s^2 and R
-# of an impedance display, in units of 1/Z_0
-SCALE_IN_HAND = 0.05
-
-
-def _coupling_response(coupling: AnyCoupling, frequency: dict[str, ca.SX]) -> Pair:
-    """Return Z_c, or 1/Z_c for an impedance display. Omega is dimensionless, so that theta = omega."""
-    if isinstance(coupling, SpringDamper):
-        return spring_damper_admittance(coupling, 1.0, _low_pass(frequency), frequency["omega"], SYMBOLS)
-    return coupling_impedance(series_coupling(coupling), frequency["omega"])
-
-
-def _low_pass(numbers: dict[str, ca.SX]) -> Pair:
-    return Pair(numbers["low_pass_re"], numbers["low_pass_im"])
-
-
-def _margin_in_hand(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return asinh(Re Z_c) - asinh(factor R), scaled, which is >= 0 if the coupling suffices in a hand."""
-    if isinstance(coupling, SpringDamper):
-        (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(in_hand["lost"]), ca.vertsplit(in_hand["size"]), gains.velocity
-        required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
-        wanted = ca.fmax(in_hand["factor"] * required, required)  # the greater of the two if R is negative
-        offered = offered_by_spring(coupling, 1.0, _low_pass(in_hand), in_hand["theta"], SYMBOLS).quotient
-        return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
-    offered = sampled_resistance(series_coupling(coupling), 1.0, in_hand["theta"], SYMBOLS)
-    wanted = in_hand["factor"] * (in_hand["required"] if "required" in in_hand else _required_of_loop(in_hand, gains))
-    return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
-
-
-# Amount that the NLP subtracts from a margin that the problem does not have, so that this margin is never the greatest
-UNPOSED = 1e3
-BLUNT = 1e-2  # Width of the smooth function that replaces the maximum of several margins
-
-
-def _demanded_in_hand(
-    structure: NlpStructure, in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX | None
-) -> Number:
-    if corner is not None:
-        return _margin_with_walls(in_hand, gains, coupling, corner)
-    if structure.worlds:
-        return _margin_in_worlds(in_hand, gains, coupling)
-    return _margin_in_hand(in_hand, gains, coupling)
-
-
-def _margin_in_worlds(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return a smooth lower bound of the greatest of the margins, one of which must be positive."""
-    low, high = _box_of(in_hand)
-    theta, factor, raised = in_hand["theta"], in_hand["reserve"], in_hand["factor"]
-    at, seen = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS), _seen(in_hand, gains)
-    margin_terms = disjuncts(at, Worlds(low, high), 1.0, seen, factor, theta, SYMBOLS)
-    offered, wanted = at.resistance + factor * low.damping, raised * (seen.lost / seen.size)
-    margins = {"resistive": ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)}
-    for name in margin_terms._fields[1:]:
-        margins[name] = room_of(getattr(margin_terms, name), ca.fabs) - in_hand["spare"]
-    alike = 1 + ca.fmax(in_hand["by_above"], in_hand["by_below"])
-    return _greatest([margins[name] - UNPOSED * (1 - in_hand[f"by_{name}"]) for name in margins], alike)
-
-
-ENDLESS = 1e12  # Substitute for the greatest mass of a box that does not limit the mass, in units of Z_0 T
-
-
-def _margin_with_walls(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX) -> Number:
-    """Return the margin of the condition on walls or, at a point for linear environments, the margin for these
-    environments."""
-    theta, (low, high), T = in_hand["theta"], _box_of(in_hand), 1.0
-    at = offered_at(series_coupling(coupling), T, theta, SYMBOLS)
-    high = replace(high, mass=high.mass + ENDLESS * (1 - in_hand["by_above"]))
-    worlds = Worlds(low, high, True, corner)
-    strip = strip_in_walls(at, worlds, T, _seen(in_hand, gains), in_hand["share"], theta, SYMBOLS)
-    margin_terms = disjuncts_in_walls(strip, worlds, in_hand["lead"], T, theta, SYMBOLS)
-    wall_margins = [room_of(terms, ca.fabs) - in_hand["spare"] for terms in margin_terms if terms is not None]
-    linear = _margin_in_worlds(in_hand, gains, coupling)
-    return in_hand["walled"] * _greatest(wall_margins) + (1 - in_hand["walled"]) * linear
-
-
-def _greatest(margins: list[Number], alike: Number = 2) -> Number:
-    """Return a smooth lower bound of the greatest of some margins."""
-    greatest = reduce(ca.fmax, margins)
-    others = sum(ca.exp((margin - greatest) / BLUNT) for margin in margins)
-    return greatest + BLUNT * (ca.log(others) - ca.log(alike))
-
-
-def _box_of(in_hand: dict[str, ca.SX]) -> tuple[World, World]:
-    """Return the least and the greatest environment of the box."""
-    numbers = ("mass", "damping", "stiffness")
-    low, high = (World(*(in_hand[f"environment_{end}_{name}"] for name in numbers)) for end in ("low", "high"))
-    return low, high
-
-
-def _seen(in_hand: dict[str, ca.SX], gains: Gains) -> Seen:
-    return (
-        Seen(in_hand["required"], in_hand["swing"], 1.0)
-        if "required" in in_hand
-        else seen_in_hand(_loop(in_hand), gains)
-    )
-
-
-def _loop(in_hand: dict[str, ca.SX]) -> LoopInHand:
-    """Return a velocity loop in a hand."""
-    sine = ca.sin(in_hand["theta"] / 2)
-    each = (EvenOdd(in_hand[f"{part}_even"], in_hand[f"{part}_odd"], sine * sine) for part in LoopInHand._fields)
-    return LoopInHand(*each)
-
-
-def _required_of_loop(in_hand: dict[str, ca.SX], gains: Gains) -> Number:
-    """Return R of a velocity loop in a hand."""
-    required = required_in_hand(_loop(in_hand), gains)
-    return required.lost / required.size
-
-
-def _symbols(name: str, layout: Layout) -> tuple[ca.SX, dict[str, ca.SX]]:
-    """Return a column of symbols for a layout, and the parts of this column by name."""
-    column = ca.SX.sym(name, sum(layout.values()))
-    return column, unpacked(layout, column)
-
-
-def _design(structure: NlpStructure, z: ca.SX, common: dict[str, ca.SX]) -> tuple[Gains, AnyCoupling, ca.SX | None]:
-    """Return gains, coupling and the corner of the multiplier for walls."""
-    values = ca.vertsplit(common["fixed"])
-    for k, (index, from_zero) in enumerate(structure.free):
-        values[index] = common["scales"][index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
-    K_v, K_p, *of_coupling = values[: len(structure.kind.keys)]
-    coupling = [inf, *of_coupling[1:]] if structure.rigid else of_coupling
-    corner = values[CORNER] if structure.walls else None
-    return Gains(K_v, K_p if structure.integrator else 0.0), coupling_from(coupling), corner
+def _steps(problem: Problem) -> Sequence[int]:
+    return STEPS if problem.worlds is None else (*STEPS[:-1], IN_WORLDS)
 
 
 @lru_cache(maxsize=16)
@@ -329,33 +164,101 @@ def compiled(structure: NlpStructure) -> ca.Function:
 
 
 def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
-    """Return the NLP of a structure."""
-    one = _at_one_frequency(structure)
-    columns = {name: ca.MX.sym(name, table.rows, table.columns) for name, table in tables(structure).items()}
-    z, common, y = ca.MX.sym("z", len(structure.free)), columns["common"], ca.MX.sym("y", structure.tracked_peaks)
-    epigraph = ca.MX.sym("t") if structure.epigraph else ca.MX(0)
+    """Return the NLP of a structure: each constraint as a function of one point, mapped over all its points."""
+    z, epigraph, y = ca.SX.sym("z", len(structure.free)), ca.SX.sym("t"), ca.SX.sym("y")
+    columns = {name: ca.SX.sym(name, len(leaves(form))) for name, form, _ in structure.tables}
+    trees = {name: rebuilt(form, iter(ca.vertsplit(columns[name]))) for name, form, _ in structure.tables}
+    sought = _design(structure, z, trees["common"], epigraph)
+    values = {kind: margin(trees[kind], sought) for kind, margin in MARGINS.items() if kind in trees}
+    if "node" in trees:
+        at, weight = trees["node"]
+        values["node"] = weight * error2(at, sought)
+    if "tracked_peaks" in trees:
+        values["tracked_peaks"] = tracked_peak(trees["tracked_peaks"], y, sought)
+    tables = {name: ca.MX.sym(name, columns[name].rows(), count) for name, _, count in structure.tables}
+    Z, Y = ca.MX.sym("z", len(structure.free)), ca.MX.sym("y", structure.tracked_peaks)
+    t = ca.MX.sym("t") if structure.epigraph else ca.MX(0)
 
-    def at_each(kind: str, inputs: ca.MX) -> ca.MX:
-        arguments = [one.z, one.common, one.epigraph, one.inputs[kind]]
-        value = ca.Function(kind, arguments, [one.values[kind]])
-        return value.map(inputs.columns())(z, common, epigraph, inputs)
+    def at_each(kind: str, *more: tuple[ca.SX, ca.MX]) -> ca.MX:
+        arguments = [z, columns["common"], epigraph, columns[kind], *(symbol for symbol, _ in more)]
+        of = ca.Function(kind, arguments, [values[kind]])
+        return of.map(tables[kind].columns())(Z, tables["common"], t, tables[kind], *(value for _, value in more))
 
-    errors = [_mean_errors(structure, at_each("node", columns["node"]).T)] if structure.norm == "rms" else []
-    demands = [at_each(kind, columns[kind]).T for kind in DEMANDS if columns[kind].columns()]
+    demands = [at_each(kind).T for kind in DEMANDS if kind in trees]
     if structure.tracked_peaks:
-        demands.append(ca.vec(at_each("tracked_peaks", ca.vertcat(y.T, columns["tracked_peaks"]))))
-    if structure.epigraph:
-        unknowns, objective = ca.vertcat(z, y, epigraph), epigraph
-        demands += [epigraph - error for error in errors if structure.mean_errors]
-    else:
-        unknowns, objective = ca.vertcat(z, y), errors[0]
-    parameters = ca.vertcat(*(ca.vec(table) for table in columns.values()))
-    return {"x": unknowns, "f": objective, "g": ca.vertcat(*demands), "p": parameters}
+        demands.append(ca.vec(at_each("tracked_peaks", (y, Y.T))))
+    unknowns, objective = [Z, Y], t
+    if "node" in trees:
+        squares = at_each("node").T
+        if structure.mean_errors:
+            squares = ca.reshape(squares, squares.rows() // structure.mean_errors, structure.mean_errors)
+        errors = ca.log(ca.sum1(squares)).T / 2
+        objective = t if structure.mean_errors else errors
+        demands += [t - errors] if structure.mean_errors else []
+    unknowns += [t] if structure.epigraph else []
+    parameters = ca.vertcat(*(ca.vec(table) for table in tables.values()))
+    return {"x": ca.vertcat(*unknowns), "f": objective, "g": ca.vertcat(*demands), "p": parameters}
 
 
-def _mean_errors(structure: NlpStructure, squares: ca.MX) -> ca.MX:
-    """Return the logarithm of the root mean square error on each device, from the weighted squares at all nodes."""
-    devices = structure.objective_devices
-    if devices > 1:
-        squares = ca.reshape(squares, PANEL_NODES * structure.panels, devices)
-    return ca.log(ca.sum1(squares)).T / 2
+def _design(structure: NlpStructure, z: ca.SX, common: Common, epigraph: ca.SX) -> Sought:
+    """Return the design in symbols."""
+    values: list[Any] = list(common.fixed)
+    for k, (index, from_zero) in enumerate(structure.free):
+        values[index] = common.scales[index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
+    K_v, K_p, *of_coupling = values[: len(structure.kind.keys)]
+    return Sought(
+        kind=structure.kind,
+        gains=Gains(K_v, K_p if structure.integrator else 0.0),
+        coupling=coupling_from([inf, *of_coupling[1:]] if structure.rigid else of_coupling),
+        corner=values[CORNER] if structure.walls else None,
+        terms=structure.terms,
+        weights=common.weights,
+        safety_factor=common.safety_factor,
+        epigraph=epigraph,
+    )
+
+
+def solve(given: Nlp) -> Solution:
+    """Solve an NLP. Ctrl-C waits for IPOPT's answer."""
+    with interrupt_deferred():
+        solver = compiled(given.structure)
+        result = solver(
+            x0=given.guess, p=given.parameters, lbx=given.low, ubx=given.high, lbg=given.least, ubg=given.most
+        )
+        z, error, multipliers = (np.array(result[name]).ravel() for name in ("x", "f", "lam_g"))
+        stats = solver.stats()
+    first = len(given.structure.free)
+    peaks = slice(first, first + given.structure.tracked_peaks)
+    room = np.minimum(z[peaks] - given.low[peaks], given.high[peaks] - z[peaks])
+    return Solution(
+        z=z[:first],
+        error=float(np.exp(error[0])),
+        converged=stats["return_status"] in ("Solve_Succeeded", "Solved_To_Acceptable_Level"),
+        peak_tracked=bool(np.all(room > NEAR_SIDE)),
+        iterations=int(stats["iter_count"]),
+        others=z[first:],
+        multipliers=multipliers[given.least > -inf],
+    )
+
+
+def lagrangian(given: Nlp, solution: Solution) -> float:
+    """Return the Lagrangian of an NLP at its guess, with the multipliers and the other unknowns of a solution."""
+    unknowns = np.concatenate((given.guess[: len(given.structure.free)], solution.others))
+    multipliers = np.zeros(given.least.shape)
+    multipliers[given.least > -inf] = solution.multipliers
+    solver = compiled(given.structure)
+    objective, margins = (
+        np.array(solver.get_function(name)(unknowns, given.parameters)).ravel() for name in ("nlp_f", "nlp_g")
+    )
+    return float(objective[0] + multipliers @ margins)
+
+
+@lru_cache(maxsize=1)
+def ipopt_version() -> str:
+    """Return the version that IPOPT prints in its banner; CasADi shows it nowhere else."""
+    banner, x = StringIO(), ca.SX.sym("x")
+    quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}
+    with interrupt_deferred(), redirect_stdout(banner):
+        ca.nlpsol("banner", "ipopt", {"x": x, "f": x * x}, quiet)(x0=0)
+    found = re.search(r"Ipopt version (\d[\d.]*\d)", banner.getvalue())
+    return found[1] if found else "unknown"

@@ -12,8 +12,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.in_walls import corner_of
 from vctune.analysis.stability import clearly_stable, stability_cut
-from vctune.design.nlp.ipopt import NEAR_SIDE, numbers_of, solve
-from vctune.design.nlp.nlp_structure import nlp_structure
+from vctune.design.nlp.nlp import NEAR_SIDE, solve, stated
 from vctune.design.prepared import Posed, with_device
 from vctune.design.result import Polished, Solution
 from vctune.design.search.scan import ScanResult
@@ -187,11 +186,11 @@ def _step(posed: Posed, search: _Search) -> None:
     problem, working_set, integrator = posed.problem, search.working_set, search.start.gains.position > 0
     tolerance = OBJECTIVE_TOLERANCE[problem.transparency.norm]
     free = coordinates(problem, integrator=integrator)
-    structure = nlp_structure(posed, free, working_set, search.panels, integrator=integrator)
     box = _box(free, search.reference, search.radius)
-    solution = solve(
-        structure, numbers_of(posed, structure, free, search.warm_start, box, working_set, search.tightening)
+    given = stated(
+        posed, free, search.warm_start, box, working_set, search.panels, search.tightening, integrator=integrator
     )
+    solution = solve(given)
     values = _values(free, solution.z, search.reference)
     gains = design_of(values)[0]
     unstable = next((case for case in of_own_loops(search.cases) if not stable(case, gains)), None)
@@ -217,7 +216,8 @@ def _step(posed: Posed, search: _Search) -> None:
         _examine_start(posed, search, error)
         uphill = error > (1 + UPHILL) * search.known_error
         _remember(search, values, error)
-        design = Polished(search.start, values, error, structure, asked, solution, search.tightening, search.rounds)
+        nlp = given.structure, asked, solution, search.tightening, search.panels
+        design = Polished(search.start, values, error, *nlp, search.rounds)
         search.best = min(search.best or design, design, key=lambda each: each.error)
         search.finished = settled and not uphill and not _sharper_objective(problem, search, design, joined=joined)
     if uphill:

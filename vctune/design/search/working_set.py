@@ -36,6 +36,8 @@ def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
     return stacked_devices([point.device for point in points]), np.array([point.omega for point in points])
 
 
+# The kinds of constraint, in the order of `WorkingSet.sizes`
+DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 TIGHTENING_IN_HANDS = 1e-4  # Least relative tightening of the constraint in hands
 
 
@@ -62,7 +64,7 @@ class WorkingSet:
         return known.get(quantity)
 
     def sizes(self) -> tuple[int, ...]:
-        """Return the number of constraints of each kind, in the order of `nlp_structure.DEMANDS`."""
+        """Return the number of constraints of each kind, in the order of `DEMANDS`."""
         points = self.ratio, self.sensitivity, self.stability, self.peak, self.unmodelled, self.in_hand
         return tuple(len(each) for each in points)
 

@@ -75,7 +75,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     solved : Solved
         Its result.
     ipopt : str, optional
-        Version of IPOPT if the result needed it (`vctune.design.nlp.ipopt.ipopt_version`).
+        Version of IPOPT if the result needed it (`vctune.design.nlp.nlp.ipopt_version`).
 
     Returns
     -------

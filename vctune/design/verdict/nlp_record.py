@@ -9,10 +9,9 @@ import numpy as np
 
 from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats
-from vctune.design.nlp.nlp_structure import DEMANDS
 from vctune.design.prepared import pose
 from vctune.design.result import Polished, Solved
-from vctune.design.search.working_set import ConstraintPoint, stacked
+from vctune.design.search.working_set import DEMANDS, ConstraintPoint, stacked
 from vctune.design.variables import design_of
 from vctune.document.records.certificate_json import DeviceRecord, PerturbationRecord
 from vctune.document.records.design_json import ActiveRecord
@@ -62,7 +61,8 @@ def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
 def _priced(polished: Polished) -> Floats:
     """Return the multipliers; for the ratio, the multipliers of 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R."""
     multipliers, ratio = np.abs(polished.solution.multipliers), polished.working_set.ratio
-    if polished.structure.operator_damping and ratio:
+    operator = ratio[0].device.operator if ratio else None
+    if operator is not None and operator.damping > 0:
         device, omega = stacked(ratio)
         loop = response(device, design_of(polished.values)[0], omega)
         multipliers[: len(ratio)] *= llewellyn_demand(loop, FLOATS) / modulus_excess(loop, FLOATS)

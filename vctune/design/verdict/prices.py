@@ -9,7 +9,7 @@ from math import exp, isclose
 
 import numpy as np
 
-from vctune.design.nlp.ipopt import lagrangian, numbers_of
+from vctune.design.nlp.nlp import lagrangian, stated
 from vctune.design.prepared import Prepared, prepare, with_acting_terms
 from vctune.design.result import Polished, Solved
 from vctune.design.variables import coordinates, design_of
@@ -118,9 +118,12 @@ def _changed(
     impedance, time = units.impedance, units.time
     other = prepare(replace(problem, device=of_device(problem.device)))
     values, law = other.units.to_dimensionless(design), design_of(design)
-    free = coordinates(other.scaled.problem, integrator=polished.structure.integrator)
+    integrator = polished.structure.integrator
+    free = coordinates(other.scaled.problem, integrator=integrator)
     box = np.array([each.low for each in free]), np.array([each.high for each in free])
     working_set = polished.working_set.on_devices(on, other.units.time / time, held)
-    given = numbers_of(other.scaled, polished.structure, free, values, box, working_set, polished.tightening)
+    given = stated(
+        other.scaled, free, values, box, working_set, polished.panels, polished.tightening, integrator=integrator
+    )
     others2 = other.given.error(*law) ** 2 - with_acting_terms(other.given).error(*law) ** 2
-    return lagrangian(polished.structure, given, polished.solution), others2
+    return lagrangian(given, polished.solution), others2
