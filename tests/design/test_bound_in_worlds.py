@@ -72,7 +72,7 @@ def check_bounds(name: str, designs: int, places: int) -> float:
     errors, tight = np.array([error for *_, error in found]), 0.0
     for width in (0.0, 1e-3, 0.03, 0.5):
         low, high = numbers / (1 + width * rng.uniform(0, 1, numbers.shape)), numbers * (1 + width)
-        bounds = lower_bounds(relaxed, Cells(low, high))
+        bounds = lower_bounds(relaxed, Cells(low, high))[0]
         assert (bounds <= errors * (1 + 1e-9)).all()
         tight = max(tight, float((bounds / errors).max()))
     return tight

@@ -18,7 +18,7 @@ from vctune.model.problem import Problem, Range
 from vctune.proof.boxes import Cells, Integers
 from vctune.proof.claims.cells import by_integrator, pole_turns
 from vctune.proof.claims.loop_claims import of_cells
-from vctune.proof.enclosures.intervals import TINY, Flags, Floats
+from vctune.proof.enclosures.intervals import Flags, Floats
 
 BETTER_HALF = 0.1  # Weight of the greater bound of two halves relative to the smaller one
 LENGTH = 1e-2  # Weight, in the score, of the share of an axis that a box spans
@@ -100,28 +100,28 @@ def halved(relaxed: Relaxation, axes: Axes, parents: OpenNodes, incumbent: float
     computed bounds. The worse half counts most, because it becomes the bound of the box."""
     n, rows = len(parents), axes.free
     if not rows:
-        bound = np.maximum(lower_bounds(relaxed, parents.boxes), parents.bound)
+        bound = np.maximum(lower_bounds(relaxed, parents.boxes)[0], parents.bound)
         return replace(parents, bound=bound), np.zeros(n, bool), n
     middle = axes.middle(parents.boxes)
     tried = [_halves(relaxed, parents, row, middle[row]) for row in rows]
-    bounds = np.array([each.bound.reshape(2, n) for each in tried])
-    most = 2 * (incumbent if incumbent < inf else bounds.max(initial=TINY, where=np.isfinite(bounds)))
-    worth = np.minimum(bounds / most, 1.0)  # a half far above the incumbent is pruned, however far
+    # a half far above the incumbent is pruned, however far; without one, a half goes whose designs exceed a limit
+    gained = [each.bound / (2 * incumbent) if incumbent < inf else excess for each, excess in tried]
+    worth = np.minimum(np.reshape(gained, (len(rows), 2, n)), 1.0)
     score = worth.min(axis=1) + BETTER_HALF * worth.max(axis=1) + LENGTH * axes.share(parents.boxes)[rows]
     best = np.tile(np.argmax(np.round(score, DIGITS), axis=0), 2)
-    chosen = joined([each.subset(best == k) for k, each in enumerate(tried)])
+    chosen = joined([each.subset(best == k) for k, (each, _) in enumerate(tried)])
     return chosen, np.sort(best) < sum(row <= K_P for row in rows), 2 * n * len(rows)
 
 
-def _halves(relaxed: Relaxation, parents: OpenNodes, row: int, middle: Floats) -> OpenNodes:
-    """Return the lower and then the upper halves of nodes along an axis. A half that contains K_p = 0, but no feasible
-    design with K_p > 0, shrinks to K_p = 0."""
+def _halves(relaxed: Relaxation, parents: OpenNodes, row: int, middle: Floats) -> tuple[OpenNodes, Floats]:
+    """Return the lower and then the upper halves of nodes along an axis, and their excess over limits. A half that
+    contains K_p = 0, but no feasible design with K_p > 0, shrinks to K_p = 0."""
     low, high = np.tile(parents.boxes.low, 2), np.tile(parents.boxes.high, 2)
     low[row, len(parents) :] = high[row, : len(parents)] = middle
     high[K_P, (low[K_P] == 0) & without_integrator(relaxed.problem, Cells(low, high))] = 0.0
     boxes = Cells(low, high)
-    bound = np.maximum(lower_bounds(relaxed, boxes), np.tile(parents.bound, 2))
-    return OpenNodes(boxes, bound, np.tile(parents.stable, 2))
+    bound, excess = lower_bounds(relaxed, boxes)
+    return OpenNodes(boxes, np.maximum(bound, np.tile(parents.bound, 2)), np.tile(parents.stable, 2)), excess
 
 
 def proved_stability(posed: Posed, boxes: Cells) -> tuple[Flags, Flags, int]:

@@ -92,8 +92,9 @@ def _sensitivity(devices: list[Device], upto: Floats) -> Quotient:
 
 
 @np.errstate(all="ignore")
-def lower_bounds(relaxed: Relaxation, boxes: Cells) -> Floats:
-    """Return lower bounds of the error of the feasible designs in each box, shape (boxes,); inf if none is feasible."""
+def lower_bounds(relaxed: Relaxation, boxes: Cells) -> tuple[Floats, Floats]:
+    """Return lower bounds of the error of the feasible designs in each box, shape (boxes,), inf if none is feasible;
+    and of the greatest of |S| and the coupling's elements, each divided by its limit."""
     problem, (first, second, none) = relaxed.problem, least_coupling(relaxed, boxes)
     S = np.sqrt(relaxed.sensitivity.of_bounds(boxes).max(axis=1))
     excess = S / problem.stability.max_sensitivity * (1 - GUARD)
@@ -101,7 +102,7 @@ def lower_bounds(relaxed: Relaxation, boxes: Cells) -> Floats:
         excess = np.fmax(excess, element / range_.max)
     none = none | (excess > 1 + 4 * GUARD) | ((boxes.low[K_P] > 0) & without_integrator(problem, boxes))
     squared = np.nan_to_num(relaxed.objective.least(first, second, boxes), nan=0.0, posinf=0.0)
-    return np.where(none, inf, np.sqrt(squared) * (1 - 10 * GUARD))
+    return np.where(none, inf, np.sqrt(squared) * (1 - 10 * GUARD)), np.where(none, inf, excess)
 
 
 @np.errstate(all="ignore")
