@@ -224,13 +224,13 @@ LOSES_AN_INTERRUPT = """
 import signal, sys, weakref
 from vctune.design.nlp import nlp
 class Collected: pass
-def losing(*given, solve=ipopt.solve):
+def losing(*given, solve=nlp.solve):
     collected = Collected()
     weak = weakref.ref(collected, lambda _: signal.raise_signal(signal.SIGINT))
     del collected  # CPython drops the KeyboardInterrupt that the callback raises
     print("went on", file=sys.stderr)
     return solve(*given)
-ipopt.solve = losing
+nlp.solve = losing
 sys.argv = ["vctune", "solve", *sys.argv[1:]]
 import vctune.cli
 vctune.cli.run()
