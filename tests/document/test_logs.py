@@ -54,10 +54,11 @@ def refused(path, config=None):
 
 
 def test_a_good_log_is_identified(log, tmp_path):
-    found = identify(written(tmp_path, log)).found
+    identified = identify(written(tmp_path, log))
+    found = identified.found
     assert abs(found.device.mass / DEVICE.mass - 1) < 0.01
     assert found.bounded("delay").low <= DEVICE.delay <= found.bounded("delay").high
-    assert abs(found.friction / 0.3 - 1) < 0.05
+    assert abs(identified.record.friction.coulomb / 0.3 - 1) < 0.05
 
 
 def test_a_rotary_device_says_so_in_its_file(log, tmp_path):

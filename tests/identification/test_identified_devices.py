@@ -12,8 +12,9 @@ from identification_logs import Log, driven, encoded, random_case
 
 from vctune import check, identify, solve
 from vctune.design.verdict.check import CheckVerdict
+from vctune.document.records.identification_json import Bounded
 from vctune.document.text.errors import InputError
-from vctune.identification.box import Bounded
+from vctune.identification.box import joint_factor
 from vctune.model.device import Device
 from vctune.model.experiment import Friction, Operator
 
@@ -43,16 +44,16 @@ def trial(seed, folder) -> Trial:
     known = {key: each for key, each in numbers.items() if true[key] is not None}
     return Trial(
         errors={key: each.value / true[key] - 1 for key, each in known.items()},
-        found={key: without_floor(identified.found.bounded(key)) for key in known},
+        found={key: without_floor(each, len(numbers)) for key, each in known.items()},
         half_widths={key: each.share for key, each in known.items()},
         inside=all(abs(true[key] / each.value - 1) <= each.share for key, each in known.items()),
         parts=parts,
     )
 
 
-def without_floor(bounded: Bounded) -> float:
+def without_floor(bounded: Bounded, count: int) -> float:
     """Return the half-width that records, directions and residuals ask for, as a share of the middle."""
-    factor = bounded.sampled / max(each.sigma for each in bounded.estimates)
+    factor = joint_factor(count)
     low = min(each.value - factor * each.sigma - each.excess[0] for each in bounded.estimates)
     high = max(each.value + factor * each.sigma + each.excess[1] for each in bounded.estimates)
     return (high - max(low, 0.0)) / (high + max(low, 0.0))
@@ -161,7 +162,7 @@ def test_a_hand_moves_the_device_and_the_sensor_s_lag_is_found(tmp_path):
         assert found.bounded(key).low <= device.number(key) <= found.bounded(key).high
     sensor = found.bounded("force_sensor.delay")
     assert sensor.low <= late <= sensor.high < 1.2 * sensor.low
-    assert found.force_noise == pytest.approx(0.02, rel=0.1)
+    assert found.record.force_noise == pytest.approx(0.02, rel=0.1)
 
 
 def test_where_the_command_rests_the_delay_is_asked_for(tmp_path):

@@ -13,9 +13,9 @@ from identification_logs import Log, driven, encoded, multisine, random_case, sp
 
 from vctune import check, identify, solve
 from vctune.design.verdict.check import CheckVerdict
+from vctune.document.records.identification_json import Estimate
 from vctune.document.text.errors import InputError
-from vctune.identification.box import Estimate, box, jackknife
-from vctune.identification.identify import readable
+from vctune.identification.box import box, jackknife, readable
 from vctune.model.device import Device
 from vctune.model.experiment import Friction
 
@@ -128,11 +128,11 @@ def estimates(**values):
 
 
 def test_a_handle_is_lighter_than_its_device(moved, tmp_path):
-    recording = identified(moved, tmp_path).found.records[0].recording
+    recording = identified(moved, tmp_path).found.studies[0].recording
     bounds = box(estimates(mass=(0.1, 1e-4), handlemass=(0.09, 0.005), delay=(T, 1e-5)), T)
     mass, handle, _ = readable(bounds, recording, T)
     assert bounds[1].high > mass.low > handle.high > 0.99 * mass.low and handle.low == bounds[1].low
-    assert handle.limits[-1].line == "lighter than the device [limit-handle]"
+    assert handle.limit.endswith("lighter than the device [limit-handle]")
     with pytest.raises(InputError, match="is not told from the device's"):
         readable(box(estimates(mass=(0.1, 1e-2), handlemass=(0.09, 0.03), delay=(T, 1e-5)), T), recording, T)
 

@@ -116,9 +116,9 @@ def test_the_box_of_one_recording_holds_the_other_s_numbers(bench):
 @pytest.mark.slow
 def test_every_measured_line_is_that_of_a_device_of_the_file(bench):
     for each in map(bench, "ab"):
-        problem, study = each.file.problem, each.found.records[0]
+        problem, study = each.file.problem, each.found.studies[0]
         (lines,) = study.lines
-        needed = distances(lines, each.found.device, each.found.bounds)
+        needed = distances(lines, each.found.device, each.record.numbers)
         x, y = np.log(np.array(problem.uncertainty.unmodelled)).T
         stated = np.exp(np.interp(np.log(lines.hertz), x, y))
         assert np.all(needed <= stated) and not np.all(needed + 1.0 <= stated)

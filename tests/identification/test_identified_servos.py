@@ -134,7 +134,7 @@ def test_a_slow_motion_shows_a_latency_and_no_bandwidth(tmp_path):
     (hold_aside,) = record.recordings[0].derived
     assert hold_aside.value == pytest.approx(latency, abs=0.3 * case.T)
     assert bandwidth.high > 100 * bandwidth.low
-    assert max(radius for hertz, radius in found.unmodelled if hertz > 0.1 / case.T) > 0.3  # the other order
+    assert max(radius for hertz, radius in record.unmodelled if hertz > 0.1 / case.T) > 0.3  # the other order
 
 
 @pytest.mark.slow

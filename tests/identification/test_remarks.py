@@ -10,8 +10,6 @@ import pytest
 from identification_logs import Log, driven, encoded, multisine
 
 from vctune import identify
-from vctune.document.log import read_log_map
-from vctune.identification.identify import WEAK_SHARE, remarks_on_gaps
 from vctune.model.device import Device
 from vctune.model.experiment import Friction, Operator
 from vctune.model.parts import Structure
@@ -44,15 +42,10 @@ def test_a_motion_shows_neither_lines_nor_what_of_a_delay_is_a_lag(slow_motion, 
     assert "remark-slow-motion" in made and "remark-highest-line" not in made
 
 
-def test_a_delay_is_weak_if_its_interval_is_wider_than_its_middle(slow_motion, tmp_path):
-    paths = Log(slow_motion, "").write(tmp_path)
-    found, known = identify(*paths).found, read_log_map(paths[1])
-    delay = found.bounded("delay")
-    for share, weak in ((WEAK_SHARE * 1.01, True), (WEAK_SHARE * 0.99, False)):
-        wide = replace(delay, low=delay.value * (1 - share), high=delay.value * (1 + share))
-        bounds = [wide if each.key == "delay" else each for each in found.bounds]
-        made = remarks_on_gaps(found.records, bounds, known)
-        assert ("remark-weak-delay" in {note.code for note in made}) == weak
+@pytest.mark.parametrize(("share", "weak"), [(0.51, True), (0.49, False)])
+def test_a_delay_is_weak_if_its_interval_is_wider_than_its_middle(slow_motion, tmp_path, share, weak):
+    text = f"[device]\ndelay = 7e-4\ndelay_uncertainty = {share * 7e-4}\n"
+    assert ("remark-weak-delay" in codes(slow_motion, tmp_path, text)) == weak
 
 
 @pytest.mark.slow

@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vctune.api.result import Files, Rows, Table, write
 from vctune.document.log import read_log, read_log_map
 from vctune.document.reading import ProblemFile, problem_file
-from vctune.document.records.identification_json import (
-    DEVICE_FILE,
-    FILE,
-    IdentificationRecord,
-    device_text,
-)
+from vctune.document.records.identification_json import DEVICE_FILE, FILE, IdentificationRecord, device_text
 from vctune.document.text.errors import InputError, printable
 from vctune.document.text.output_files import make_folder
 from vctune.exit_codes import ExitCode
 from vctune.report.paths import IDENTIFICATION_FIGURES, report_paths
+from vctune.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from vctune.identification.identify import Identified
 
 LONGEST_NAME = 200  # Greatest length of a name in a problem file
@@ -34,35 +29,31 @@ LONGEST_NAME = 200  # Greatest length of a name in a problem file
 class Identification:
     """A device, identified from recordings."""
 
-    found: Identified  # the identified device with its box and the fits of the recordings
-    record: IdentificationRecord  # the object of identification.json
+    found: Identified  # the identified device and the fits of the recordings
     text: str  # text of device.toml
+    file: ProblemFile  # the device as a problem
+    exit_code = ExitCode.OK
 
     @property
-    def file(self) -> ProblemFile:
-        """The device as a problem."""
-        return problem_file(self.text, Path(DEVICE_FILE))
-
-    @property
-    def exit_code(self) -> ExitCode:
-        """The exit code of the command."""
-        return ExitCode.OK
+    def record(self) -> IdentificationRecord:
+        """The object of identification.json."""
+        return self.found.record
 
     def rows(self) -> Rows:
         """Yield the recordings, the parameters with their intervals, the warnings and the remarks."""
         record = self.record
         yield ((printable(record.name), "bold"),)
-        for each in record.recordings:
-            left = "" if each.residual_share is None else f", residual {each.residual_share:.2%}"
-            yield (f"{printable(each.source)}: {each.kind}, {each.used} of {each.samples} samples{left}",)
+        for one in record.recordings:
+            left = "" if one.residual_share is None else f", residual {one.residual_share:.2%}"
+            yield (f"{printable(one.source)}: {one.kind}, {one.used} of {one.samples} samples{left}",)
         rows = [
             (each.key, *(f"{value:.5g}" for value in (each.value, each.low, each.high)), each.unit, each.limit)
             for each in record.numbers
         ]
         yield Table(rows, ("number", "value", "from", "to", "", "limited by"), right=(1, 2, 3))
         if record.unmodelled:
-            worst = max(record.unmodelled, key=lambda point: point[1] or 0.0)
-            yield (f"unmodelled: up to {worst[1]:.3g} of the response, at {worst[0]:.4g} Hz",)
+            hertz, radius = max(record.unmodelled, key=lambda point: point[1] or 0.0)
+            yield (f"unmodelled: up to {radius:.3g} of the response, at {hertz:.4g} Hz",)
         yield from ((("warning:", "yellow"), f" {printable(warning)}") for warning in record.warnings)
         yield from (((printable(remark), "dim"),) for remark in record.remarks)
 
@@ -116,16 +107,13 @@ def identify(
         raise InputError.of("logs", "bad-option", "there is none; name at least one CSV file")
     known = read_log_map(None if config is None else Path(config), servo=servo)
     recordings = [read_log(path, known) for path in paths]
-    from vctune.identification.identify import identification_record
     from vctune.identification.identify import identify as run
 
     stem = paths[0].name.removesuffix(".gz").removesuffix(".csv")[:LONGEST_NAME]
-    name = known.document.name or stem or "device"
-    found = run(recordings, known, name, progress)
-    record = identification_record(found, known.document.description, _versions())
-    text = device_text(record)
-    problem_file(text, Path(DEVICE_FILE))
-    return Identification(found, record, text)
+    versions = {"vctune": __version__, "numpy": version("numpy"), "scipy": version("scipy")}
+    found = run(recordings, known, known.document.name or stem or "device", progress, versions)
+    text = device_text(found.record)
+    return Identification(found, text, problem_file(text, Path(DEVICE_FILE)))
 
 
 def write_identification(identified: Identification, folder: str | Path, *, report: bool = True) -> Path:
@@ -155,11 +143,3 @@ def write_identification(identified: Identification, folder: str | Path, *, repo
     make_folder(Path(folder))
     write(identified.files(Path(folder), report=report))
     return Path(folder) / DEVICE_FILE
-
-
-def _versions() -> dict[str, str | None]:
-    from importlib.metadata import version
-
-    from vctune.version import __version__
-
-    return {"vctune": __version__, "numpy": version("numpy"), "scipy": version("scipy")}

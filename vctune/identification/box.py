@@ -1,69 +1,30 @@
-"""Combine the estimates of several recordings and directions into one device and a box around it (README, section
-4)."""
+"""Combine the estimates of several recordings and directions into one box around the device (README, section 4)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.document.recording import Floats
-from vctune.document.text.codes import Note
+from vctune.document.recording import Floats, Recording
+from vctune.document.records.identification_json import Bounded, Estimate, bounded
+from vctune.document.schema.rules import MAX_DELAY_SAMPLES
+from vctune.document.text.codes import coded
+from vctune.document.text.errors import InputError
+from vctune.model.numbers.units import UNITS, Units
 
 TOGETHER = 0.95  # Probability with which all intervals of a box hold at the same time
 DELAY_FLOOR = 0.1  # Least half-width of a delay, in sample times
-WIDEST = 0.99  # Relative half-width of an interval that reaches 0
-# Least relative half-widths by key
-FLOORS = {
-    "mass": 0.01,
-    "structure.handle_mass": 0.01,
-    "damping": 0.01,
-    "actuator.bandwidth_hz": 0.01,
-    "structure.damping_ratio": 0.01,
-    "structure.frequency_hz": 0.005,
-    "servo.bandwidth_hz": 0.01,
-}
+FLOORS = {"structure.frequency_hz": 0.005}  # Least relative half-widths by key, if not 0.01
 COULOMB_SHARE = 0.1  # Share of the Coulomb friction that may in fact be viscous, because Coulomb's law is not exact
-BAND = Note("limit-band", "model error: the band that is kept changes it")
+LIGHTER = 1 - 1e-3  # Greatest permitted mass of the handle, relative to the least mass of the device
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """The estimate of one parameter of the device from one recording, or from one direction of it."""
-
-    key: str  # key of the parameter in the device's table
-    value: float  # estimate and standard deviation, SI units, frequencies in Hz
-    sigma: float
-    source: str  # the recording and the method
-    excess: tuple[float, float] = (0.0, 0.0)  # how far the interval extends beyond the standard deviations
-    stated: bool = False  # whether the user stated the parameter, in which case no recording determines it
-    reason: Note = BAND  # reason for the excess
-
-
-@dataclass(frozen=True, slots=True)
-class Bounded:
-    """A parameter of the device with its interval."""
-
-    key: str
-    value: float  # middle of the interval
-    low: float
-    high: float
-    sampled: float  # half-width that follows from the standard deviation of the least certain estimate
-    limits: tuple[Note, ...]  # reasons for the interval's ends
-    estimates: tuple[Estimate, ...]  # estimates that the interval contains
-
-    @property
-    def share(self) -> float:
-        """The relative half-width, as the file states it."""
-        return WIDEST if self.low <= 0 else (self.high - self.low) / (self.high + self.low)
-
-    @property
-    def limit(self) -> str:
-        """The reasons for the interval's ends, as one text."""
-        return "; ".join(note.line for note in self.limits)
+def unexplained(recording: Recording, message: str, key: str = "") -> InputError:
+    """Return the refusal of a log that no device explains."""
+    return InputError.of(recording.source, "log-unexplained", message, key=key)
 
 
 def joint_factor(count: int) -> float:
@@ -80,46 +41,73 @@ def jackknife(sensitivity: Floats, residual: Floats, starts: NDArray[np.integer]
     """Return the covariance of estimates by leaving out, to first order, one block of neighbouring rows at a time."""
     size = sizes(sensitivity)
     inverse = np.linalg.pinv(sensitivity.T @ sensitivity / np.outer(size, size), hermitian=True) / np.outer(size, size)
-    scores = [np.add.reduceat(column * residual, starts) for column in sensitivity.T]
-    left_out = inverse @ np.array(scores)
+    left_out = inverse @ np.array([np.add.reduceat(column * residual, starts) for column in sensitivity.T])
     return np.asarray(left_out @ left_out.T) * len(starts) / max(len(starts) - 1, 1)
 
 
-def box(estimates: Sequence[Estimate], sample_time: float) -> tuple[Bounded, ...]:
+def box(estimates: Sequence[Estimate], T: float, units: Units = UNITS["linear"]) -> list[Bounded]:
     """Return the least box that contains every interval of every estimate, without negative values and with least
     widths."""
-    keys = list(dict.fromkeys(estimate.key for estimate in estimates))
-    factor = joint_factor(len(keys))
-    return tuple(
-        _bounded(key, [estimate for estimate in estimates if estimate.key == key], factor, sample_time) for key in keys
-    )
+    by_key: dict[str, list[Estimate]] = {}
+    for each in estimates:
+        by_key.setdefault(each.key, []).append(each)
+    factor = joint_factor(len(by_key))
+    return [_interval(key, found, factor, T, units) for key, found in by_key.items()]
 
 
-def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: float) -> Bounded:
-    low = min(estimate.value - factor * estimate.sigma - estimate.excess[0] for estimate in estimates)
-    high = max(estimate.value + factor * estimate.sigma + estimate.excess[1] for estimate in estimates)
-    sampled = factor * max(estimate.sigma for estimate in estimates)
-    limit = _widest(estimates, sampled)
-    low, high = max(low, 0.0), max(high, 0.0)
-    if high == 0 and not key.endswith("delay"):  # the error of a negative value is at least its magnitude
-        high = max(abs(estimate.value) for estimate in estimates)
+def _interval(key: str, estimates: list[Estimate], factor: float, T: float, units: Units) -> Bounded:
+    values, deviations = [each.value for each in estimates], [factor * each.sigma for each in estimates]
+    low = max(0.0, min(e.value - factor * e.sigma - e.excess[0] for e in estimates))
+    high = max(0.0, *(e.value + factor * e.sigma + e.excess[1] for e in estimates))
+    widest = max(estimates, key=lambda each: max(each.excess))
+    if all(each.stated for each in estimates):
+        limit = coded("what was stated", "limit-stated")
+    elif (max(values) - min(values)) / 2 > max(*deviations, *widest.excess):
+        limit = coded("records, directions or models differ", "limit-differ")
+    else:
+        limit = widest.reason if max(widest.excess) > max(deviations) else coded("residuals", "limit-residuals")
+    is_delay = key.endswith("delay")
+    if high == 0 and not is_delay:  # the error of a negative value is at least its magnitude
+        high = max(map(abs, values))
     middle = 0.5 * (low + high)
-    least = DELAY_FLOOR * sample_time if key.endswith("delay") else FLOORS.get(key, 0.0) * middle
+    least = DELAY_FLOOR * T if is_delay else FLOORS.get(key, 0.01) * middle
     if high - low < 2 * least:
-        low, high = max(middle - least, 0.0), middle + least
-        middle, limit = 0.5 * (low + high), Note("limit-floor", "floor")
-    limits = (limit, Note("limit-zero", "may be 0")) if low == 0 else (limit,)
-    return Bounded(key, middle, low, high, sampled, limits, tuple(estimates))
+        low, high, limit = max(middle - least, 0.0), middle + least, coded("floor", "limit-floor")
+    limit += "; " + coded("may be 0", "limit-zero") if low == 0 else ""
+    return bounded(key, low, high, limit, estimates, units)
 
 
-def _widest(estimates: list[Estimate], sampled: float) -> Note:
-    """Return the reason that widens an interval the most."""
-    spread = max(estimate.value for estimate in estimates) - min(estimate.value for estimate in estimates)
-    excess = max(max(estimate.excess) for estimate in estimates)
-    if all(estimate.stated for estimate in estimates):
-        return Note("limit-stated", "what was stated")
-    if spread / 2 > max(sampled, excess):
-        return Note("limit-differ", "records, directions or models differ")
-    if excess <= sampled:
-        return Note("limit-residuals", "residuals")
-    return max(estimates, key=lambda estimate: max(estimate.excess)).reason
+def readable(bounds: Sequence[Bounded], recording: Recording, T: float) -> list[Bounded]:
+    """Return a box that the reader of problem files accepts, or refuse the recording."""
+    for each in bounds:
+        if each.key.endswith("delay"):
+            _check_delay(each, recording, T)
+    by_key = {each.key: each for each in bounds}
+    handle, mass, units = by_key.get("structure.handle_mass"), by_key.get("mass"), recording.units
+    if handle is not None and mass is not None and handle.high >= (most := mass.low * LIGHTER):
+        if 0.5 * (handle.low + handle.high) >= most:
+            message = (
+                f"the handle's {units.mass_name}, {handle.low:.3g} to {handle.high:.3g} {units.mass}, is not told from "
+                f"the device's, {mass.low:.3g} to {mass.high:.3g}: record longer, or excite more lines around the "
+                "resonance"
+            )
+            raise unexplained(recording, message)
+        limit = f"{handle.limit}; {coded('lighter than the device', 'limit-handle')}"
+        by_key[handle.key] = bounded(handle.key, handle.low, most, limit, handle.estimates, units)
+    return list(by_key.values())
+
+
+def _check_delay(delay: Bounded, recording: Recording, T: float) -> None:
+    """Refuse a delay that is certainly negative, or greater than the greatest supported delay."""
+    latest = max(each.value for each in delay.estimates)
+    widest = 4 * max(each.sigma for each in delay.estimates)
+    name = "command" if delay.key == "servo.delay" else recording.units.force_name
+    remedy = f"the columns were not sampled together; shift the {name}'s column, or log both in the same interrupt"
+    if delay.key in ("delay", "servo.delay") and latest + widest < -0.5 * T:
+        raise unexplained(recording, f"the position is {-latest:.3g} s ahead of the {name}: {remedy}")
+    if delay.high > MAX_DELAY_SAMPLES * T > latest:
+        limits = f"{max(delay.low, 0):.3g} to {delay.high:.3g} s"
+        raise unexplained(recording, f"{delay.key} is not determined: {limits}; move faster, or record longer")
+    if delay.high > MAX_DELAY_SAMPLES * T:
+        message = f"{delay.key} is up to {delay.high:.3g} s, {delay.high / T:.3g} sample times, and at most "
+        raise unexplained(recording, f"{message}{MAX_DELAY_SAMPLES} are supported: {remedy}")

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.document.recording import Floats, Recording
-from vctune.document.text.codes import Note
-from vctune.identification.box import COULOMB_SHARE, Estimate, jackknife, sizes
+from vctune.document.records.identification_json import Estimate
+from vctune.document.text.codes import coded
+from vctune.identification.box import COULOMB_SHARE, jackknife, sizes, unexplained
 from vctune.identification.checks import position_noise
 from vctune.identification.physics import drive
-from vctune.identification.study import Complex, Curves, Study, number, record_of, unexplained
+from vctune.identification.study import Complex, Curves, Study, number, record_of
 from vctune.model.device import Device
 from vctune.model.parts import Actuator
 
@@ -45,7 +46,7 @@ SPRUNG, EXPLAINED, FELT, MOVED = 4.0, 0.75, 0.01, 0.02
 DRIVEN = 0.1  # Share of the force that a damping below 0 must make up for a log to be refused
 LAGS = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)  # Lags that are tried in the place of a part of a delay, as shares of it
 SHORT = 0.2  # Shortest delay of which a part may be a lag that matters, in sample times
-FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
+FRICTION = coded("friction is not quite Coulomb's", "limit-friction")
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}  # Masses of haptic devices, kg, or kg m2 if rotary
 FORCES = (("delay", "force", 1.0), ("sensor_delay", "hand", -1.0))  # name, column, and sign of each delay
 
@@ -260,7 +261,7 @@ def motion_study(recording: Recording, T: float, actuator: Actuator | None, dela
         recording,
         record,
         "force",
-        tuple(_estimates(recording.name, signals, fit, both, others, later)),
+        _estimates(recording.name, signals, fit, both, others, later),
         curves=fit.curves,
         friction=coulomb if coulomb > 2 * both.sigma["coulomb"] else None,
         force_noise=None if hand is None else float(1.4826 * np.median(np.abs(np.diff(hand, 3))) / sqrt(20)),

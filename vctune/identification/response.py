@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.document.recording import Channel, Floats, Recording
-from vctune.document.records.identification_json import CandidateRecord, NumberRecord
+from vctune.document.records.identification_json import CandidateRecord, Estimate, NumberRecord
 from vctune.document.schema.rules import FASTEST
 from vctune.document.text.codes import Note
-from vctune.identification.box import COULOMB_SHARE, Estimate, box, jackknife
+from vctune.identification.box import COULOMB_SHARE, box, jackknife
 from vctune.identification.physics import compliances, drive, held_compliance
 from vctune.identification.study import Complex, Lines, Study, number, record_of
 from vctune.model.device import Device
@@ -496,7 +496,7 @@ def periodic_study(recording: Recording, T: float, actuator: Actuator | None) ->
         chi2=fit.chi2, numbers=records, derived=_derived(device, recording), candidates=candidates,
     )  # fmt: skip
     friction = numbers["coulomb"] if numbers["coulomb"] > 2 * sigma["coulomb"] > 0 else None
-    return Study(recording, record, "response", tuple(found), (lines,), remarks=tuple(remarks), friction=friction)
+    return Study(recording, record, "response", found, [lines], remarks=remarks, friction=friction)
 
 
 def _derived(device: Device, recording: Recording) -> list[NumberRecord]:

@@ -9,12 +9,12 @@ from math import ceil, exp, log, pi, sqrt
 import numpy as np
 
 from vctune.document.recording import Floats, Recording
-from vctune.document.records.identification_json import CandidateRecord, NumberRecord
+from vctune.document.records.identification_json import Bounded, CandidateRecord, Estimate, NumberRecord
 from vctune.document.schema.rules import MAX_DELAY_SAMPLES
-from vctune.document.text.codes import Note
-from vctune.identification.box import Bounded, Estimate, jackknife, joint_factor
+from vctune.document.text.codes import Note, coded
+from vctune.identification.box import jackknife, joint_factor, unexplained
 from vctune.identification.checks import position_noise
-from vctune.identification.study import Complex, Curves, Lines, Study, number, omega_of, record_of, unexplained
+from vctune.identification.study import Complex, Curves, Lines, Study, number, record_of
 from vctune.model.device import Device
 
 BANDWIDTHS = (2e-4, 8.0)  # Range of the low-pass's bandwidth, as shares of the sampling rate
@@ -30,7 +30,7 @@ SIGNIFICANT, LEAST_YIELDING = 4.0, 0.005  # Deviations, and share of the motion,
 PER_OCTAVE, LOWEST, HANN = 3, 3.0, 1.5  # Bands; lower edge of the first, and a window's width, in frequency steps
 CLEAR = 0.02  # Greatest relative standard deviation of a band's ratio
 RIDGE, BEYOND = 40, 40  # Numbers of servos with a fit's latency, and of frequencies of the other order
-LATENCY, JITTER = Note("limit-latency", "a delay and a lag are alike in this motion"), Note("limit-jitter", "jitter")
+LATENCY, JITTER = coded("a delay and a lag are alike in this motion", "limit-latency"), coded("jitter", "limit-jitter")
 
 
 @dataclass(frozen=True, slots=True)
@@ -421,9 +421,7 @@ def servo_study(recording: Recording, T: float) -> Study:
     lines = [_bands(fit, other), *([] if order_is_known else [_of_fit(fit, other), _of_fit(other, fit)])]
     orders = {one.task.order: one.cost / inflation for one in (fit, other)}
     curves = Curves(servo_log.time[rows], measured, made)
-    return Study(
-        recording, record, "motion", tuple(estimates), tuple(lines), curves, tuple(remarks), servo_orders=orders
-    )
+    return Study(recording, record, "motion", estimates, lines, curves, remarks, servo_orders=orders)
 
 
 def _chi2(fit: ServoFit, encoder: float, link: float) -> float:
@@ -518,7 +516,7 @@ def _of_fit(fit: ServoFit, other: ServoFit) -> Lines:
 
 def _response(fit: ServoFit, hertz: Floats) -> Complex:
     delay, bandwidth = fit.task.numbers(fit.at)
-    return sampled_response(omega_of(hertz), fit.task.log.T, max(delay, 0.0), bandwidth, fit.task.order)
+    return sampled_response(2 * pi * hertz, fit.task.log.T, max(delay, 0.0), bandwidth, fit.task.order)
 
 
 def _lines(fit: ServoFit, other: ServoFit, hertz: Floats, ratio: Complex, spread: Floats, fitted: Complex) -> Lines:
@@ -527,7 +525,7 @@ def _lines(fit: ServoFit, other: ServoFit, hertz: Floats, ratio: Complex, spread
     def model(device: Device) -> Complex:
         servo = device.servo
         assert servo is not None
-        return sampled_response(omega_of(hertz), device.sample_time, servo.delay, servo.bandwidth_hz, servo.order)
+        return sampled_response(2 * pi * hertz, device.sample_time, servo.delay, servo.bandwidth_hz, servo.order)
 
     def more(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
         assert device.servo is not None

@@ -3,19 +3,16 @@ section 4)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from math import pi
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.document.recording import Floats, Recording
-from vctune.document.records.identification_json import NumberRecord, RecordingRecord
+from vctune.document.records.identification_json import Bounded, Estimate, NumberRecord, RecordingRecord
 from vctune.document.text.codes import Note
-from vctune.document.text.errors import InputError
-from vctune.identification.box import Bounded, Estimate
 from vctune.model.device import Device
 
 Complex = NDArray[np.complex128]
@@ -54,10 +51,10 @@ class Study:
     recording: Recording
     record: RecordingRecord  # what identification.json and the page say of it
     quantity: str  # what the fit explains: "force", "response" or "motion"
-    estimates: tuple[Estimate, ...]  # of the parameters that a problem file states
-    lines: tuple[Lines, ...] = ()
+    estimates: list[Estimate]  # of the parameters that a problem file states
+    lines: list[Lines] = field(default_factory=list)
     curves: Curves | None = None
-    remarks: tuple[Note, ...] = ()
+    remarks: list[Note] = field(default_factory=list)
     friction: float | None = None  # Coulomb friction, N; None if none was found
     force_noise: float | None = None  # standard deviation of a sample of the hand's sensed force, N
     servo_orders: dict[int, float] = field(default_factory=dict)  # -2 log likelihood by the order of a servo
@@ -70,78 +67,48 @@ def number(name: str, value: float, sigma: float | None = None) -> NumberRecord:
 
 def record_of(recording: Recording, sample_time: float, **found: Any) -> RecordingRecord:
     """Return the record of a recording; what the kind of fit does not have is empty."""
-    empty: dict[str, Any] = {"cutoff_hz": None, "residual": None, "derived": [], "candidates": [], "remarks": []}
-    return RecordingRecord(
-        source=recording.name,
-        sha256=recording.sha256,
-        samples=len(recording),
-        sample_time=sample_time,
-        **(empty | found),
-    )
+    found = {"cutoff_hz": None, "residual": None, "derived": [], "candidates": [], "remarks": []} | found
+    known = {"source": recording.name, "sha256": recording.sha256, "samples": len(recording)}
+    return RecordingRecord(**known, sample_time=sample_time, **found)
 
 
-def unexplained(recording: Recording, message: str, key: str = "") -> InputError:
-    """Return the refusal of a log that no device explains."""
-    return InputError.of(recording.source, "log-unexplained", message, key=key)
-
-
-def behind_force(lines: Lines, device: Device, bounds: Sequence[Bounded]) -> tuple[Device, list[Bounded]]:
-    """Return device and box without what lies before the recorded force, if the lines are a response to this force."""
-    if lines.delay is None:
-        return device, list(bounds)
-    others = [each for each in bounds if each.key not in ("delay", "actuator.bandwidth_hz")]
-    return replace(device, delay=lines.delay.value, actuator=None), [*others, lines.delay]
-
-
-def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
-    """Return `TRIED` devices of a box: its centre, corners at random, and random devices."""
+def responses(lines: Lines, device: Device, bounds: Sequence[Bounded]) -> Complex:
+    """Return the responses of `TRIED` devices of the box: its centre, corners at random and random devices."""
+    if lines.delay is not None:  # what lies before the recorded force is not in the lines
+        device = replace(device, delay=lines.delay.value, actuator=None)
+        bounds = [*(each for each in bounds if each.key not in ("delay", "actuator.bandwidth_hz")), lines.delay]
     has = device.numbers()
-    varied = [bounded for bounded in bounds if bounded.key in has]
+    varied = [each for each in bounds if each.key in has]
     random = np.random.default_rng(1).uniform(-1, 1, (TRIED, len(varied)))
     random[: TRIED // 2] = np.sign(random[: TRIED // 2])
     random[0] = 0.0
-    return [
+    tried = [
         device.with_numbers({b.key: b.value * (1 + b.share * at) for b, at in zip(varied, row, strict=True)})
         for row in random
     ]
-
-
-def responses(lines: Lines, device: Device, bounds: Sequence[Bounded]) -> Iterator[Complex]:
-    """Yield the responses of many devices of the box at the lines."""
-    device, bounds = behind_force(lines, device, bounds)
-    return (lines.model(each) for each in (*devices(device, bounds), *lines.more(device, bounds)))
+    return np.array([lines.model(each) for each in (*tried, *lines.more(device, bounds))])
 
 
 def distances(lines: Lines, device: Device, bounds: Sequence[Bounded]) -> Floats:
     """Return the relative difference of each line from the nearest device of the box."""
-    needed = np.full(lines.hertz.size, np.inf)
-    for response in responses(lines, device, bounds):
-        needed = np.minimum(needed, np.abs(lines.ratio / response - 1))
-    return needed
+    return np.asarray(np.abs(lines.ratio / responses(lines, device, bounds) - 1).min(axis=0))
 
 
 def covered(
-    lines: Lines, device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]]
+    lines: Lines, device: Device, bounds: Sequence[Bounded], radii: Sequence[Sequence[float]]
 ) -> tuple[Floats, Floats]:
     """Return the least and the greatest magnitude over all responses that the file allows."""
     x, y = np.log(np.array(radii)).T
     radius = np.exp(np.interp(np.log(lines.hertz), x, y))
-    size = np.abs(list(responses(lines, device, bounds)))
+    size = np.abs(responses(lines, device, bounds))
     return size.min(axis=0) * np.maximum(1 - radius, 0.01), size.max(axis=0) * (1 + radius)
 
 
-def envelope(hertz: Floats, needed: Floats) -> tuple[tuple[float, float], ...]:
+def envelope(hertz: Floats, needed: Floats) -> list[list[float]]:
     """Return a few points (Hz, radius) between which, on logarithmic axes, a line lies above all required radii."""
-    order = np.argsort(hertz, kind="stable")
-    hertz, needed = hertz[order], needed[order]
-    count = min(KNOTS, hertz.size)
-    knots = np.unique(np.round(np.exp(np.linspace(np.log(hertz[0]), np.log(hertz[-1]), count)), 6))
+    low, high = np.log(hertz.min()), np.log(hertz.max())
+    knots = np.unique(np.round(np.exp(np.linspace(low, high, min(KNOTS, hertz.size))), 6))
     segment = np.clip(np.searchsorted(knots, hertz, side="right") - 1, 0, knots.size - 2)
     least = np.array([needed[segment == i].max(initial=LEAST) for i in range(knots.size - 1)])
     around = np.maximum(np.append(least, LEAST), np.append(LEAST, least)) * MARGIN
-    return tuple((float(at), float(f"{radius:.6g}")) for at, radius in zip(knots, around * MARGIN, strict=True))
-
-
-def omega_of(hertz: Floats) -> Floats:
-    """Return angular frequencies, rad/s."""
-    return np.asarray(2 * pi * hertz)
+    return [[float(at), float(f"{radius:.6g}")] for at, radius in zip(knots, around * MARGIN, strict=True)]

@@ -60,12 +60,12 @@ def identification_files(found: Identified, record: IdentificationRecord, folder
 
 
 def _figure(found: Identified, record: IdentificationRecord) -> Figure:
-    heights = [1.8, 1.2] * sum(study.curves is not None for study in found.records)
-    shown = [(study, study.lines[0]) for study in found.records if study.lines and study.lines[0].hertz.size]
+    heights = [1.8, 1.2] * sum(study.curves is not None for study in found.studies)
+    shown = [(study, study.lines[0]) for study in found.studies if study.lines and study.lines[0].hertz.size]
     heights += [2.4] * len(shown) + [0.34 * len(record.numbers) + 0.4]
     figure = canvas(WIDTH, sum(heights) + 0.6 * len(heights), left=1.5, top=0.35, gaps=(0.0, 0.62))
     panels = iter(np.atleast_1d(figure.subplots(len(heights), 1, height_ratios=heights)))
-    for study in found.records:
+    for study in found.studies:
         if study.curves is not None:
             names = record.units.force_name, record.units.force
             names = ("position", record.units.position) if study.quantity == "motion" else names
@@ -95,9 +95,9 @@ def _in_time(close: Axes, whole: Axes, curves: Curves, name: str, quantity: str,
 
 
 def _response(axes: Axes, lines: Lines, found: Identified, name: str) -> None:
-    size = np.abs(lines.ratio)
-    if len(found.unmodelled) > 1:
-        low, high = covered(lines, found.device, found.bounds, found.unmodelled)
+    size, record = np.abs(lines.ratio), found.record
+    if len(record.unmodelled) > 1:
+        low, high = covered(lines, found.device, record.numbers, record.unmodelled)
         axes.fill_between(lines.hertz, low, high, color=GREY, alpha=0.25, label="box and unmodelled")
     bars = np.minimum(2 * lines.spread, 0.99) * size
     axes.errorbar(lines.hertz, size, bars, fmt=".", color=BLUE, markersize=3, elinewidth=0.7, label=name)

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from math import ceil, pi
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import Field
+from pydantic.json_schema import SkipJsonSchema
 
 from vctune.document.records.part import Document, Number, Pair, Part
+from vctune.document.schema.number_units import unit_of
 from vctune.document.schema.rules import MOST_SAMPLES
+from vctune.document.text.codes import coded
 from vctune.document.text.errors import printable
 from vctune.document.text.toml_writing import toml_text
 from vctune.model.experiment import Operator, usual_share
+from vctune.model.fields import record
 from vctune.model.numbers.units import UNITS, Units
 
+T = TypeVar("T")
 FILE, DEVICE_FILE = "identification.json", "device.toml"
 # Stroke, m, and speed, m/s, of the hand in the experiment. vctune shortens the stroke if it would take too many samples
 STROKE = {"to": 0.05, "speed": 0.01}
@@ -60,25 +65,35 @@ class RecordingRecord(Part):
     remarks: list[str]
 
 
-class EstimateRecord(Part):
-    """The estimate of a number from one recording, or from one direction of it."""
-
-    source: str
-    value: float
-    sigma: Number
+# A field of a record that its file lacks
+Hidden = Annotated[T, Field(exclude=True), SkipJsonSchema()]
 
 
-class BoundedRecord(Part):
+@record
+class Estimate:
+    """The estimate of a parameter of the device from one recording, or from one direction of it."""
+
+    key: Hidden[str]  # key of the parameter in the device's table
+    value: float  # estimate and standard deviation, SI units, frequencies in Hz
+    sigma: float
+    source: str  # the recording and the method
+    excess: Hidden[tuple[float, float]] = (0.0, 0.0)  # how far the interval extends beyond the standard deviations
+    reason: Hidden[str] = coded("model error: the band that is kept changes it", "limit-band")  # for the excess
+    stated: Hidden[bool] = False  # whether the user stated the parameter, which no recording determines then
+
+
+@record
+class Bounded:
     """A parameter of the device with its interval."""
 
     key: str  # dotted key without "device.", and the unit of the numbers
     unit: str
     value: float  # middle of the written interval, and its relative half-width
+    share: float
     low: float  # ends of the identified interval
     high: float
-    share: float
     limit: str  # what determines the width of the interval, in words
-    estimates: list[EstimateRecord]  # estimates from single recordings or directions
+    estimates: list[Estimate]  # estimates from single recordings or directions
 
 
 class FrictionRecord(Part):
@@ -98,7 +113,7 @@ class IdentificationRecord(Document):
     sample_time: float
     device: dict[str, Any]
     assumed: list[str]
-    numbers: Annotated[list[BoundedRecord], Field(min_length=1)]
+    numbers: Annotated[list[Bounded], Field(min_length=1)]
     unmodelled: list[Pair]
     friction: FrictionRecord | None
     force_noise: Number
@@ -113,13 +128,15 @@ class IdentificationRecord(Document):
         return UNITS["rotary" if self.rotary else "linear"]
 
 
-def stated(value: float, low: float, high: float) -> tuple[float, float]:
-    """Return a value with six digits, and a relative half-width, rounded up so that the file contains the interval."""
-    shown = float(f"{value:.6g}")
-    if shown == 0:
-        return 0.0, 0.0
-    share = max(high - shown, shown - low) / shown
-    return shown, min(round(ceil(share / STEP) * STEP, 5), 0.99 if low <= 0 else 1 - STEP)
+def bounded(key: str, low: float, high: float, limit: str, estimates: list[Estimate], units: Units) -> Bounded:
+    """Return a parameter with its interval: its middle with six digits, and a relative half-width, rounded up so that
+    the file contains the interval."""
+    value, share = float(f"{0.5 * (low + high):.6g}"), 0.0
+    if value:
+        share = max(high - value, value - low) / value
+        share = min(round(ceil(share / STEP) * STEP, 5), 0.99 if low <= 0 else 1 - STEP)
+    unit = unit_of(tuple(key.split(".")), units)
+    return Bounded(key, unit, value, share, float(low), float(high), limit, estimates)
 
 
 def device_text(record: IdentificationRecord) -> str:
@@ -167,7 +184,7 @@ def _short(value: float | None) -> str:
     return "not known" if value is None else f"{value:.3g}"
 
 
-def _note(number: BoundedRecord) -> str:
+def _note(number: Bounded) -> str:
     """Return the comment on a number: its interval, the reason for its width, and its estimates."""
     estimates = "; ".join(f"{estimate.value:.6g} +- {_short(estimate.sigma)}" for estimate in number.estimates)
     return f"# {number.low:.6g} to {number.high:.6g} {number.unit}".rstrip() + f", by {number.limit}; found {estimates}"

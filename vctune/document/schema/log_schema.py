@@ -29,9 +29,6 @@ def _not_zero(value: float) -> float:
     return value
 
 
-Scale = Annotated[float, Field(strict=True, ge=-MOST, le=MOST), AfterValidator(_not_zero)]
-
-
 class ColumnTable(Table):
     """A column with a unit, a scale, a resolution or a limit."""
 
@@ -39,7 +36,7 @@ class ColumnTable(Table):
     unit: Unit | None = Field(
         None, description="Unit of the column. Default: the end of its header, as in position_mm."
     )
-    scale: Scale | None = Field(
+    scale: Annotated[float, Field(strict=True, ge=-MOST, le=MOST), AfterValidator(_not_zero)] | None = Field(
         None, description="SI units per unit of the column, instead of `unit`: a torque constant, metres per count."
     )
     quantum: Positive | None = Field(
@@ -50,13 +47,9 @@ class ColumnTable(Table):
     )
 
 
-def _form(value: object) -> str:
-    return "<text>" if isinstance(value, str) else "<column>"
-
-
 Column = Annotated[
     Annotated[Text, Tag("<text>")] | Annotated[ColumnTable, Tag("<column>")],
-    Discriminator(_form),
+    Discriminator(lambda value: "<text>" if isinstance(value, str) else "<column>"),
 ]
 
 
