@@ -68,7 +68,7 @@ def number(name: str, value: float, sigma: float | None = None) -> NumberRecord:
 def record_of(recording: Recording, sample_time: float, **found: Any) -> RecordingRecord:
     """Return the record of a recording; what the kind of fit does not have is empty."""
     found = {"cutoff_hz": None, "residual": None, "derived": [], "candidates": [], "remarks": []} | found
-    known = {"source": recording.name, "sha256": recording.sha256, "samples": len(recording)}
+    known: dict[str, Any] = {"source": recording.name, "sha256": recording.sha256, "samples": len(recording)}
     return RecordingRecord(**known, sample_time=sample_time, **found)
 
 
@@ -95,16 +95,16 @@ def distances(lines: Lines, device: Device, bounds: Sequence[Bounded]) -> Floats
 
 
 def covered(
-    lines: Lines, device: Device, bounds: Sequence[Bounded], radii: Sequence[Sequence[float]]
+    lines: Lines, device: Device, bounds: Sequence[Bounded], radii: Sequence[Sequence[float | None]]
 ) -> tuple[Floats, Floats]:
     """Return the least and the greatest magnitude over all responses that the file allows."""
-    x, y = np.log(np.array(radii)).T
+    x, y = np.log(np.array(radii, dtype=float)).T
     radius = np.exp(np.interp(np.log(lines.hertz), x, y))
     size = np.abs(responses(lines, device, bounds))
     return size.min(axis=0) * np.maximum(1 - radius, 0.01), size.max(axis=0) * (1 + radius)
 
 
-def envelope(hertz: Floats, needed: Floats) -> list[list[float]]:
+def envelope(hertz: Floats, needed: Floats) -> list[list[float | None]]:
     """Return a few points (Hz, radius) between which, on logarithmic axes, a line lies above all required radii."""
     low, high = np.log(hertz.min()), np.log(hertz.max())
     knots = np.unique(np.round(np.exp(np.linspace(low, high, min(KNOTS, hertz.size))), 6))
