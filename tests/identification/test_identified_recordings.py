@@ -106,7 +106,7 @@ def test_the_bench_is_two_masses(bench):
 @pytest.mark.slow
 def test_the_box_of_one_recording_holds_the_other_s_numbers(bench):
     box, other = bench("a").found, bench("b").found
-    for each in other.bounds:
+    for each in other.record.numbers:
         mine = box.bounded(each.key)
         assert mine.low <= each.value <= mine.high, each.key
         for estimate in each.estimates:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import log, pi, sqrt
 
 import numpy as np
@@ -21,18 +21,11 @@ FEW_STEPS = 30  # Least span of the motion in resolution steps
 SATURATED = 0.2  # Greatest permitted share of samples at a limit
 
 
-@dataclass(frozen=True, slots=True)
-class Evenness:
-    """Limits on the timing of a log, in sample times."""
-
-    jitter: float  # greatest permitted standard deviation of a step
-    gap: float  # length of a step above which a sample is missing
-
-
 # Greatest number of samples of the loop between two rows, and greatest error of a step, in samples of the loop
 MOST_SKIPPED, EXACT = 8, 0.02
-# Limits for a loop that an interrupt runs, and for the communication link of a robot
-LOOP, LINK = Evenness(0.05, 1.5), Evenness(0.25, 1.9)
+# Greatest deviation of a step and length above which a sample is missing, in sample times: for a loop that an interrupt
+# runs, and for the communication link of a robot
+LOOP, LINK = (0.05, 1.5), (0.25, 1.9)
 
 
 def on_even_rows(recording: Recording) -> Recording:
@@ -109,10 +102,10 @@ def remarks(recording: Recording) -> list[Note]:
     return remarks
 
 
-def _fault_of_time(time: Channel, T: float, stated: float | None, even: Evenness) -> tuple[int | None, str]:
+def _fault_of_time(time: Channel, T: float, stated: float | None, even: tuple[float, float]) -> tuple[int | None, str]:
     """Return the row and the fault of a time column; "" without a fault."""
     steps = np.diff(time.values)
-    back, gaps = np.flatnonzero(steps <= 0), np.flatnonzero(steps > even.gap * T)
+    back, gaps = np.flatnonzero(steps <= 0), np.flatnonzero(steps > even[1] * T)
     if back.size:
         before, after = time.values[back[0] : back[0] + 2]
         how = "stands still" if before == after else "runs backwards"
@@ -126,7 +119,7 @@ def _fault_of_time(time: Channel, T: float, stated: float | None, even: Evenness
     if gaps.size:
         lost = f"{steps[gaps[0]] / T - 1:.3g} samples; cut the log there, or record without loss"
         return int(gaps[0]), f"has {gaps.size} gaps, the first of {lost}"
-    if (jitter := float(np.std(steps)) / T) > even.jitter:
+    if (jitter := float(np.std(steps)) / T) > even[0]:
         text = f"jitters by {jitter:.1%} of the sample time; log the time of sampling, not that of writing"
         return int(np.argmax(np.abs(steps - T))), text
     return None, ""

@@ -220,15 +220,15 @@ def _pushed(
 
 def _kept(signals: Signals, cutoff: float) -> NDArray[np.bool_]:
     """Return which samples to use: none near the ends of the log, and none near turning points."""
+    from scipy.ndimage import maximum_filter1d
+
     T, v = signals.sample_time, signals.velocity
     kept = np.ones(v.size, dtype=bool)
     margin = signals.edge(cutoff, 4 * T)
     kept[:margin] = kept[-margin:] = False
     slow = np.abs(v) < SLOW * np.abs(v[kept]).max(initial=0.0)
     half = int(0.25 / cutoff / T)  # a slow sample excludes all samples within a quarter of the cut-off's period
-    counted = np.concatenate([np.zeros(half + 1, dtype=np.int64), np.cumsum(slow)])
-    counted = np.append(counted, np.full(half, counted[-1]))
-    away = kept & (counted[2 * half + 1 :] == counted[: -2 * half - 1])
+    away = kept & ~maximum_filter1d(slow, 2 * half + 1, mode="constant")
     return away if away.sum() >= LEAST_KEPT * kept.sum() else kept
 
 
@@ -277,9 +277,8 @@ def _estimates(
 
     def excess(name: str) -> tuple[float, float]:
         """How far the estimates at other cut-offs lie below and above, beyond two standard deviations of both."""
-        beyond = {other.value[name] - fit.value[name]: 2 * (other.sigma[name] + fit.sigma[name]) for other in others}
-        below = max((-by - allowed for by, allowed in beyond.items()), default=0.0)
-        return max(below, 0.0), max((by - allowed for by, allowed in beyond.items() if by > allowed), default=0.0)
+        beyond = [(other.value[name] - fit.value[name], 2 * (other.sigma[name] + fit.sigma[name])) for other in others]
+        return max([0.0, *(-by - more for by, more in beyond)]), max([0.0, *(by - more for by, more in beyond)])
 
     found = [Estimate("mass", fit.value["mass"], fit.sigma["mass"], text, excess("mass"))]
     differ = abs(fit.value[WAYS[0]] - fit.value[WAYS[1]]) > SIGNIFICANT * fit.apart
@@ -303,14 +302,13 @@ def _later(signals: Signals, fits: Sequence[MotionFit], best: MotionFit, delays:
     found = 0.0
     for cutoff, fit in {each.cutoff_hz: each for each in (best, fits[0])}.items():
         alone = fit.value["delay"]
-        if alone < SHORT * signals.sample_time:
-            continue
+        lags = [share * alone for share in LAGS] if alone >= SHORT * signals.sample_time else []
         tried = [(fit.residual, alone)]
-        for share in LAGS:
-            lagging = replace(signals, actuator=Actuator(1 / (2 * pi * share * alone)))
+        for lag in lags:
+            lagging = replace(signals, actuator=Actuator(1 / (2 * pi * lag)))
             lagged = motion_fit(lagging, cutoff, DIRECTIONAL, delays)
-            tried.append((lagged.residual, lagged.value["delay"] + share * alone))
-        least = min(range(len(tried)), key=lambda k: tried[k][0])
+            tried.append((lagged.residual, lagged.value["delay"] + lag))
+        least = int(np.argmin([residual for residual, _ in tried]))
         if least > 0:  # one step further, for what lies between the steps
             found = max(found, tried[min(least + 1, len(tried) - 1)][1] - best.value["delay"])
     return found

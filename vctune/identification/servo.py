@@ -424,17 +424,14 @@ def _yielding(recording: Recording, fit: ServoFit, force: Floats) -> tuple[list[
     motion = np.abs(values[:2]) * np.std(np.cumsum(columns[:, :2] / scale[:2], axis=0), axis=0)
     share = motion / np.std(task.position[task.first :])
     significant = (np.abs(values[:2]) > SIGNIFICANT * sigma[:2]) & (share > LEAST_YIELDING)
-    found = [
-        (name, unit, float(values[i] / scale[i]), float(sigma[i] / scale[i]))
-        for i, (name, unit) in enumerate((("compliance", units.compliance), ("mobility", units.mobility)))
-    ]
-    texts = [f"{value:.3g} {unit}" for (_, unit, value, _), yes in zip(found, significant, strict=True) if yes]
+    found, names = (values / scale)[:2], (("compliance", units.compliance), ("mobility", units.mobility))
+    texts = [f"{found[i]:.3g} {unit}" for i, (_, unit) in enumerate(names) if significant[i]]
     warning = (
         f"{recording.name}: the servo yields: {(share * significant).max():.1%} of its motion goes with the force, "
         f"{' and '.join(texts)}. Such a device is outside the model, in which the motion follows the command alone: no "
         "claim about the file holds for it"
     )
-    records = [number(f"{name}, {unit}", value, unsure) for name, unit, value, unsure in found]
+    records = [number(f"{names[i][0]}, {names[i][1]}", found[i], sigma[i] / scale[i]) for i in range(2)]
     return [Note("warn-yields", warning)] if texts else [], records
 
 
