@@ -21,10 +21,10 @@ from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile, gains_file, problem_file
-from vctune.document.records.printed_json import NamedRecord, RefusalRecord
 from vctune.document.ros import is_admittance, read_admittances
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, printable
+from vctune.document.text.json import printed
 from vctune.document.text.output_files import make_folder
 from vctune.exit_codes import ExitCode
 from vctune.model.gains import AnyCoupling
@@ -108,12 +108,8 @@ def check_object(checked: Checked) -> dict[str, Any]:
     """Return a check as an object: that of design.json, the verdict on a region, or the reason why there is neither."""
     if checked.finding is not None:
         return checked.finding.record()
-    name = NamedRecord(name=printable(checked.name))
-    source = printable(str(checked.source))
-    refusal = RefusalRecord(
-        problem=name, source=source, line=checked.line, status=None, reason=checked.message, warnings=[]
-    )
-    return refusal.to_json()
+    place = {"problem": {"name": printable(checked.name)}, "source": printable(str(checked.source))}
+    return printed("refusal", **place, line=checked.line, status=None, reason=checked.message, warnings=[])
 
 
 def record_lost(checked: Checked, folder: Path) -> str:

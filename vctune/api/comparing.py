@@ -1,13 +1,13 @@
-"""Provide `vctune compare` as a function."""
+"""Provide `vctune compare` as a function: two columns of the same rows."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, replace
-from math import isclose
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from math import inf, isclose
 from pathlib import Path
 from shlex import quote
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 from vctune.analysis.demands import transparency_error
 from vctune.api.result import Rows, Table
@@ -18,23 +18,97 @@ from vctune.design.verdict.design_record import felt_record, record_of
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import on_yardstick, parse_problem
-from vctune.document.records.comparison import (
-    ComparedDesign,
-    ComparisonRecord,
-    YardstickErrorRecord,
-    comparison_record,
-)
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.records.part import text
+from vctune.document.records.gains_json import TransparencyRecord
+from vctune.document.records.part import Pair, Part, filled, how_shown, text
+from vctune.document.schema.statement import statement
+from vctune.document.schema.validation import dotted
 from vctune.document.text.errors import printable
+from vctune.document.text.json import printed
+from vctune.model.fields import Shown
 from vctune.model.problem import Problem, Transparency
+from vctune.model.transparency import TERMS
 
 SAME = 1e-9  # Greatest relative difference of two numbers that count as equal
+UNCOMPARED = ("name", "description", "experiment")  # Keys of a problem that do not affect its design
+
+
+class Side(NamedTuple):
+    """One of the two designs: its path or name, its problem, its status, and the reason why there is no design."""
+
+    source: str
+    name: str
+    status: str
+    idle: bool
+    reason: str | None
+
+
+class Difference(NamedTuple):
+    """A key of the problem file, dotted, with the values of both problems; None for a key that one has not."""
+
+    key: str
+    a: Any
+    b: Any
+
+
+class Compared(NamedTuple):
+    """A number or a verdict of both designs."""
+
+    group: str
+    key: str  # key of design.json, dotted
+    label: str  # name and unit; both, joined by "or", if they differ between the two kinds of device
+    unit: str
+    digits: int  # number of digits that `vctune compare` prints
+    a: Any
+    b: Any
+
+
+class _Measured(TransparencyRecord):
+    """The error of a design on a yardstick, with the band and the Z_0 of this yardstick."""
+
+    band_hz: Annotated[Pair, Shown("over a band of", unit="Hz")]
+    reference_impedance: Annotated[float, Shown("with Z_0", of="damping")]
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Two designs side by side."""
+
+    a: Side
+    b: Side
+    problem: list[Difference]  # keys of the problem in which they differ
+    design: list[Compared]  # values that at least one of the designs has, equal or not
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object for JSON."""
+        rows = {"problem": self.problem, "design": self.design}
+        lists = {name: [each._asdict() for each in found] for name, found in rows.items()}  # type: ignore[attr-defined]
+        return printed("comparison", a=self.a._asdict(), b=self.b._asdict(), **lists)
+
+    def rows(self) -> Rows:
+        """Yield the designs as columns, and then the reasons why there is no design."""
+        heads = [(at.source, at.name, f"{at.status}, idle" if at.idle else at.status) for at in (self.a, self.b)]
+        columns = zip(("file", "problem", "status"), *heads, strict=True)
+        rows: list[tuple[str, ...]] = [("", label, printable(a), printable(b), "") for label, a, b in columns]
+        rows += [("differs", key, _cell(a, 8), _cell(b, 8), "") for key, a, b in self.problem]
+        rows += [(at.group, at.label, _cell(at.a, at.digits), _cell(at.b, at.digits), at.unit) for at in self.design]
+        yield Table(rows, ("", "", "A", "B", ""), right=(2, 3), groups=True)
+        yield from ((f"{'AB'[k]}: {printable(at.reason)}",) for k, at in enumerate((self.a, self.b)) if at.reason)
+
+    def steps(self) -> list[str]:
+        """Return what to do with the better of the certified designs, or with both if neither is certified."""
+        errors = next(((each.a, each.b) for each in self.design if each.label == "error"), (None, None))
+        pairs = zip(errors, (self.a, self.b), strict=True)
+        certified = [(error, at.source) for error, at in pairs if at.status == "certified" and isinstance(error, float)]
+        if not certified:
+            return ["neither is certified; vctune solve reports repairs"]
+        source = min(certified)[1]
+        return [f"vctune {'export' if source.endswith('.json') else 'solve'} {quote(source)}"]
 
 
 def compare(
     a: ProblemSource | DesignRecord, b: ProblemSource | DesignRecord, *, progress: Progress = lambda stage: None
-) -> ComparisonRecord:
+) -> Comparison:
     """Compare two designs. If an argument is a problem without a design, vctune first solves the problem. The function
     writes no files.
 
@@ -53,7 +127,7 @@ def compare(
 
     Returns
     -------
-    ComparisonRecord
+    Comparison
         `problem` contains the keys that differ, with defaults written out; `design` contains the values and verdicts of
         both designs.
 
@@ -62,15 +136,31 @@ def compare(
     InputError
         If `a` or `b` is invalid.
     """
-    record_a, problem_a = _designed(a, None, progress)
-    record_b, problem_b = _designed(b, problem_a, progress)
-    yardsticks: list[Transparency | None] = [None]
-    if _alike(problem_a, problem_b):
-        yardsticks = [problem_a.transparency]
-        yardsticks += [problem_b.transparency] * (not _same(problem_a.transparency, problem_b.transparency))
-    return comparison_record(
-        _measured_design(a, record_a, problem_a, yardsticks), _measured_design(b, record_b, problem_b, yardsticks)
-    )
+    sides = [_designed(a, None, progress)]
+    sides.append(_designed(b, sides[0][1], progress))
+    problems = [problem for _, problem in sides]
+    of_a, of_b = (problem.transparency for problem in problems)
+    scales: dict[str, Transparency | None] = {"transparency": None}
+    if _alike(*problems):
+        scales = {"transparency": of_a} if _same(of_a, of_b) else {"on_a": of_a, "on_b": of_b}
+    values = list[Compared]()
+    for name, title in DesignRecord.GROUPS.items():
+        if name == "transparency":
+            titles = {"transparency": title, "on_a": "measured as A", "on_b": "measured as B"}
+            for key, scale in scales.items():
+                values += _values(titles[key], key, sides, [_measured(*side, scale) for side in sides])
+            felt = [record.design and felt_record(problem.device, *record.design) for record, problem in sides]
+            values += _values("in the hand", "felt", sides, felt)
+        else:
+            values += _values(title, name, sides, [getattr(record, name) for record, _ in sides])
+    stated = [dict(_leaves(statement(problem), ())) for problem in problems]
+    keys = dict.fromkeys(key for leaves in stated for key in leaves)
+    pairs = [Difference(key, *(leaves.get(key) for leaves in stated)) for key in keys]
+    one, other = (_side(source, record) for source, (record, _) in zip((a, b), sides, strict=True))
+    return Comparison(one, other, [each for each in pairs if each.a != each.b], values)
+
+
+Sides = list[tuple[DesignRecord, Problem]]
 
 
 def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[DesignRecord, Problem]:
@@ -84,64 +174,69 @@ def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[De
     return record_of(file, solve(file, progress=progress)), file.problem
 
 
+def _side(source: Any, record: DesignRecord) -> Side:
+    name = record.problem.name
+    said = str(source) if isinstance(source, str | Path) else name
+    return Side(said, name, record.status, record.idle, record.reason)
+
+
 def _alike(a: Problem, b: Problem) -> bool:
     """Return whether the errors of two problems have the same terms in the same units."""
     return (a.device.display, a.device.units) == (b.device.display, b.device.units)
 
 
 def _same(a: Transparency, b: Transparency) -> bool:
-    """Return whether two yardsticks are equal."""
     numbers = [(yardstick.band.min, yardstick.band.max, yardstick.reference_impedance) for yardstick in (a, b)]
     close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))
     return close and (a.norm, a.weights) == (b.norm, b.weights)
 
 
-def _measured_design(
-    source: Any, record: DesignRecord, problem: Problem, yardsticks: Sequence[Transparency | None]
-) -> ComparedDesign:
-    """Return one of two compared designs with its error on each yardstick. None stands for the design's own
-    yardstick."""
-    return ComparedDesign(
-        source=str(source) if isinstance(source, str | Path) else record.problem.name,
-        record=record,
-        problem=problem,
-        felt=None if record.design is None else felt_record(problem.device, *record.design),
-        errors=tuple(_measured(record, problem, yardstick or problem.transparency) for yardstick in yardsticks),
-    )
-
-
-def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -> YardstickErrorRecord | None:
-    """Return a design's error on a yardstick."""
+def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency | None) -> _Measured | None:
+    """Return a design's error on a yardstick, or on its own."""
+    yardstick = yardstick or problem.transparency
     if record.design is None or yardstick.band.max > problem.nyquist:
         return None
-    posed = pose(replace(problem, transparency=yardstick)).problem
-    return YardstickErrorRecord(
-        **asdict(transparency_error(posed, *record.design)),
-        display=problem.device.display,
-        band_hz=list(yardstick.band.hz),
-        reference_impedance=yardstick.reference_impedance,
-    )
+    error = transparency_error(pose(replace(problem, transparency=yardstick)).problem, *record.design)
+    scale: dict[str, Any] = {"band_hz": list(yardstick.band.hz), "reference_impedance": yardstick.reference_impedance}
+    return _Measured(**asdict(error), display=problem.device.display, **scale)
 
 
-def comparison_rows(found: ComparisonRecord) -> Rows:
-    """Yield two designs as columns: their files and status, the keys in which the problems differ, both results; then
-    the reasons why there is no design."""
-    yield Table(list(_compared(found)), ("", "", "A", "B", ""), right=(2, 3), groups=True)
-    yield from ((f"{name}: {printable(at.reason)}",) for name, at in (("A", found.a), ("B", found.b)) if at.reason)
+def _leaves(node: Any, path: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+    """Yield each key of a document, dotted, with its value; a range is one value."""
+    if isinstance(node, dict) and set(node) == {"min", "max"}:
+        yield dotted(path), [node["min"], node["max"]]
+    elif isinstance(node, dict):
+        for name in (name for name in node if path or name not in UNCOMPARED):
+            yield from _leaves(node[name], (*path, name))
+    else:
+        yield dotted(path), node
 
 
-def _compared(found: ComparisonRecord) -> Iterator[tuple[str, ...]]:
-    """Yield group, label, both values and unit of each row."""
-    sides = (found.a, found.b)
-    for label, values in (
-        ("file", [at.source for at in sides]),
-        ("problem", [at.name for at in sides]),
-        ("status", [f"{at.status}, idle" if at.idle else at.status for at in sides]),
-    ):
-        yield "", label, *map(printable, values), ""
-    yield from (("differs", each.key, _cell(each.a, 8), _cell(each.b, 8), "") for each in found.problem)
-    for each in found.design:
-        yield each.group, each.label, _cell(each.a, each.digits), _cell(each.b, each.digits), each.unit
+def _values(title: str, key: str, sides: Sides, parts: list[Any]) -> Iterator[Compared]:
+    """Yield the displayed fields of a part of both designs, and of the parts inside it."""
+    there = [(part, record.units) for part, (record, _) in zip(parts, sides, strict=True) if part is not None]
+    for field, shown in {name: shown for part, _ in there for name, shown in how_shown(part.__class__).items()}.items():
+        values = [_in_shown_unit(getattr(part, field, None), shown) for part in parts]
+        kinds = [problem.device.kind for _, problem in sides]
+        if all(f"{key}.{field}" in kind.absent or field in set(TERMS) - set(kind.terms) for kind in kinds):
+            continue  # 0 in every design of these kinds of display
+        having = [(part, units) for part, units in there if hasattr(part, field)]
+        labels = dict.fromkeys(units.translated(filled(part, shown.label, units)) for part, units in having)
+        of_quantity = " or ".join(dict.fromkeys(units.of(shown.of) for _, units in having))
+        # a unit with a field's name in braces is a phrase about one design
+        unit = "Hz" if field.endswith("_hz") else of_quantity or ("" if "{" in shown.unit else shown.unit)
+        if not shown.detail and values != [None, None]:
+            yield Compared(title, f"{key}.{field}", " or ".join(labels), unit, shown.digits, *values)
+    inner = [name for part, _ in there if isinstance(part, Part) for name, value in part if isinstance(value, Part)]
+    for name in dict.fromkeys(inner):
+        yield from _values(title, f"{key}.{name}", sides, [getattr(part, name, None) for part in parts])
+
+
+def _in_shown_unit(value: Any, shown: Shown) -> Any:
+    """Return a stored value in the unit in which it is displayed. Only a float has such a unit."""
+    if value == inf:
+        return None
+    return value * shown.scale if isinstance(value, float) and shown.scale != 1 else value
 
 
 def _cell(value: Any, digits: int) -> str:
@@ -149,17 +244,3 @@ def _cell(value: Any, digits: int) -> str:
     if isinstance(value, list) and len(value) != 2:
         return printable(str(value))
     return "-" if value is None else printable(text(value, digits))
-
-
-def after_comparison(found: ComparisonRecord) -> str:
-    """Return what to do with the better of the certified designs, or with both if neither is certified."""
-    errors = next(((each.a, each.b) for each in found.design if each.label == "error"), (None, None))
-    certified = [
-        (error, side.source)
-        for error, side in zip(errors, (found.a, found.b), strict=True)
-        if side.status == "certified" and isinstance(error, float)
-    ]
-    if not certified:
-        return "neither is certified; vctune solve reports repairs"
-    source = min(certified)[1]
-    return f"vctune {'export' if source.endswith('.json') else 'solve'} {quote(source)}"

@@ -19,9 +19,9 @@ from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.reading import read_gains as read_gains
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.records.printed_json import ExportRecord
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, printable
+from vctune.document.text.json import printed
 from vctune.document.text.output_files import Content, make_folder, write_together
 from vctune.firmware.c_text import Precision as Precision
 from vctune.firmware.firmware import Firmware, certified, firmware
@@ -158,11 +158,11 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     return place
 
 
-def export_record(exported: Exported, place: Path) -> ExportRecord:
-    """Return an export as a record for JSON."""
+def export_object(exported: Exported, place: Path) -> dict[str, Any]:
+    """Return an export as an object for JSON."""
     name, status = exported.firmware.name, exported.firmware.record.status
-    said = exported.statement
-    return ExportRecord(name=name, status=status, statement=said, folder=str(place), files=list(exported.files))
+    files = {"folder": str(place), "files": list(exported.files)}
+    return printed("export", name=name, status=status, statement=exported.statement, **files)
 
 
 def is_source(path: Path) -> bool:
