@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 import vctune
 from vctune.api.result import design_folder
 from vctune.document.schema.problem_schema import DeviceTable
-from vctune.document.text.toml_writing import toml_text
+from vctune.document.text.toml import toml_text
 
 WHEEL = {
     "name": "<wheel>",

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from math import inf, isclose
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 from vctune.analysis.demands import transparency_error
 from vctune.api.result import Rows, Table
@@ -33,36 +33,6 @@ SAME = 1e-9  # Greatest relative difference of two numbers that count as equal
 UNCOMPARED = ("name", "description", "experiment")  # Keys of a problem that do not affect its design
 
 
-class Side(NamedTuple):
-    """One of the two designs: its path or name, its problem, its status, and the reason why there is no design."""
-
-    source: str
-    name: str
-    status: str
-    idle: bool
-    reason: str | None
-
-
-class Difference(NamedTuple):
-    """A key of the problem file, dotted, with the values of both problems; None for a key that one has not."""
-
-    key: str
-    a: Any
-    b: Any
-
-
-class Compared(NamedTuple):
-    """A number or a verdict of both designs."""
-
-    group: str
-    key: str  # key of design.json, dotted
-    label: str  # name and unit; both, joined by "or", if they differ between the two kinds of device
-    unit: str
-    digits: int  # number of digits that `vctune compare` prints
-    a: Any
-    b: Any
-
-
 class _Measured(TransparencyRecord):
     """The error of a design on a yardstick, with the band and the Z_0 of this yardstick."""
 
@@ -70,36 +40,41 @@ class _Measured(TransparencyRecord):
     reference_impedance: Annotated[float, Shown("with Z_0", of="damping")]
 
 
+Record = dict[str, Any]
+
+
 @dataclass(frozen=True, slots=True)
 class Comparison:
     """Two designs side by side."""
 
-    a: Side
-    b: Side
-    problem: list[Difference]  # keys of the problem in which they differ
-    design: list[Compared]  # values that at least one of the designs has, equal or not
+    a: Record  # source, name, status, idle, reason: why there is no design
+    b: Record
+    problem: list[Record]  # keys of the problem file in which they differ: key, a, b
+    design: list[Record]  # values that at least one has, equal or not: group, key of design.json, label, unit, a, b
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> Record:
         """Return the object for JSON."""
-        rows = {"problem": self.problem, "design": self.design}
-        lists = {name: [each._asdict() for each in found] for name, found in rows.items()}  # type: ignore[attr-defined]
-        return printed("comparison", a=self.a._asdict(), b=self.b._asdict(), **lists)
+        return printed("comparison", **asdict(self))
 
     def rows(self) -> Rows:
         """Yield the designs as columns, and then the reasons why there is no design."""
-        heads = [(at.source, at.name, f"{at.status}, idle" if at.idle else at.status) for at in (self.a, self.b)]
-        columns = zip(("file", "problem", "status"), *heads, strict=True)
-        rows: list[tuple[str, ...]] = [("", label, printable(a), printable(b), "") for label, a, b in columns]
-        rows += [("differs", key, _cell(a, 8), _cell(b, 8), "") for key, a, b in self.problem]
-        rows += [(at.group, at.label, _cell(at.a, at.digits), _cell(at.b, at.digits), at.unit) for at in self.design]
+        sides = [at | {"status": f"{at['status']}, idle" if at["idle"] else at["status"]} for at in (self.a, self.b)]
+        heads = (("file", "source"), ("problem", "name"), ("status", "status"))
+        rows = [("", label, *(printable(at[key]) for at in sides), "") for label, key in heads]
+        rows += [("differs", at["key"], _cell(at["a"], 8), _cell(at["b"], 8), "") for at in self.problem]
+        for at in self.design:
+            cells = (_cell(at[side], at["digits"]) for side in "ab")
+            rows.append((at["group"], at["label"], *cells, at["unit"]))
         yield Table(rows, ("", "", "A", "B", ""), right=(2, 3), groups=True)
-        yield from ((f"{'AB'[k]}: {printable(at.reason)}",) for k, at in enumerate((self.a, self.b)) if at.reason)
+        yield from (
+            (f"{name}: {printable(at['reason'])}",) for name, at in zip("AB", sides, strict=True) if at["reason"]
+        )
 
     def steps(self) -> list[str]:
         """Return what to do with the better of the certified designs, or with both if neither is certified."""
-        errors = next(((each.a, each.b) for each in self.design if each.label == "error"), (None, None))
-        pairs = zip(errors, (self.a, self.b), strict=True)
-        certified = [(error, at.source) for error, at in pairs if at.status == "certified" and isinstance(error, float)]
+        errors = next((each for each in self.design if each["label"] == "error"), {"a": None, "b": None})
+        sides = ((errors["a"], self.a), (errors["b"], self.b))
+        certified = [(error, at["source"]) for error, at in sides if at["status"] == "certified" and error is not None]
         if not certified:
             return ["neither is certified; vctune solve reports repairs"]
         source = min(certified)[1]
@@ -143,21 +118,29 @@ def compare(
     scales: dict[str, Transparency | None] = {"transparency": None}
     if _alike(*problems):
         scales = {"transparency": of_a} if _same(of_a, of_b) else {"on_a": of_a, "on_b": of_b}
-    values = list[Compared]()
+    values = list[Record]()
     for name, title in DesignRecord.GROUPS.items():
-        if name == "transparency":
-            titles = {"transparency": title, "on_a": "measured as A", "on_b": "measured as B"}
-            for key, scale in scales.items():
-                values += _values(titles[key], key, sides, [_measured(*side, scale) for side in sides])
-            felt = [record.design and felt_record(problem.device, *record.design) for record, problem in sides]
-            values += _values("in the hand", "felt", sides, felt)
-        else:
+        if name != "transparency":
             values += _values(title, name, sides, [getattr(record, name) for record, _ in sides])
+            continue
+        titles = {"transparency": title, "on_a": "measured as A", "on_b": "measured as B"}
+        for key, scale in scales.items():
+            values += _values(titles[key], key, sides, [_measured(*side, scale) for side in sides])
+        felt = [record.design and felt_record(problem.device, *record.design) for record, problem in sides]
+        values += _values("in the hand", "felt", sides, felt)
     stated = [dict(_leaves(statement(problem), ())) for problem in problems]
     keys = dict.fromkeys(key for leaves in stated for key in leaves)
-    pairs = [Difference(key, *(leaves.get(key) for leaves in stated)) for key in keys]
-    one, other = (_side(source, record) for source, (record, _) in zip((a, b), sides, strict=True))
-    return Comparison(one, other, [each for each in pairs if each.a != each.b], values)
+    pairs = [{"key": key, **{side: leaves.get(key) for side, leaves in zip("ab", stated, strict=True)}} for key in keys]
+    heads = [
+        {
+            "source": str(source) if isinstance(source, str | Path) else record.problem.name,
+            "name": record.problem.name,
+            **{key: getattr(record, key) for key in ("status", "idle", "reason")},
+        }
+        for source, (record, _) in zip((a, b), sides, strict=True)
+    ]
+    one, other = heads
+    return Comparison(one, other, [pair for pair in pairs if pair["a"] != pair["b"]], values)
 
 
 Sides = list[tuple[DesignRecord, Problem]]
@@ -172,12 +155,6 @@ def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[De
     if base is not None and _alike(base, file.problem):
         file = on_yardstick(file, base)
     return record_of(file, solve(file, progress=progress)), file.problem
-
-
-def _side(source: Any, record: DesignRecord) -> Side:
-    name = record.problem.name
-    said = str(source) if isinstance(source, str | Path) else name
-    return Side(said, name, record.status, record.idle, record.reason)
 
 
 def _alike(a: Problem, b: Problem) -> bool:
@@ -212,7 +189,7 @@ def _leaves(node: Any, path: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
         yield dotted(path), node
 
 
-def _values(title: str, key: str, sides: Sides, parts: list[Any]) -> Iterator[Compared]:
+def _values(title: str, key: str, sides: Sides, parts: list[Any]) -> Iterator[Record]:
     """Yield the displayed fields of a part of both designs, and of the parts inside it."""
     there = [(part, record.units) for part, (record, _) in zip(parts, sides, strict=True) if part is not None]
     for field, shown in {name: shown for part, _ in there for name, shown in how_shown(part.__class__).items()}.items():
@@ -226,7 +203,8 @@ def _values(title: str, key: str, sides: Sides, parts: list[Any]) -> Iterator[Co
         # a unit with a field's name in braces is a phrase about one design
         unit = "Hz" if field.endswith("_hz") else of_quantity or ("" if "{" in shown.unit else shown.unit)
         if not shown.detail and values != [None, None]:
-            yield Compared(title, f"{key}.{field}", " or ".join(labels), unit, shown.digits, *values)
+            said = {"group": title, "key": f"{key}.{field}", "label": " or ".join(labels), "unit": unit}
+            yield {**said, "digits": shown.digits, "a": values[0], "b": values[1]}
     inner = [name for part, _ in there if isinstance(part, Part) for name, value in part if isinstance(value, Part)]
     for name in dict.fromkeys(inner):
         yield from _values(title, f"{key}.{name}", sides, [getattr(part, name, None) for part in parts])

@@ -23,7 +23,7 @@ from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, dotted, examined, refusal, shown
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError
-from vctune.document.text.raw import placed
+from vctune.document.text.toml import placed
 from vctune.model.fields import Text
 from vctune.model.problem import Problem
 

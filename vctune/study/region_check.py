@@ -13,7 +13,7 @@ import numpy as np
 from vctune.design.variables import keys_for, point, ranges
 from vctune.design.verdict.check import OUT_OF_TIME, Checked, CheckVerdict
 from vctune.design.verdict.judge import Status, judge_all
-from vctune.document.reading import ProblemFile
+from vctune.document.reading import ProblemFile, require_record_of
 from vctune.document.records.gains_json import ProblemRecord, stated_units
 from vctune.document.records.region_json import (
     AxesRecord,
@@ -23,7 +23,6 @@ from vctune.document.records.region_json import (
     RegionDocument,
     read_region,
 )
-from vctune.document.schema.kinds import require_record_of
 from vctune.document.text import toml
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError

@@ -10,7 +10,7 @@ from pydantic import Field
 from vctune.document.records.part import Document, Number, Pair, Part
 from vctune.document.schema.rules import MOST_SAMPLES
 from vctune.document.text.errors import printable
-from vctune.document.text.toml_writing import toml_text
+from vctune.document.text.toml import toml_text
 from vctune.model.experiment import Operator, usual_share
 from vctune.model.numbers.units import UNITS, Units
 
