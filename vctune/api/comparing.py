@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from math import inf, isclose
 from pathlib import Path
-from shlex import quote
 from typing import Annotated, Any
 
 from vctune.analysis.demands import transparency_error
@@ -69,16 +68,6 @@ class Comparison:
         yield from (
             (f"{name}: {printable(at['reason'])}",) for name, at in zip("AB", sides, strict=True) if at["reason"]
         )
-
-    def steps(self) -> list[str]:
-        """Return what to do with the better of the certified designs, or with both if neither is certified."""
-        errors = next((each for each in self.design if each["label"] == "error"), {"a": None, "b": None})
-        sides = ((errors["a"], self.a), (errors["b"], self.b))
-        certified = [(error, at["source"]) for error, at in sides if at["status"] == "certified" and error is not None]
-        if not certified:
-            return ["neither is certified; vctune solve reports repairs"]
-        source = min(certified)[1]
-        return [f"vctune {'export' if source.endswith('.json') else 'solve'} {quote(source)}"]
 
 
 def compare(

@@ -45,6 +45,11 @@ class Exported:
         """What is proved of the design, in lines that every file contains too."""
         return [printable(line) for line in statement(self.firmware) if line]
 
+    def to_json(self, place: Path) -> dict[str, Any]:
+        """Return the object for JSON of the files in a folder."""
+        said = {"name": self.firmware.name, "status": self.firmware.record.status, "statement": self.statement}
+        return printed("export", **said, folder=str(place), files=list(self.files))
+
 
 def export(
     source: ProblemSource | DesignRecord | Sequence[ProblemSource | DesignRecord],
@@ -156,13 +161,6 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     make_folder(place)
     write_together({place / name: content for name, content in exported.files.items()})
     return place
-
-
-def export_object(exported: Exported, place: Path) -> dict[str, Any]:
-    """Return an export as an object for JSON."""
-    name, status = exported.firmware.name, exported.firmware.record.status
-    files = {"folder": str(place), "files": list(exported.files)}
-    return printed("export", name=name, status=status, statement=exported.statement, **files)
 
 
 def is_source(path: Path) -> bool:

@@ -84,10 +84,6 @@ class Swept:
         picture = figure_file(figure, folder, Path(PICTURE).stem) if figure else {folder / PICTURE: None}
         return {folder / TABLE: csv_text(self.table), **picture}
 
-    def steps(self, folder: Path) -> list[str]:
-        """Return the next step."""
-        return [f"open {folder / (PICTURE if (folder / PICTURE).exists() else TABLE)}"]
-
     def __repr__(self) -> str:
         return f"Swept({self.table!r})"
 

@@ -24,5 +24,5 @@ def compare(run: Run, a: Path, b: Path) -> int:
 
     with run.progress(a.name, b.name) as progress:
         found = set_side_by_side(a, b, progress=progress)
-    run.say(found.to_json, found.rows, None, found.steps())
+    run.say(found.to_json, found.rows)
     return 0

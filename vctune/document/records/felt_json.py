@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import floor, isclose, log10
+from math import isclose
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -54,11 +54,6 @@ def _short(value: float) -> str:
     return f"{float(text(value, 2)):g}"
 
 
-ROUND = (5.0, 2.0, 1.0)  # Leading digits of the round latency that an example subtracts
-
-SENSOR = "device.force_sensor"  # Start of the keys of the parts that do not delay the firmware's own spring
-
-
 class LatencyPartRecord(Part):
     """A part of the latency: its name, its key, its length, s, and the drag that it requires at rest, N s/m."""
 
@@ -88,10 +83,6 @@ class ContactRecord(Part):
         details = self._details(units)
         for name, row in zip(how_shown(type(self)), super().rows(units), strict=True):
             yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{details[name]}")
-            if name == "rest_drag" and (example := self.example()) is not None:
-                less, drag = example
-                where = " outside the force sensor" if self.own_spring else ""
-                yield Row("with less latency", text(drag), f"{units.damping} if {1e3 * less:g} ms are saved{where}")
 
     def _details(self, units: Units) -> dict[str, str]:
         """Return the text beside the number of each row, by the name of its field."""
@@ -117,15 +108,3 @@ class ContactRecord(Part):
             return rule
         less = self.rest_drag < of_springs
         return f"{rule} {'less the damping of every hand' if less else 'and the part of unmodelled dynamics'}"
-
-    def example(self) -> tuple[float, float] | None:
-        """Return a round share of the latency, s, and the drag at rest without this share, N s/m."""
-        if self.rest_drag == 0:
-            return None
-        moved = self.latency_s
-        if self.own_spring:
-            moved = sum(part.latency_s for part in self.parts if not part.key.startswith(SENSOR))
-        most, per_second = moved / 4, self.safety_factor * self.stiffness + self.own_spring / moved
-        unit = 10.0 ** floor(log10(most))
-        less = next(digit for digit in ROUND if digit * unit <= most * (1 + 1e-9)) * unit
-        return less, max(self.rest_drag - per_second * less, 0.0)

@@ -52,9 +52,9 @@ class TransparencyRecord(DisplayPart):
     """The error and its unweighted terms. An impedance display has the dual terms."""
 
     error: Annotated[Number, Shown("error")]
-    admittance: Annotated[Number, Shown("{admittance_label}")]
-    tracking: Annotated[Number, Shown("{tracking_label}")]
-    coupling: Annotated[Number, Shown("{coupling_label}")]
+    admittance: Annotated[Number, Shown("{labels[admittance]}")]
+    tracking: Annotated[Number, Shown("{labels[tracking]}")]
+    coupling: Annotated[Number, Shown("{labels[coupling]}")]
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the error and its terms. Terms that are always 0 are left out."""
@@ -63,16 +63,6 @@ class TransparencyRecord(DisplayPart):
         yield from (row for row in super().rows(units) if row.label not in absent)
 
     @property
-    def admittance_label(self) -> str:
-        """Label of the error term of free motion."""
-        return term_labels(self.display)["admittance"]
-
-    @property
-    def tracking_label(self) -> str:
-        """Label of the error term of tracking, that is, of the commanded motion or force."""
-        return term_labels(self.display)["tracking"]
-
-    @property
-    def coupling_label(self) -> str:
-        """Label of the error term of the coupling."""
-        return term_labels(self.display)["coupling"]
+    def labels(self) -> dict[TermName, str]:
+        """The label of each error term."""
+        return term_labels(self.display)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from vctune.document.records.part import Document, Number, Part, how_shown
 from vctune.model.fields import Shown
+from vctune.model.numbers.keys import SYMBOLS
 
 
 class RowsHeader(Document):
@@ -63,12 +64,9 @@ SHOWN_COLUMNS = how_shown(NumbersRecord) | how_shown(FeltRecord) | how_shown(Row
 QUANTITY_OF_COLUMN = {name: shown.of for name, shown in SHOWN_COLUMNS.items()}
 # Column of each number of a design, by its key
 COLUMN_OF_KEY = {
-    "gains.velocity": "velocity_gain",
-    "gains.position": "position_gain",
-    "coupling.damping": "coupling_damping",
-    "coupling.mass": "coupling_mass",
-    "coupling.drag": "coupling_drag",
-    "coupling.stiffness": "coupling_stiffness",
+    key: f"{name}_gain" if table == "gains" else f"{table}_{name}"
+    for key in SYMBOLS
+    for table, _, name in [key.partition(".")]
 }
 
 
