@@ -20,7 +20,7 @@ from vctune.document.reading import (
     read_problem,
     require_gains_of,
 )
-from vctune.document.schema.problem_schema import DeviceTable
+from vctune.document.schema.problem_schema import ProblemDocument
 from vctune.document.schema.rules import impossible_parts
 from vctune.document.schema.statement import device_table, statement
 from vctune.document.schema.validation import examined, refusal, shown
@@ -88,11 +88,9 @@ class Device(devices.Device):
         return Loop(self, gains, coupling, hand)
 
     def __post_init__(self) -> None:
-        table = plain(self)
-        between = [(path[1:], message) for path, message in impossible_parts({"device": table})]
-        _, faults = examined(DeviceTable, table, lambda _raw: between)
+        _, faults = examined(ProblemDocument, {"device": plain(self)}, lambda raw: list(impossible_parts(raw)))
         if faults:
-            raise refusal(faults, None, "Device")
+            raise refusal([fault._replace(path=fault.path[1:]) for fault in faults], None, "Device")
 
 
 def problem(source: ProblemSource) -> ProblemFile:

@@ -13,7 +13,7 @@ from vctune.model.display import DISPLAYS, DisplayName
 from vctune.model.fields import Shown
 from vctune.model.gains import Coupling, SpringDamper
 from vctune.model.numbers.units import Units, UnitSystem
-from vctune.model.transparency import TERMS, TermName
+from vctune.model.transparency import TERMS
 
 
 class ProblemRecord(Part):
@@ -41,7 +41,7 @@ AnyCouplingRecord = Annotated[
 ]
 
 
-def term_labels(display: DisplayName) -> dict[TermName, str]:
+def term_labels(display: DisplayName) -> dict[str, str]:
     """Return the label of each error term: of free motion, of the commanded motion or force, and of the coupling."""
     if display == "impedance":
         return {"admittance": "|1/G_hh|/Z_0", "tracking": "|1 - A H/N|", "coupling": "Z_0 |1/Z_c|"}
@@ -63,6 +63,6 @@ class TransparencyRecord(DisplayPart):
         yield from (row for row in super().rows(units) if row.label not in absent)
 
     @property
-    def labels(self) -> dict[TermName, str]:
+    def labels(self) -> dict[str, str]:
         """The label of each error term."""
         return term_labels(self.display)
