@@ -17,12 +17,11 @@ from typing import Any
 
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.records.rows_json import SHOWN_COLUMNS
-from vctune.document.schema.number_units import unit_of
 from vctune.document.text.errors import InputError
 from vctune.document.text.json import printed
 from vctune.document.text.output_files import make_folder, write_together
 from vctune.model.display import DISPLAYS
-from vctune.model.numbers.units import LINEAR, ROTARY
+from vctune.model.numbers.units import LINEAR, SAME, UNIT
 from vctune.proof.claims.registry import CLAIMS
 
 # Guides with the table of codes, the glossary, the claims, and the columns of a sweep
@@ -133,10 +132,9 @@ def _keys(schema: dict[str, Any], guide: str) -> Iterator[Entry]:
     """Yield the keys of a file from its schema; the text on a table lists the keys in it."""
     described = dict(_described(schema, schema, ""))
     for key, text in described.items():
-        linear, rotary = (unit_of(tuple(key.split(".")), units) for units in (LINEAR, ROTARY))
-        turned = linear != rotary and re.search(rf"(^|, ){re.escape(linear)}(?=[.,;])", text)
+        stated = UNIT.search(text)
         inner = [f"- `{other}`: {said}" for other, said in described.items() if other.rpartition(".")[0] == key]
-        unit = f" Unit for a rotary device: {rotary}." if turned else ""
+        unit = f" Unit for a rotary device: {SAME[stated[0]]}." if stated else ""
         yield Entry("key", (key,), "\n".join([text + unit, *(["", *inner] if inner else [])]), guide)
 
 
