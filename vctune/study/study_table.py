@@ -32,7 +32,7 @@ Values = tuple[float, ...]
 def points(study: Study) -> Iterator[Values]:
     """Yield the values of the axes at every point; the last axis of a grid varies fastest."""
     if study.sample.kind == "lhs":
-        return latin_hypercube(study.axes, study.sample.n, study.sample.seed)
+        return latin_hypercube(study.axes, study.sample.n or 0, study.sample.seed or 0)
     columns = [axis_values(axis) for axis in study.axes]
     return product(*columns) if study.sample.kind == "grid" else zip(*columns, strict=True)
 
