@@ -82,7 +82,7 @@ class Study:
     document: dict[str, Any]  # parsed problem file
     axes: tuple[Axis, ...]  # axes that vary
     yardstick: Problem
-    sample: Sample = Sample()  # how the axes form points
+    sample: Sample  # how the axes form points
 
     @property
     def count(self) -> int:

@@ -37,9 +37,9 @@ Commanded = Literal["force", "velocity", "position"]
 
 @record
 class Device:
-    """A display, whose firmware samples and holds (model/README.md, sections 1, 15 and 17): Z_d = mass s + damping."""
+    """The mechanism Z_d = mass s + damping, its parts, and the firmware that samples and holds."""
 
-    # of a servo, mass is 1 and damping 0, and both have no effect
+    # model/README.md, sections 1, 15 and 17; of a servo, mass is 1 and damping 0, and both have no effect
     mass: Annotated[Positive, Key("Moving mass, kg.")]
     damping: Annotated[NotNegative, Key("Viscous damping, N s/m.")]
     sample_time: Annotated[Positive, Key("Sample time of the velocity loop, s.")]

@@ -21,8 +21,7 @@ PANEL_NODES = 8  # Number of Gauss-Legendre nodes on a panel; the rule is exact 
 
 @record
 class Terms:
-    """One value for each of the error's three terms: the terms themselves, their squares, or their weights, of which 0
-    removes a term. The first is 0 for a servo."""
+    """One value for each of the error's three terms: its weight, where 0 removes it, the term itself, or its square."""
 
     admittance: Annotated[NotNegative, Key("Weight of Z_0 |G_hh|, or of |1/G_hh|/Z_0 for an impedance display.")] = 1.0
     tracking: Annotated[NotNegative, Key("Weight of |1 - G_he|, or of |1 - A H/N| for an impedance display.")] = 1.0
