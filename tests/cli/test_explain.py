@@ -9,13 +9,12 @@ from typing import get_args
 import pytest
 from command import run
 
-from vctune.api.explaining import contents as explain_all
-from vctune.api.explaining import explain
+from vctune.api.explaining import entries, explain
 from vctune.document.text.codes import Code
 
 
 def test_every_code_has_one_row_and_every_row_a_code():
-    explained = [entry for entry in explain_all().entries if entry.kind == "code"]
+    explained = [entry for entry in entries() if entry.kind == "code"]
     assert Counter(entry.name for entry in explained) == Counter(get_args(Code))
     for entry in explained:
         (shown,) = (each for each in explain(entry.name).entries if each.kind == "code")

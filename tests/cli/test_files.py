@@ -16,9 +16,8 @@ import pytest
 from command import process, run
 from conftest import DEVICE, FIXED, for_passive_hands
 
-from vctune.document.text.date import today
 from vctune.document.text.errors import printable
-from vctune.document.text.output_files import folder_name, write_together
+from vctune.document.text.output_files import folder_name, today, write_together
 from vctune.exit_codes import ExitCode
 
 EVERYWHERE = """

@@ -19,7 +19,7 @@ from vctune.design.ros.admittance_problem import as_problem, coupling_of_admitta
 from vctune.design.verdict.check import CheckVerdict
 from vctune.document.reading import pose, problem_file, read_problem
 from vctune.document.ros import read_admittances
-from vctune.document.text.toml_writing import toml_text
+from vctune.document.text.toml import toml_text
 from vctune.exit_codes import ExitCode
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS

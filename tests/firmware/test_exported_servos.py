@@ -15,7 +15,7 @@ from test_export import replayed
 from test_servos import ARM, CONTACT, WALKER, decades
 
 from vctune import export, write_export
-from vctune.document.text.toml_writing import toml_text
+from vctune.document.text.toml import toml_text
 from vctune.firmware.vectors import default_experiments
 from vctune.model.gains import Coupling
 from vctune.simulation.coefficients import coupling_coefficients, coupling_of

@@ -15,7 +15,7 @@ from vctune.design.verdict.judge import judge
 from vctune.document.reading import parse_problem, problem_file
 from vctune.document.schema.statement import statement
 from vctune.document.text.errors import InputError
-from vctune.document.text.toml_writing import toml_text
+from vctune.document.text.toml import toml_text
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import LINEAR, QUANTITIES, ROTARY
 from vctune.model.problem import HUMAN_HANDS

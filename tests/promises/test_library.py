@@ -22,8 +22,7 @@ from hypothesis import strategies as st
 
 import vctune
 from vctune.api.result import design_folder
-from vctune.document.schema.problem_schema import DeviceTable
-from vctune.document.text.toml_writing import toml_text
+from vctune.document.text.toml import toml_text
 
 WHEEL = {
     "name": "<wheel>",
@@ -105,8 +104,10 @@ def test_a_device_is_held_to_what_a_file_may_say(numbers, key):
 
 def test_a_device_has_the_defaults_of_the_file():
     device = vctune.Device(mass=0.4, damping=2.0, sample_time=1e-3)
-    table = DeviceTable(mass=0.4, damping=2.0, sample_time=1e-3)
-    assert {name: getattr(device, name) for name in DeviceTable.model_fields} == table.model_dump()
+    read = vctune.problem({"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}}).problem.device.bare
+    assert {each.name: getattr(device, each.name) for each in dataclasses.fields(device)} == {
+        each.name: getattr(read, each.name) for each in dataclasses.fields(read)
+    }
     with pytest.raises(vctune.InputError, match="mass: -1 is too small"):
         dataclasses.replace(device, mass=-1)
 

@@ -151,7 +151,7 @@ def test_an_axis_or_a_file_may_state_the_stability_band(tmp_path):
 def error_of_b(path):
     """Return the error of a problem on the yardstick of a.toml beside it."""
     together = compare(path.parent / "a.toml", path)
-    return next(each.b for each in together.design if each.key == "transparency.error")
+    return next(each["b"] for each in together.design if each["key"] == "transparency.error")
 
 
 @pytest.mark.parametrize(("criterion", "reached"), [("passive", False), ("both", False), ("hands", True)])
@@ -182,22 +182,22 @@ def test_b_is_measured_as_a_unless_it_states_its_own(tmp_path):
     ):  # fmt: skip
         (tmp_path / f"{name}.toml").write_text(text_of(point, PASSIVE + more))
     together = compare(tmp_path / "a.toml", tmp_path / "b.toml")
-    values = {each.key: (each.a, each.b) for each in together.design}
+    values = {each["key"]: (each["a"], each["b"]) for each in together.design}
     there = solve(problem_of(POINTS[2], PASSIVE + stated(problem_of(BASE)))).judgement.error
     assert values["transparency.error"][1] == pytest.approx(there, rel=2e-3)
     assert values["transparency.band_hz"][0] == values["transparency.band_hz"][1] == pytest.approx([0.5, 30.0])
-    assert not any(each.key.startswith("transparency") for each in together.problem)
+    assert not any(each["key"].startswith("transparency") for each in together.problem)
 
     assert run("solve", "b.toml", "--no-report", "--quiet", cwd=tmp_path).returncode == ExitCode.OK
     for other in ("own.toml", "results/b/design.json"):
         apart = compare(tmp_path / "a.toml", tmp_path / other)
-        values = {each.key: (each.a, each.b) for each in apart.design}
+        values = {each["key"]: (each["a"], each["b"]) for each in apart.design}
         assert "transparency.error" not in values
         assert values["on_b.error"][1] == pytest.approx(solve(problem_of(POINTS[2])).judgement.error, rel=1e-6)
         assert values["on_a.error"][0] == pytest.approx(solve(problem_of(BASE)).judgement.error, rel=1e-6)
         eased = replace(problem_of(POINTS[2]), transparency=problem_of(BASE).transparency)
         assert values["on_a.error"][1] >= solve(eased).judgement.error * (1 - 2e-3)  # made for another yardstick
-        assert any(each.key.startswith("stability.band_hz") for each in apart.problem)
+        assert any(each["key"].startswith("stability.band_hz") for each in apart.problem)
         assert values["on_a.reference_impedance"] == pytest.approx(
             [problem_of(BASE).transparency.reference_impedance] * 2
         )

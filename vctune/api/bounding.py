@@ -22,11 +22,10 @@ from vctune.design.verdict.infeasible import OPENINGS
 from vctune.design.verdict.judge import Judgement, Status, judge
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.reading import ProblemFile
+from vctune.document.reading import ProblemFile, require_record_of
 from vctune.document.records.design_json import DesignRecord, read_design
-from vctune.document.schema.kinds import require_record_of
-from vctune.document.text.date import today
 from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import today
 from vctune.exit_codes import ExitCode
 from vctune.report.paths import report_paths
 from vctune.running import OutOfTimeError, check_time

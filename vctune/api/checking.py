@@ -20,11 +20,11 @@ from vctune.design.verdict.check import check_problem
 from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
-from vctune.document.reading import ProblemFile, gains_file, problem_file
-from vctune.document.records.printed_json import NamedRecord, RefusalRecord
+from vctune.document.reading import GainsFile, ProblemFile, gains_file, problem_file
 from vctune.document.ros import is_admittance, read_admittances
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, printable
+from vctune.document.text.json import printed
 from vctune.document.text.output_files import make_folder
 from vctune.exit_codes import ExitCode
 from vctune.model.gains import AnyCoupling
@@ -108,12 +108,8 @@ def check_object(checked: Checked) -> dict[str, Any]:
     """Return a check as an object: that of design.json, the verdict on a region, or the reason why there is neither."""
     if checked.finding is not None:
         return checked.finding.record()
-    name = NamedRecord(name=printable(checked.name))
-    source = printable(str(checked.source))
-    refusal = RefusalRecord(
-        problem=name, source=source, line=checked.line, status=None, reason=checked.message, warnings=[]
-    )
-    return refusal.to_json()
+    place = {"problem": {"name": printable(checked.name)}, "source": printable(str(checked.source))}
+    return printed("refusal", **place, line=checked.line, status=None, reason=checked.message, warnings=[])
 
 
 def record_lost(checked: Checked, folder: Path) -> str:
@@ -141,55 +137,66 @@ def record_lost(checked: Checked, folder: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _File:
-    """A file that the command names. It is read only once, because it may be a pipe."""
+    """A file that the command names, read once, because it may be a pipe; or the error that tells why it cannot be."""
 
     path: Path
-    kind: Literal["problem", "gains", "region", "parameters", "unknown"]
-    text: str = ""
+    kind: Literal["problem", "gains", "region", "parameters"]
+    problem: ProblemFile | None = None
+    gains: GainsFile | None = None
     error: InputError | None = None
 
 
 def planned(paths: Sequence[Path], baseline: Path | None = None) -> tuple[list[ProblemFile], list[Work]]:
     """Return the problems that paths name, and the check of each file as a function, in the order of the paths, with
     regions last. Where vctune cannot decide which file belongs to which problem, the only check is the refusal."""
+    problems, works, regions = list[ProblemFile](), list[Work](), list[Work]()
     try:
-        return _planned(paths, baseline)
+        runs = list(_runs(paths, baseline))
     except InputError as error:
         return [], [_refusal(error)]
-
-
-def _planned(paths: Sequence[Path], baseline: Path | None) -> tuple[list[ProblemFile], list[Work]]:
-    files = [file for path in paths for file in _named(path)]
-    several = sum(file.kind == "problem" for file in files) > 1
-    if baseline is not None and several:
-        message = "--region with several problems; name each region.json after its problem instead"
-        raise InputError.of(str(baseline), "ambiguous-files", message)
-    if baseline is not None:
-        files.append(_File(baseline, "region"))
-    if not any(file.kind == "problem" for file in files):
-        files = [replace(file, kind="problem") if file.kind == "unknown" else file for file in files]
-    problems, works, regions = list[ProblemFile](), list[Work](), list[Work]()
-    for stated, given in _runs(files):
-        read = [_problem(at) for at in stated]
-        usable = [at for at in read if isinstance(at, ProblemFile)]
-        for at in read:
-            its = given if at is read[-1] or any(file.kind == "parameters" for file in given) else []
-            if isinstance(at, InputError):
-                works.append(_refusal(at))
-            elif not its or (at.problem.bounds.fixed and all(file.error for file in its)):
-                works.append(partial(_guarded, _fixed, at))
-        last = usable[-1] if usable and usable[-1] is read[-1] else None
-        for file in given:
+    several = sum(len(stated) for stated, _ in runs) > 1
+    for stated, given in runs:
+        usable = [file.problem for file in stated if file.problem]
+        for_all = any(file.kind == "parameters" for file in given)
+        for file in stated:
+            if file.problem and not (given and (for_all or file is stated[-1])):
+                works.append(partial(_guarded, _fixed, file.problem))
+        for file in (*stated, *given):
             if file.error:
                 works.append(_refusal(file.error))
-            elif file.kind == "parameters" and len(usable) == len(read):
+            elif file.kind == "parameters" and len(usable) == len(stated):
                 works.append(partial(_guarded, _parameters, usable, file.path))
-            elif file.kind == "region" and last:
+            elif file.kind == "region" and (last := stated[-1].problem):
                 regions.append(partial(_guarded, _region, last, file.path))
-            elif file.kind in ("gains", "unknown") and last:
-                works.append(partial(_guarded, _gains, last, file, several))
+            elif file.gains and (last := stated[-1].problem):
+                works.append(partial(_guarded, _gains, last, file.gains, several))
         problems += usable
     return problems, [*works, *regions]
+
+
+def _runs(paths: Sequence[Path], baseline: Path | None) -> Iterator[tuple[list[_File], list[_File]]]:
+    """Yield the problems that follow one another, each time with the files after them."""
+    files = list[_File]()
+    for path in paths:
+        files += _named(path, first=not any(file.kind == "problem" for file in files))
+    if baseline is not None:
+        files.append(_File(baseline, "region"))
+    count = sum(file.kind == "problem" for file in files)
+    if count == 1:  # a single problem may stand after its files
+        files.sort(key=lambda file: file.kind != "problem")
+    if baseline is not None and count > 1:
+        message = "--region with several problems; name each region.json after its problem instead"
+        raise InputError.of(str(baseline), "ambiguous-files", message)
+    if files[0].kind != "problem":
+        message = "without a problem before it; name each file after its problem"
+        raise InputError.of(str(files[0].path), "ambiguous-files", message)
+    stated, given = list[_File](), list[_File]()
+    for file in files:
+        if file.kind == "problem" and given:
+            yield stated, given
+            stated, given = [], []
+        (stated if file.kind == "problem" else given).append(file)
+    yield stated, given
 
 
 @contextmanager
@@ -219,55 +226,35 @@ def _guarded(check: Callable[..., list[Checked]], *given: Any) -> list[Checked]:
         return _refused(error)
 
 
-def _named(path: Path) -> list[_File]:
+def _named(path: Path, *, first: bool) -> list[_File]:
     """Return the file that an argument names, or the .toml files of a folder, its problem before the gains."""
     if not path.is_dir():
-        return [_read(path)]
-    files = [_read(file) for file in sorted(path.iterdir()) if file.suffix == ".toml"]
+        return [_read(path, first=first)]
+    files = [_read(file, first=False) for file in sorted(path.iterdir()) if file.suffix == ".toml"]
     if not files:
         raise InputError.of(str(path), "ambiguous-files", "holds no .toml file")
-    problems, gains = ([file for file in files if file.kind == kind] for kind in ("problem", "gains"))
-    if len(problems) > 1 and gains:
-        message = f"holds {len(problems)} problems and {len(gains)} gains files; name each problem with its gains"
+    problems, gains = (sum(file.kind == kind and not file.error for file in files) for kind in ("problem", "gains"))
+    if problems > 1 and gains:
+        message = f"holds {problems} problems and {gains} gains files; name each problem with its gains"
         raise InputError.of(str(path), "ambiguous-files", message)
     return sorted(files, key=lambda file: file.kind == "gains")
 
 
-def _read(path: Path) -> _File:
+def _read(path: Path, *, first: bool) -> _File:
+    """Read a file; the first one that does not state gains should be a problem."""
     if is_admittance(path) or path.suffix == ".json":
         return _File(path, "parameters" if is_admittance(path) else "region")
     text, called = "", toml.called(path)
     try:
         text = toml.read_text(path)
         tables = toml.parse(text, str(called)).keys()
+        if "device" in tables or (first and tables.isdisjoint(("gains", "coupling"))):
+            return _File(called, "problem", problem=problem_file(text, path))
+        first = False
+        return _File(called, "gains", gains=gains_file(text, path))
     except InputError as error:
-        stated = re.search(r"^\s*\[device\]", text, re.MULTILINE)
-        return _File(called, "problem" if stated else "unknown", text, error)
-    law = not tables.isdisjoint(("gains", "coupling"))
-    return _File(called, "problem" if "device" in tables else "gains" if law else "unknown", text)
-
-
-def _runs(files: Sequence[_File]) -> list[tuple[list[_File], list[_File]]]:
-    """Return the problems that follow one another, each time with the files after them."""
-    runs: list[tuple[list[_File], list[_File]]] = [([], [])]
-    for file in files:
-        if file.kind == "problem" and runs[-1][1]:
-            runs.append(([], []))
-        runs[-1][file.kind != "problem"].append(file)
-    if runs[0][0] or any(file.error for file in files if len(runs) == 1):
-        return runs
-    if len(runs) == 2:  # a single run of problems may stand after its files
-        return [(runs[1][0], runs[0][1] + runs[1][1])]
-    message = "without a problem before it; name each file after its problem"
-    raise InputError.of(str(runs[0][1][0].path), "ambiguous-files", message)
-
-
-def _problem(file: _File) -> ProblemFile | InputError:
-    """Return a problem, or the error that tells why it cannot be read."""
-    try:
-        return file.error or problem_file(file.text, file.path)
-    except InputError as error:
-        return error
+        problem = first or re.search(r"^\s*\[device\]", text, re.MULTILINE)
+        return _File(called, "problem" if problem else "gains", error=error)
 
 
 def _refused(error: InputError) -> list[Checked]:
@@ -288,8 +275,8 @@ def _fixed(file: ProblemFile, progress: Progress) -> list[Checked]:
     return [check_problem(file, None, progress)]
 
 
-def _gains(file: ProblemFile, given: _File, several: bool, progress: Progress) -> list[Checked]:
-    checked = check_problem(file, gains_file(given.text, given.path), progress)
+def _gains(file: ProblemFile, given: GainsFile, several: bool, progress: Progress) -> list[Checked]:
+    checked = check_problem(file, given, progress)
     return [replace(checked, message=f"with {file.source}: {checked.message}") if several else checked]
 
 

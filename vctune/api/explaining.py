@@ -7,22 +7,21 @@ on a claim from the table of claims.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import cache, reduce
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 from vctune.document.records.json_schemas import SCHEMAS
-from vctune.document.records.part import Part, how_shown
-from vctune.document.records.printed_json import EntryRecord, ExplanationRecord
-from vctune.document.records.rows_json import FeltRecord, NumbersRecord, RowYardstickRecord
-from vctune.document.schema.number_units import unit_of
+from vctune.document.records.rows_json import SHOWN_COLUMNS
 from vctune.document.text.errors import InputError
+from vctune.document.text.json import printed
 from vctune.document.text.output_files import make_folder, write_together
 from vctune.model.display import DISPLAYS
-from vctune.model.numbers.units import LINEAR, ROTARY
+from vctune.model.numbers.units import LINEAR, SAME, UNIT
 from vctune.proof.claims.registry import CLAIMS
 
 # Guides with the table of codes, the glossary, the claims, and the columns of a sweep
@@ -30,28 +29,43 @@ CODES, TERMS, PROOFS, COLUMNS = (f"vctune/{place}README.md" for place in ("cli/"
 FILES = {"problem": "vctune/document/README.md", "log": "vctune/identification/README.md"}  # guide of each kind of file
 TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)  # A table in Markdown: heads and rows
 CELLS = re.compile(r"(?<!\\)\|")  # The border between two cells: "|", but not "\|"
-# Endings that labels of tables and JSON keys add to a term: a frequency, a condition, a text, a symbol, a unit
-ENDINGS = (
-    r"(, at|,| at) ([\d.]+ Hz|at rest)$",
-    r", if .*$",
-    r": .*$",
-    r" [A-Za-z](_\w+)?$",
-    r"_(hz|db|deg|s|per_s)$",
-)
-LINEAR_WORDS = (("inertia", "mass"), ("torque", "force"))  # words for a rotary device and for a linear one
+# What labels of tables and JSON keys add to a term: a frequency, a condition, a text, a symbol, a unit
+ENDINGS = (r"(, at|,| at) ([\d.]+ Hz|at rest)$", r", if .*$", r": .*$", r" [A-Za-z](_\w+)?$", r"_(hz|db|deg|s|per_s)$")
 PROBLEMS, SCHEMA_LINE = "problems", re.compile(r"\A#:schema .*\n")
 
 
-class Entry(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Entry:
     """The text on one name, in Markdown."""
 
-    kind: Literal["code", "key", "term", "claim"]
+    kind: str  # "code", "key", "term" or "claim"
     names: tuple[str, ...]
     text: str
     guide: str  # path of the guide about it
 
+    @property
+    def name(self) -> str:
+        """The first name."""
+        return self.names[0]
 
-def explain(name: str) -> ExplanationRecord:
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """The entries of a name; all entries without one."""
+
+    name: str | None
+    entries: list[Entry]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object for JSON; the list of all names has no texts."""
+        found = [
+            {"kind": each.kind, "name": each.name, "text": each.text if self.name else "", "guide": each.guide}
+            for each in self.entries
+        ]
+        return printed("explanation", name=self.name, entries=found)
+
+
+def explain(name: str) -> Explanation:
     """Return the text on a code, a key of a file, a word of the glossary or a claim.
 
     Parameters
@@ -62,7 +76,7 @@ def explain(name: str) -> ExplanationRecord:
 
     Returns
     -------
-    ExplanationRecord
+    Explanation
         `entries`; each has its `kind` ("code", "key", "term" or "claim"), its `name`, its `text` in Markdown, and its
         `guide`.
 
@@ -71,54 +85,46 @@ def explain(name: str) -> ExplanationRecord:
     InputError
         If no entry has this name; the message suggests the nearest names.
     """
-    label = _plain(name)
-    linear = reduce(lambda words, pair: words.replace(*pair), LINEAR_WORDS, label)
-    stems = [re.sub(end, "", linear) for end in ("", *ENDINGS)]
-    labels = dict.fromkeys([label, *stems, *(stem.replace("_", " ") for stem in stems)])
-    exact, folded = ([_named(each, fold) for each in labels] for fold in (str, str.lower))
-    found = next(filter(None, [*exact, *folded]), [])
-    if not found:
-        names = [each for entry in entries() for each in entry.names]
-        forms = {_plain(form).lower(): form for each in names for form in (each, each.rpartition(".")[2])}
-        near = [forms[form] for form in get_close_matches(label.lower(), forms, n=3, cutoff=0.6)]
-        hint = f"did you mean {' or '.join(near)}?" if near else "`vctune explain` lists what there is"
-        raise InputError.of(name, "unknown-name", f"is no code, key, claim or word of the glossary; {hint}")
-    return ExplanationRecord(name=name, entries=[_record(entry, entry.text) for entry in found])
+    asked = _plain(name)
+    linear = asked.replace("inertia", "mass").replace("torque", "force")
+    stems = [re.sub(end, "", linear) for end in ("$", *ENDINGS)]
+    known = {fold: _by_name(fold) for fold in (str, str.lower)}
+    for fold, entries_of in known.items():
+        for label in (asked, *stems, *(stem.replace("_", " ") for stem in stems)):
+            if found := entries_of.get(fold(label)):
+                return Explanation(name, found)
+    forms = {_plain(form).lower(): form for each in entries() for form in (*each.names, each.name.rpartition(".")[2])}
+    near = [forms[form] for form in get_close_matches(asked.lower(), forms, n=3, cutoff=0.6)]
+    hint = f"did you mean {' or '.join(near)}?" if near else "`vctune explain` lists what there is"
+    raise InputError.of(name, "unknown-name", f"is no code, key, claim or word of the glossary; {hint}")
 
 
-def contents() -> ExplanationRecord:
-    """Return the first name of each entry that `explain` knows, without the texts."""
-    return ExplanationRecord(name=None, entries=[_record(entry, "") for entry in entries()])
-
-
-def _record(entry: Entry, text: str) -> EntryRecord:
-    return EntryRecord(kind=entry.kind, name=entry.names[0], text=text, guide=entry.guide)
-
-
-def _named(name: str, fold: Callable[[str], str]) -> list[Entry]:
-    """Return the entries with a name, and the keys whose last part it is."""
-    name = fold(name)
-    return [
-        entry
-        for entry in entries()
-        if name in [fold(_plain(each)) for each in entry.names]
-        or (entry.kind == "key" and entry.names[0].endswith(f".{name}"))
-    ]
+def _by_name(fold: Any) -> dict[str, list[Entry]]:
+    """Return the entries of each name; the last part of a key is a name too."""
+    found: dict[str, list[Entry]] = {}
+    for entry in entries():
+        parts = entry.name.split(".") if entry.kind == "key" else []
+        ends = [".".join(parts[k:]) for k in range(1, len(parts))]
+        for form in dict.fromkeys(fold(_plain(each)) for each in (*entry.names, *ends)):
+            found.setdefault(form, []).append(entry)
+    return found
 
 
 @cache
 def entries() -> tuple[Entry, ...]:
     """Return all entries."""
     codes = _rows(CODES, "## 3 Messages\n")
+    what = "{meaning}\n\nWhat to do: {what to do}"
+    columns = {key: (shown.label, LINEAR.of(shown.of)) for key, shown in SHOWN_COLUMNS.items()}
     return (
-        *(
-            Entry("code", (row["code"].strip("`"),), f"{row['meaning']}\n\nWhat to do: {row['what to do']}", CODES)
-            for row in codes
-        ),
+        *(Entry("code", (row["code"].strip("`"),), what.format_map(row), CODES) for row in codes),
         *(entry for kind, guide in FILES.items() for entry in _keys(SCHEMAS[kind](), guide)),
-        *(entry for part in (NumbersRecord, FeltRecord, RowYardstickRecord) for entry in _columns(part)),
+        *(
+            Entry("key", (key,), f"Column of a sweep: {', '.join(filter(None, said))}.", COLUMNS)
+            for key, said in columns.items()
+        ),
         *map(_term, _rows(TERMS, "## Glossary\n")),
-        *(_claim(claim) for claim in CLAIMS.values()),
+        *map(_claim, CLAIMS.values()),
     )
 
 
@@ -126,10 +132,9 @@ def _keys(schema: dict[str, Any], guide: str) -> Iterator[Entry]:
     """Yield the keys of a file from its schema; the text on a table lists the keys in it."""
     described = dict(_described(schema, schema, ""))
     for key, text in described.items():
-        linear, rotary = (unit_of(tuple(key.split(".")), units) for units in (LINEAR, ROTARY))
-        turned = linear != rotary and re.search(rf"(^|, ){re.escape(linear)}(?=[.,;])", text)
+        stated = UNIT.search(text)
         inner = [f"- `{other}`: {said}" for other, said in described.items() if other.rpartition(".")[0] == key]
-        unit = f" Unit for a rotary device: {rotary}." if turned else ""
+        unit = f" Unit for a rotary device: {SAME[stated[0]]}." if stated else ""
         yield Entry("key", (key,), "\n".join([text + unit, *(["", *inner] if inner else [])]), guide)
 
 
@@ -139,25 +144,15 @@ def _described(schema: dict[str, Any], table: dict[str, Any], path: str) -> Iter
         form, key = entry.get("items", entry), f"{path}.{name}" if path else name
         union = form.get("oneOf", form.get("anyOf", [form]))
         forms = [schema["$defs"][one["$ref"].rpartition("/")[2]] for one in union if "$ref" in one]
-        whole = [] if len(forms) < len(union) else forms[:1]  # a number or a range is described by the key alone
-        said = [
-            str(each["description"])
-            for each in ([*whole] if form is not entry else [*whole, entry])
-            if "description" in each
-        ]
+        # a number or a range is described by the key alone
+        texts = [*(forms[:1] if len(forms) == len(union) else []), *([entry] if form is entry else [])]
+        said = [str(each["description"]) for each in texts if "description" in each]
         default = entry.get("default")
         if default not in (None, "") and not forms:
             said.append(f"Default {str(default).lower() if isinstance(default, bool) else default}.")
         yield key, " ".join(said)
         for one in forms:
             yield from _described(schema, one, key) if "properties" in one else ()
-
-
-def _columns(part: type[Part]) -> Iterator[Entry]:
-    """Yield the columns of a sweep's table, which have the labels of the numbers in it."""
-    for name, shown in how_shown(part).items():
-        unit = LINEAR.of(shown.of)
-        yield Entry("key", (name,), f"Column of a sweep: {shown.label}{f', {unit}' if unit else ''}.", COLUMNS)
 
 
 def _claim(claim: Any) -> Entry:

@@ -19,9 +19,9 @@ from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.reading import read_gains as read_gains
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.records.printed_json import ExportRecord
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, printable
+from vctune.document.text.json import printed
 from vctune.document.text.output_files import Content, make_folder, write_together
 from vctune.firmware.c_text import Precision as Precision
 from vctune.firmware.firmware import Firmware, certified, firmware
@@ -44,6 +44,11 @@ class Exported:
     def statement(self) -> list[str]:
         """What is proved of the design, in lines that every file contains too."""
         return [printable(line) for line in statement(self.firmware) if line]
+
+    def to_json(self, place: Path) -> dict[str, Any]:
+        """Return the object for JSON of the files in a folder."""
+        said = {"name": self.firmware.name, "status": self.firmware.record.status, "statement": self.statement}
+        return printed("export", **said, folder=str(place), files=list(self.files))
 
 
 def export(
@@ -156,13 +161,6 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     make_folder(place)
     write_together({place / name: content for name, content in exported.files.items()})
     return place
-
-
-def export_record(exported: Exported, place: Path) -> ExportRecord:
-    """Return an export as a record for JSON."""
-    name, status = exported.firmware.name, exported.firmware.record.status
-    said = exported.statement
-    return ExportRecord(name=name, status=status, statement=said, folder=str(place), files=list(exported.files))
 
 
 def is_source(path: Path) -> bool:

@@ -98,11 +98,6 @@ class AdmissibleGains:
             text = json.dumps(self.record(), allow_nan=False) + "\n"
             return {folder / REGION_FILE: text, folder / PICTURE: svg(figure, Path(PICTURE).stem)}
 
-    def steps(self, folder: Path) -> list[str]:
-        """Return the next steps."""
-        more = ["run it again with more time to decide more cells"]
-        return [f"open {folder / PICTURE}", *more * self.region.interrupted]
-
 
 def region(
     problem: ProblemSource,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vctune.api.result import DESIGN_FILE, Files, RefusedError, Rows, Table, write
-from vctune.api.solving import REPORT, designed
+from vctune.api.solving import designed
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve as find
@@ -77,11 +77,6 @@ class Simulation:
         if design is not None and record.is_of(design):
             return {**files, **report_files(design, folder, record)}
         return {**files, **simulation_files(record, folder)}
-
-    def steps(self, folder: Path) -> list[str]:
-        """Return the next step."""
-        shown = REPORT if (folder / REPORT).exists() else "simulation.svg"
-        return [f"open {folder / shown}"]
 
 
 def simulate(

@@ -25,12 +25,10 @@ from vctune.document.gains_file import gains_text, numbers_text
 from vctune.document.reading import ProblemFile
 from vctune.document.records.design_json import DesignRecord, Repair, design_of, read_design
 from vctune.document.records.part import text
-from vctune.document.records.printed_json import ReportRecord as ReportRecord
 from vctune.document.records.simulation_json import simulation_beside
 from vctune.document.text.codes import has_code
-from vctune.document.text.date import today
 from vctune.document.text.errors import InputError, printable
-from vctune.document.text.output_files import make_folder
+from vctune.document.text.output_files import make_folder, today
 from vctune.document.text.toml import called
 from vctune.exit_codes import ExitCode
 from vctune.report.paths import REPORT as REPORT

@@ -14,7 +14,6 @@ from vctune.api.result import Files, Rows, write
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.records.part import text
-from vctune.document.records.rows_json import SweepRecord
 from vctune.document.study_file import Study, build_study
 from vctune.document.study_file import read_study as read_study
 from vctune.document.text.codes import has_code
@@ -23,7 +22,7 @@ from vctune.document.text.output_files import make_folder
 from vctune.exit_codes import ExitCode
 from vctune.study.executors import available_cores, worker_pool
 from vctune.study.rows import open_rows
-from vctune.study.study_table import Table, csv_text, summary, table_of
+from vctune.study.study_table import Summary, Table, csv_text, summary, table_of
 from vctune.study.sweep import OnDone
 from vctune.study.sweep import sweep as run
 
@@ -44,7 +43,7 @@ class Swept:
         return sum(has_code(reason, "time-limit") for reason in self.table.reason)
 
     @property
-    def summary(self) -> SweepRecord:
+    def summary(self) -> Summary:
         """Counts by status, the yardstick, the best and the worst design, and the corner without designs."""
         return summary(self.study, self.table)
 
@@ -67,15 +66,14 @@ class Swept:
                 axes = ", ".join(f"{key} = {text(value, 6)}" for key, value in row.items() if "." in key)
                 yield (f"{label:<5}  error {text(row['error'])} at {axes}{', idle' if row['idle'] else ''}",)
         on, unit = found.yardstick, found.units["reference_impedance"]
-        shared = f"over   {text(on.band_hz)} Hz with Z_0 = {text(on.reference_impedance)} {unit}"
-        varied = f"except {', '.join(on.varied)}: errors at different values of it are not comparable"
-        yield (f"{shared}, {varied if on.varied else 'at every point'}",)
+        shared = f"over   {text(on['band_hz'])} Hz with Z_0 = {text(on['reference_impedance'])} {unit}"
+        varied = f"except {', '.join(on['varied'])}: errors at different values of it are not comparable"
+        yield (f"{shared}, {varied if on['varied'] else 'at every point'}",)
         if (corner := found.corner) is not None:
-            spans = ", ".join(
-                f"{key} from {text(low, 6)} to {text(corner.high[key], 6)}" for key, low in corner.low.items()
-            )
-            yield (f"none   at {corner.points} points, {corner.share:.0%} of those with {spans}",)
-            yield (f"       most often: {printable(corner.reason)}",)
+            ends = zip(corner["low"].items(), corner["high"].values(), strict=True)
+            spans = ", ".join(f"{key} from {text(low, 6)} to {text(high, 6)}" for (key, low), high in ends)
+            yield (f"none   at {corner['points']} points, {corner['share']:.0%} of those with {spans}",)
+            yield (f"       most often: {printable(corner['reason'])}",)
 
     def files(self, folder: Path) -> Files:
         """Return the table of the sweep and, for one or two axes, its picture."""
@@ -85,10 +83,6 @@ class Swept:
         figure = sweep_figure(self.table, grid=self.study.sample.kind == "grid")
         picture = figure_file(figure, folder, Path(PICTURE).stem) if figure else {folder / PICTURE: None}
         return {folder / TABLE: csv_text(self.table), **picture}
-
-    def steps(self, folder: Path) -> list[str]:
-        """Return the next step."""
-        return [f"open {folder / (PICTURE if (folder / PICTURE).exists() else TABLE)}"]
 
     def __repr__(self) -> str:
         return f"Swept({self.table!r})"

@@ -10,7 +10,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from vctune.document.records.printed_json import BenchRecord
+from vctune.document.text.json import printed
 from vctune.document.text.output_files import Content, write_together
 from vctune.report.benchmark_figure import Panel, benchmark_figure
 from vctune.report.style import svg
@@ -65,14 +65,10 @@ def page(name: str, measured: Measured, command: str, machine: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def record_of(name: str, measured: Measured, machine: str) -> BenchRecord:
-    """Return a benchmark's result as a record for JSON. A number that is not finite becomes null."""
-    rows = [{key: _existing(value) for key, value in asdict(row).items()} for row in measured.rows]
-    return BenchRecord(name=name, title=measured.title, machine=machine, facts=measured.facts, table=rows)
-
-
-def _existing(value: Any) -> Any:
-    return None if isinstance(value, float) and not isfinite(value) else value
+def record_of(name: str, measured: Measured, machine: str) -> dict[str, Any]:
+    """Return a benchmark's result as an object for JSON."""
+    said: dict[str, Any] = {"title": measured.title, "machine": machine, "facts": measured.facts}
+    return printed("bench", name=name, **said, table=measured.rows)
 
 
 def write_measured(folder: Path, name: str, measured: Measured, command: str, machine: str) -> None:

@@ -112,10 +112,12 @@ class Run:
             return False
         return True
 
-    def show(self, result: Result, data: Callable[[], Any], folder: Path, *, always: bool = False) -> int:
+    def show(
+        self, result: Result, data: Callable[[], Any], folder: Path, steps: Sequence[str] = (), *, always: bool = False
+    ) -> int:
         """Print an object as JSON, or else a result, the folder of its files and, on a terminal or `always`, the next
         steps. Return the exit code of the result."""
-        self.say(data, result.rows, folder, result.steps(folder), always=always)
+        self.say(data, result.rows, folder, steps, always=always)
         return result.exit_code
 
     def say(

@@ -10,17 +10,24 @@ from typing import Any
 import numpy as np
 
 from vctune.analysis.responses import Loop
-from vctune.document.reading import GAINS_DOCUMENTS, GainsFile, ProblemFile, pose, read_gains, read_problem
-from vctune.document.schema.kinds import DISPLAYS, require_gains_of
-from vctune.document.schema.problem_schema import DeviceTable
+from vctune.document.reading import (
+    GAINS_DOCUMENTS,
+    GainsFile,
+    ProblemFile,
+    called,
+    pose,
+    read_gains,
+    read_problem,
+    require_gains_of,
+)
+from vctune.document.schema.problem_schema import ProblemDocument
 from vctune.document.schema.rules import impossible_parts
 from vctune.document.schema.statement import device_table, statement
 from vctune.document.schema.validation import examined, refusal, shown
 from vctune.document.text.errors import InputError
-from vctune.document.text.toml_writing import toml_text
+from vctune.document.text.toml import toml_text
 from vctune.model import device as devices
-from vctune.model.display import ADMITTANCE, Display
-from vctune.model.display import DISPLAYS as KINDS
+from vctune.model.display import ADMITTANCE, DISPLAYS, Display
 from vctune.model.fields import table_of
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
@@ -81,11 +88,9 @@ class Device(devices.Device):
         return Loop(self, gains, coupling, hand)
 
     def __post_init__(self) -> None:
-        table = plain(self)
-        between = [(path[1:], message) for path, message in impossible_parts({"device": table})]
-        _, faults = examined(DeviceTable, table, lambda _raw: between)
+        _, faults = examined(ProblemDocument, {"device": plain(self)}, lambda raw: list(impossible_parts(raw)))
         if faults:
-            raise refusal(faults, None, "Device")
+            raise refusal([fault._replace(path=fault.path[1:]) for fault in faults], None, "Device")
 
 
 def problem(source: ProblemSource) -> ProblemFile:
@@ -133,12 +138,12 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
         message = "is no design; give the path of a gains file, or Gains(...) and Coupling(...) or SpringDamper(...)"
         raise InputError.of("design", "bad-option", message)
     if not isinstance(coupling, kind.coupling):
-        kind = next(display for display in KINDS.values() if isinstance(coupling, display.coupling))
+        kind = next(display for display in DISPLAYS.values() if isinstance(coupling, display.coupling))
     stated = {"gains": plain(gains), "coupling": plain(coupling)}
     for key in kind.absent:
         table, _, name = key.partition(".")
         if stated[table].pop(name):
-            message = f"{key}: {DISPLAYS[kind.name]} has none; leave it at 0"
+            message = f"{key}: {called(kind.name)} has none; leave it at 0"
             raise InputError.of("design", "contradiction", message)
     raw = {table: numbers for table, numbers in stated.items() if numbers}
     _, faults = examined(GAINS_DOCUMENTS[kind.name], raw, lambda _raw: [])

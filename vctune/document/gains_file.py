@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import astuple
 
-from vctune.document.text.toml_writing import quoted
+from vctune.document.text.toml import quoted
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.keys import labelled

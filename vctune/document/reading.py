@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from vctune.document.gains_file import numbers_in
+from vctune.document.records.gains_json import ProblemRecord
 from vctune.document.schema.defaults import resolve
 from vctune.document.schema.number_units import units_stated
 from vctune.document.schema.problem_schema import (
@@ -21,10 +22,10 @@ from vctune.document.schema.rules import contradictions
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, examined, refusal, validated
 from vctune.document.text import toml
 from vctune.document.text.digest import problem_digest
-from vctune.document.text.errors import InputError
-from vctune.model.display import ADMITTANCE, DISPLAYS, IMPEDANCE, SERVO, Display, DisplayName
+from vctune.document.text.errors import InputError, Mistake
+from vctune.model.display import ADMITTANCE, DISPLAYS, IMPEDANCE, SERVO, Display, DisplayName, stated_display
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.units import Units, UnitSystem
+from vctune.model.numbers.units import UNITS, Units, UnitSystem
 from vctune.model.problem import Problem
 
 
@@ -220,3 +221,50 @@ def _beyond_nyquist(problem: Problem) -> list[Fault]:
         for table, (what, edge) in compared.items()
         if edge > problem.nyquist * (1 + 1e-12)
     ]
+
+
+def called(display: DisplayName) -> str:
+    """Return the words for a kind of display in messages."""
+    return "a servo" if display == "servo" else f"an {display} display"
+
+
+def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
+    """Check that gains are for the same kind of device as a problem."""
+    lines = toml.Lines(given.text)
+    telling = ("coupling", "stiffness" if given.kind is IMPEDANCE else "mass")
+    keys = {"display": telling, "units": ("design", "units")}
+    mistakes = [
+        Mistake("other-kind", ".".join(keys[which]), message, lines.locate(keys[which]))
+        for which, message in _differences(file, given.kind.name, given.units, "gains")
+    ]
+    if mistakes:
+        raise InputError(given.source, mistakes)
+
+
+def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, what: str) -> None:
+    """Check that a record is for the same kind of device as a problem."""
+    table: Any = toml.parse(record.text, source).get("device")
+    device = table if isinstance(table, dict) else {}
+    differ = _differences(file, stated_display(device).name, record.units, what)
+    if differ:
+        keys = {"display": "problem.text", "units": "problem.units"}
+        raise InputError(source, [Mistake("other-kind", keys[which], message) for which, message in differ])
+
+
+def _differences(file: ProblemFile, display: DisplayName, units: UnitSystem | None, what: str) -> list[tuple[str, str]]:
+    """Return the differences between two kinds. Each is "display" or "units", with its message."""
+    device, remedy = file.problem.device, f"name the problem of the {what}, or solve this one"
+    verb = "are" if what == "gains" else "is"
+    sides = [("display", called(display), called(device.display))]
+    if units is not None:
+        sides.append(("units", _in_units(units), _in_units(device.units)))
+    return [
+        (key, f"the {what} {verb} for {one}, and {file.source} has {other} (device.{key}); {remedy}")
+        for key, one, other in sides
+        if one != other
+    ]
+
+
+def _in_units(system: UnitSystem) -> str:
+    units = UNITS[system]
+    return f"a {system} device, in {units.damping} and {units.stiffness}"

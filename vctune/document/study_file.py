@@ -23,7 +23,7 @@ from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, dotted, examined, refusal, shown
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError
-from vctune.document.text.raw import placed
+from vctune.document.text.toml import placed
 from vctune.model.fields import Text
 from vctune.model.problem import Problem
 
@@ -35,7 +35,7 @@ FORMS = "write a list of numbers, { linear = [a, b], n = ... } or { log = [a, b]
 FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
 
 
-class SampleTable(Table):
+class Sample(Table):
     """The rule by which the axes form points."""
 
     kind: Literal["grid", "lhs", "list"] = Field(
@@ -60,7 +60,7 @@ class StudyDocument(Table):
         description='Numbers of the problem that vary, by dotted key. "stability.band_hz[1]" is the key of an '
         "element of a list. Each is a list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }.",
     )
-    sample: SampleTable = SampleTable()
+    sample: Sample = Sample()
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,15 +75,6 @@ class Axis:
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
-    """The rule by which the axes form points."""
-
-    kind: Literal["grid", "lhs", "list"] = "grid"
-    n: int = 0  # number of points and seed of a Latin hypercube; 0 for the other kinds
-    seed: int = 0
-
-
-@dataclass(frozen=True, slots=True)
 class Study:
     """A problem solved at many points."""
 
@@ -91,13 +82,13 @@ class Study:
     document: dict[str, Any]  # parsed problem file
     axes: tuple[Axis, ...]  # axes that vary
     yardstick: Problem
-    sample: Sample = Sample()  # how the axes form points
+    sample: Sample  # how the axes form points
 
     @property
     def count(self) -> int:
         """The number of points."""
         if self.sample.kind == "lhs":
-            return self.sample.n
+            return self.sample.n or 0
         sizes = [axis.n or 0 for axis in self.axes]
         return prod(sizes) if self.sample.kind == "grid" else sizes[0]
 
@@ -128,7 +119,7 @@ class Study:
 def read_study(path: Path) -> Study:
     """Read a study file and the problem file that it names."""
     text = toml.read_text(path)
-    axes, sample, document = _planned(toml.parse(text, str(path)), text, str(path))
+    axes, document = _planned(toml.parse(text, str(path)), text, str(path))
     target = path.parent / document.problem
     try:
         problem_text = toml.read_text(target)
@@ -142,7 +133,7 @@ def read_study(path: Path) -> Study:
     yardstick, faults = _yardstick(problem, axes)
     if yardstick is None:
         raise refusal(faults, text, str(path))
-    return Study(path.stem.encode("utf-8", "replace").decode(), problem, axes, yardstick, sample)
+    return Study(path.stem.encode("utf-8", "replace").decode(), problem, axes, yardstick, document.sample)
 
 
 def build_study(
@@ -150,19 +141,18 @@ def build_study(
 ) -> Study:
     """Return the study of a problem. Axes and sample have the form of a study file's tables."""
     raw = {"problem": problem.problem.name, "axes": plain(axes), "sample": plain(sample or {})}
-    planned, how, _ = _planned(raw, None, name)
+    planned, document = _planned(raw, None, name)
     _check_places(problem.document, planned, None, name)
-    return Study(name, problem.document, planned, problem.problem, how)
+    return Study(name, problem.document, planned, problem.problem, document.sample)
 
 
-def _planned(raw: dict[str, Any], text: str | None, source: str) -> tuple[tuple[Axis, ...], Sample, StudyDocument]:
-    """Return the axes, the sample and the document of a study, or refuse it."""
+def _planned(raw: dict[str, Any], text: str | None, source: str) -> tuple[tuple[Axis, ...], StudyDocument]:
+    """Return the axes and the document of a study, or refuse it."""
     document, faults = examined(StudyDocument, raw, _contradictions)
     if document is None or faults:
         raise refusal(faults, text, source)
-    stated = document.sample
-    axes = [read_axis(key, value, sampled=stated.kind == "lhs")[0] for key, value in document.axes.items()]
-    return tuple(axis for axis in axes if axis), Sample(stated.kind, stated.n or 0, stated.seed or 0), document
+    axes = [read_axis(key, value, sampled=document.sample.kind == "lhs")[0] for key, value in document.axes.items()]
+    return tuple(axis for axis in axes if axis), document
 
 
 def number_keys() -> dict[str, KeyPath]:

@@ -14,7 +14,7 @@ from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.ros import AXES, AdmittanceFile
 from vctune.document.text.digest import digest
 from vctune.document.text.errors import InputError
-from vctune.document.text.toml_writing import toml_text
+from vctune.document.text.toml import toml_text
 from vctune.firmware.firmware import Firmware, firmware
 from vctune.firmware.preamble import LEFT_TO_CALLER, statement
 from vctune.model.gains import AnyCoupling, Gains, series_coupling

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from dataclasses import fields, replace
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import GetPydanticSchema
+from pydantic_core.core_schema import literal_schema
 
 from vctune.model.display import DISPLAYS, Display, DisplayName
+from vctune.model.fields import Internal, Key, NotNegative, Positive, record
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import UnitSystem
@@ -32,24 +35,41 @@ Hold = Literal["zoh", "lag"]
 Commanded = Literal["force", "velocity", "position"]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Device:
-    """A display, whose firmware samples and holds (model/README.md, sections 1, 15 and 17)."""
+    """The mechanism Z_d = mass s + damping, its parts, and the firmware that samples and holds."""
 
-    mass: Number  # moving mass including the handle's, kg, > 0; 1 for a servo, where the mass has no effect
-    damping: Number  # damping of the mechanism, N s/m, >= 0; it acts on the motor's part; 0 for a servo
-    sample_time: Number  # T, s, > 0
-    delay: Number = 0.0  # delay from sampling to actuation, s, >= 0, in addition to the hold
-    hold: Hold = "zoh"
-    operator: LeastOperator | None = None  # the least operator, a load that is always at the handle
-    velocity: VelocityEstimate | None = None  # parts of the device (`vctune.model.parts`)
-    actuator: Actuator | None = None
-    force_sensor: ForceSensor | None = None
-    structure: Structure | None = None
-    unmodelled: Unmodelled | None = None  # one response from the uncertainty set; None for the nominal response
-    display: DisplayName = "admittance"  # name of the kind of display (`vctune.model.display`)
-    servo: Servo | None = None
-    units: UnitSystem = "linear"
+    # model/README.md, sections 1, 15 and 17; of a servo, mass is 1 and damping 0, and both have no effect
+    mass: Annotated[Positive, Key("Moving mass, kg.")]
+    damping: Annotated[NotNegative, Key("Viscous damping, N s/m.")]
+    sample_time: Annotated[Positive, Key("Sample time of the velocity loop, s.")]
+    delay: Annotated[
+        NotNegative,
+        Key(
+            "Delay between sampling and actuation, s, without the delay of the hold; at most 200 sample times, "
+            "uncertainty included."
+        ),
+    ] = 0.0
+    hold: Annotated[Hold, Key("Hold: exact zero-order hold, or the paper's first-order lag 2/(2+sT).")] = "zoh"
+    operator: Internal[LeastOperator | None] = None  # the least operator, a load that is always at the handle
+    velocity: Annotated[VelocityEstimate | None, Key("Default: measured without delay.")] = None
+    actuator: Annotated[Actuator | None, Key("Default: the force follows the command without lag.")] = None
+    force_sensor: Annotated[ForceSensor | None, Key("Default: the force is sensed without delay.")] = None
+    structure: Annotated[Structure | None, Key("Default: rigid.")] = None
+    unmodelled: Internal[Unmodelled | None] = None  # one response from the uncertainty set; None for the nominal one
+    display: Annotated[
+        DisplayName,
+        GetPydanticSchema(lambda *_: literal_schema(["admittance", "impedance"])),
+        Key('Kind of display. "admittance": force in, velocity out. "impedance": motion in, force out.'),
+    ] = "admittance"
+    servo: Internal[Servo | None] = None
+    units: Annotated[
+        UnitSystem,
+        Key(
+            "Kind of motion of the handle. For a rotary device (a wheel, a knob, a joint), read kg m2, rad and N m for "
+            "every kg, m and N of this file. The mass is then the moment of inertia. The keys keep their names."
+        ),
+    ] = "linear"
 
     def __repr__(self) -> str:
         values = {each.name: (getattr(self, each.name), each.default) for each in fields(self)}

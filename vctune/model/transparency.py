@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.display import Display
+from vctune.model.fields import Key, NotNegative, record
 from vctune.model.loop.device_response import DeviceResponse
 from vctune.model.loop.loop import Affine, G_hh_abs2, LoopConstants, LoopResponse, tracking_abs2
 from vctune.model.numbers.arithmetic import Number
@@ -19,13 +19,13 @@ from vctune.model.numbers.pair import Pair
 PANEL_NODES = 8  # Number of Gauss-Legendre nodes on a panel; the rule is exact for polynomials of degree 15
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Terms:
-    """One value for each of the error's three terms: the terms themselves, their squares or their weights."""
+    """One value for each of the error's three terms: its weight, where 0 removes it, the term itself, or its square."""
 
-    admittance: Number  # |Z_0 G_hh|, 0 for a servo; for an impedance display |1/G_hh|/Z_0
-    tracking: Number  # |1 - G_he|; for an impedance display |1 - A H/N|
-    coupling: Number  # |Z_c|/Z_0; for an impedance display Z_0 |1/Z_c|
+    admittance: Annotated[NotNegative, Key("Weight of Z_0 |G_hh|, or of |1/G_hh|/Z_0 for an impedance display.")] = 1.0
+    tracking: Annotated[NotNegative, Key("Weight of |1 - G_he|, or of |1 - A H/N| for an impedance display.")] = 1.0
+    coupling: Annotated[NotNegative, Key("Weight of |Z_c|/Z_0, or of Z_0 |1/Z_c| for an impedance display.")] = 1.0
 
 
 TermName = Literal["admittance", "tracking", "coupling"]

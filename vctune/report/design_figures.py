@@ -126,7 +126,7 @@ def _impedance(design: _Design) -> Shown:
 def _transparency(design: _Design) -> Shown:
     problem, terms, kind = design.problem, design.record.transparency, design.problem.device.kind
     assert terms is not None, "a design is judged"
-    titles = {term: f"{IN_WORDS[term]}: {getattr(terms, f'{term}_label')}" for term in kind.terms}
+    titles = {term: f"{IN_WORDS[term]}: {terms.labels[term]}" for term in kind.terms}
     titles |= {"error": "all together"} if len(titles) > 2 else {}
     rows = len(titles) // 2
     figure = canvas(WIDTH, {1: 2.6, 2: 4.3}[rows], left=0.72, right=0.1, top=0.75, gaps=(0.28, 0.42))
@@ -143,7 +143,7 @@ def _transparency(design: _Design) -> Shown:
         lines.values(), lines.keys(), loc="upper center", ncols=2 if len(lines) > 3 else 3, columnspacing=1.1,
         borderaxespad=0.2, handlelength=1.9,
     )  # fmt: skip
-    size, most = max((getattr(terms, term) or 0.0, getattr(terms, f"{term}_label")) for term in kind.terms)
+    size, most = max((getattr(terms, term) or 0.0, terms.labels[term]) for term in kind.terms)
     shares = f"{quantity(size, digits=3)} of {quantity(terms.error, digits=3)}"
     finding = f"The largest term of the error is {most}: {shares}."
     reading = words("transparency", problem, any("sensor, " in label for label in lines))

@@ -104,7 +104,7 @@ def _error_terms(record: DesignRecord) -> list[tuple[str, str, str]]:
         return []
     shown = {row.label for row in terms.rows(record.units)}
     found = [("all together", "error", terms.error)]
-    found += [(said, getattr(terms, f"{term}_label"), getattr(terms, term)) for term, said in IN_WORDS.items()]
+    found += [(said, terms.labels[term], getattr(terms, term)) for term, said in IN_WORDS.items()]
     return [(said, label, str(quantity(size, digits=3))) for said, label, size in found if label in {*shown, "error"}]
 
 

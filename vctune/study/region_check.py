@@ -13,22 +13,20 @@ import numpy as np
 from vctune.design.variables import keys_for, point, ranges
 from vctune.design.verdict.check import OUT_OF_TIME, Checked, CheckVerdict
 from vctune.design.verdict.judge import Status, judge_all
-from vctune.document.reading import ProblemFile
+from vctune.document.reading import ProblemFile, require_record_of
 from vctune.document.records.gains_json import ProblemRecord, stated_units
 from vctune.document.records.region_json import (
     AxesRecord,
-    CheckedProblemRecord,
     DemandsRecord,
     DesignPoint,
     EdgesRecord,
-    RegionCheckRecord,
     RegionDocument,
     read_region,
 )
-from vctune.document.schema.kinds import require_record_of
 from vctune.document.text import toml
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError
+from vctune.document.text.json import printed
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Range
 from vctune.study.plane import Plane, Squares, plane_errors
@@ -111,15 +109,16 @@ class RegionFinding:
         """Return the areas, and the cells and gain sets that are not proved again, in SI units."""
         plane, (x, y) = self.region.plane, self.region.plane.edges
         lost_designs = [design for design, holds in zip(self.designs, self.certified, strict=True) if not holds]
-        return RegionCheckRecord(
-            problem=CheckedProblemRecord(name=self.file.problem.name, sha256=self.file.sha256),
+        return printed(
+            "region-check",
+            problem={"name": self.file.problem.name, "sha256": self.file.sha256},
             status="undecided" if self.cut else "lost" if self.lost else "kept",
-            axes=_axes(plane),
+            axes=_axes(plane).model_dump(),
             areas={"kept": self.region.area(Kind.FEASIBLE), "lost": self.lost_area},
             lost_cells=[[float(each) for each in (x[a], x[b], y[c], y[d])] for a, b, c, d in self.lost_cells.T],
             lost_designs=[dict(zip(plane.keys, point(*design), strict=True)) for design in lost_designs],
             warnings=self.warnings,
-        ).to_json()
+        )
 
     def message(self) -> str:
         """Return a phrase that states what is proved again, or what is not."""

@@ -16,15 +16,10 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.verdict.judge import Status
-from vctune.document.records.rows_json import (
-    COLUMN_OF_KEY,
-    QUANTITY_OF_COLUMN,
-    CornerRecord,
-    StudyYardstickRecord,
-    SweepRecord,
-)
+from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN
 from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_file import Axis, Study, number_keys
+from vctune.document.text.json import printed
 from vctune.model.display import stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.study.rows import Rows
@@ -37,7 +32,7 @@ Values = tuple[float, ...]
 def points(study: Study) -> Iterator[Values]:
     """Yield the values of the axes at every point; the last axis of a grid varies fastest."""
     if study.sample.kind == "lhs":
-        return latin_hypercube(study.axes, study.sample.n, study.sample.seed)
+        return latin_hypercube(study.axes, study.sample.n or 0, study.sample.seed or 0)
     columns = [axis_values(axis) for axis in study.axes]
     return product(*columns) if study.sample.kind == "grid" else zip(*columns, strict=True)
 
@@ -66,20 +61,38 @@ def _spread(axis: Axis, share: Floats) -> Values:
     return tuple(min(max(float(f"{value:.{DIGITS}g}"), low), high) for value in made)
 
 
-def summary(study: Study, table: Table) -> SweepRecord:
-    """Return the summary of a sweep: counts by status, yardstick, best and worst design, and the corner without
-    designs."""
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The summary of a sweep."""
+
+    study: str  # name of the study
+    points: int  # number of finished points, and by their status
+    status: dict[str, int]
+    idle: int  # number of certified designs that render almost nothing
+    yardstick: dict[str, Any]  # scale of the errors, except for the keys `varied`, which an axis states
+    units: dict[str, str]  # units of axes and numbers, by key and column
+    best: dict[str, Any] | None  # certified rows with the least and the greatest error; None without one
+    worst: dict[str, Any] | None
+    corner: dict[str, Any] | None  # smallest box over the axes that holds every point without a certified design
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object for JSON."""
+        return {**printed("sweep", **asdict(self)), "schema": "vctune/sweep/2"}
+
+
+def summary(study: Study, table: Table) -> Summary:
+    """Return the summary of a sweep."""
     certified, error = table.certified, table.numbers["error"]
     order = np.flatnonzero(certified)[np.argsort(error[certified], kind="stable")]
     measured = study.yardstick.transparency
-    yardstick = StudyYardstickRecord(
-        band_hz=list(measured.band.hz),
-        reference_impedance=measured.reference_impedance,
-        norm=measured.norm,
-        weights=asdict(measured.weights),
-        varied=[axis.key for axis in study.axes if axis.path[0] == "transparency"],
-    )
-    return SweepRecord(
+    yardstick = {
+        "band_hz": list(measured.band.hz),
+        "reference_impedance": measured.reference_impedance,
+        "norm": measured.norm,
+        "weights": asdict(measured.weights),
+        "varied": [axis.key for axis in study.axes if axis.path[0] == "transparency"],
+    }
+    return Summary(
         study=study.name,
         points=len(table.status),
         status=dict(sorted(Counter(table.status).items())),
@@ -92,19 +105,15 @@ def summary(study: Study, table: Table) -> SweepRecord:
     )
 
 
-def _corner(table: Table) -> CornerRecord:
+def _corner(table: Table) -> dict[str, Any]:
     without = ~table.certified
     low = {key: float(column[without].min()) for key, column in table.axes.items()}
     high = {key: float(column[without].max()) for key, column in table.axes.items()}
     inside = np.logical_and.reduce([(column >= low[key]) & (column <= high[key]) for key, column in table.axes.items()])
     reasons = Counter(reason for reason, lacks in zip(table.reason, without, strict=True) if lacks)
-    return CornerRecord(
-        points=int(without.sum()),
-        share=float(without.sum() / inside.sum()),
-        low=low,
-        high=high,
-        reason=reasons.most_common(1)[0][0],
-    )
+    count = int(without.sum())
+    box = {"low": low, "high": high}
+    return {"points": count, "share": count / int(inside.sum()), **box, "reason": reasons.most_common(1)[0][0]}
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,6 +39,6 @@ def bench(run: Run, name: str, quick: bool, seed: int, out: Path) -> int:
     with run.progress(name) as progress:
         measured = import_module(f"vctune.bench.{name}").measure(quick, seed, progress)
     write_measured(out, name, measured, made_by, where)
-    found = record_of(name, measured, where)
-    run.say(found.to_json, lambda: ((line,) for line in [found.title, where, *found.facts]), out)
+    lines = [measured.title, where, *measured.facts]
+    run.say(lambda: record_of(name, measured, where), lambda: ((line,) for line in lines), out)
     return 0

@@ -49,4 +49,5 @@ def bound(run: Run, problem: Path, design: Path | None, gap: float, out: Path) -
         run.report(path, path.parent, progress)
     if bounded.optimality is not None and bounded.optimality.improved is not None:
         click.echo("found a better design, in a basin that the scan had missed", err=True)
-    return run.show(bounded.design, bounded.record.to_json, path.parent, always=True)
+    steps = bounded.design.steps(path.parent)
+    return run.show(bounded.design, bounded.record.to_json, path.parent, steps, always=True)

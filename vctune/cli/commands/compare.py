@@ -20,10 +20,9 @@ def compare(run: Run, a: Path, b: Path) -> int:
     which the problems differ, with defaults filled in, then the numbers and verdicts of both designs. It writes no
     files.
     """
-    from vctune.api.comparing import after_comparison, comparison_rows
     from vctune.api.comparing import compare as set_side_by_side
 
     with run.progress(a.name, b.name) as progress:
         found = set_side_by_side(a, b, progress=progress)
-    run.say(found.to_json, lambda: comparison_rows(found), None, [after_comparison(found)])
+    run.say(found.to_json, found.rows)
     return 0

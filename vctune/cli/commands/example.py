@@ -23,9 +23,9 @@ def _names(context: click.Context, parameter: click.Parameter, incomplete: str) 
 def example(run: Run, name: str | None, out: Path) -> int:
     """Write the example problem NAME.toml. Without NAME, list the examples."""
     from vctune.api.explaining import example_names, write_example
-    from vctune.document.records.printed_json import ExampleRecord
+    from vctune.document.text.json import printed
 
     names, file = example_names() if name is None else [name], None if name is None else str(write_example(name, out))
     lines = [f"written to {file}; next: vctune solve {file}"] if file else names
-    run.say(ExampleRecord(names=names, file=file).to_json, lambda: ((line,) for line in lines))
+    run.say(lambda: printed("example", names=names, file=file), lambda: ((line,) for line in lines))
     return 0

@@ -14,7 +14,7 @@ from vctune.cli.options import command
 from vctune.cli.runner import Run
 
 if TYPE_CHECKING:
-    from vctune.document.records.printed_json import EntryRecord
+    from vctune.api.explaining import Entry
 
 WIDEST = 100  # Greatest width of the text, characters
 TITLES = {"code": "Codes", "key": "Keys of files", "term": "Terms", "claim": "Claims"}
@@ -37,20 +37,20 @@ def explain(run: Run, name: str | None) -> int:
     """
     from vctune.api import explaining
 
-    found = explaining.contents() if name is None else explaining.explain(name)
+    found = explaining.Explanation(None, [*explaining.entries()]) if name is None else explaining.explain(name)
     pages = _contents(found.entries) if name is None else map(_page, found.entries)
     run.say(found.to_json, lambda: (("\n\n".join(pages),) for _ in range(1)))
     return 0
 
 
-def _contents(entries: list[EntryRecord]) -> Iterator[str]:
+def _contents(entries: list[Entry]) -> Iterator[str]:
     """Yield all known names, by kind."""
     for kind, title in TITLES.items():
         names = ", ".join(dict.fromkeys(entry.name for entry in entries if entry.kind == kind))
         yield f"{title}\n{_filled(names, '  ')}"
 
 
-def _page(entry: EntryRecord) -> str:
+def _page(entry: Entry) -> str:
     """Return an entry as plain text: without the links, emphasis and formula marks of Markdown, in filled lines."""
     plain = re.sub(r"\[([^\]]+)\]\([^)]*\)", r"\1", entry.text)
     plain = re.sub(r"\*\*|[`$]", "", plain).replace("\\|", "|").replace(r"\lvert ", "|").replace(r" \rvert", "|")

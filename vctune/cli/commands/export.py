@@ -37,7 +37,7 @@ def export(run: Run, paths: tuple[Path, ...], to: Format, precision: Precision, 
     vctune proves the design again with the firmware's constants. The exit code is 1 if it is refuted, 3 if undecided.
     """
     from vctune.api.exporting import export as make
-    from vctune.api.exporting import export_record, is_source, read_gains, write_export
+    from vctune.api.exporting import is_source, read_gains, write_export
     from vctune.api.result import folder_name
 
     source, *others = paths
@@ -52,7 +52,7 @@ def export(run: Run, paths: tuple[Path, ...], to: Format, precision: Precision, 
         place = write_export(exported, out / folder_name(exported.firmware.name))
     if given and given.sha256 not in (None, exported.firmware.problem_sha256):
         run.warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
-    run.say(export_record(exported, place).to_json, lambda: ((line,) for line in exported.statement))
+    run.say(lambda: exported.to_json(place), lambda: ((line,) for line in exported.statement))
     if not run.quiet:
         click.echo(f"written to {place}: {', '.join(exported.files)}", err=True)
     return 0

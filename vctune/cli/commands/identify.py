@@ -31,4 +31,4 @@ def identify(run: Run, logs: tuple[Path, ...], config: Path | None, servo: bool,
         folder = out / folder_name(identified.record.name)
         progress("writing and drawing")
         write_identification(identified, folder, report=not no_report)
-    return run.show(identified, identified.record.to_json, folder)
+    return run.show(identified, identified.record.to_json, folder, identified.steps(folder))

@@ -19,11 +19,12 @@ def report(run: Run, design: Path, out: Path | None) -> int:
     The command does not solve the problem. If the folder has a simulation.json of the same design, the report includes
     the simulation.
     """
-    from vctune.api.solving import ReportRecord, write_report
+    from vctune.api.solving import write_report
+    from vctune.document.text.json import printed
 
     place = str(write_report(design, out))
     if run.style == "json":
-        run.say(ReportRecord(report=place).to_json, lambda: iter(()))
+        run.say(lambda: printed("report", report=place), lambda: iter(()))
     elif not run.quiet:
         click.echo(f"written to {place}", err=True)
     return 0

@@ -79,7 +79,7 @@ def _solve(run: Run, problems: tuple[Path, ...], out: Path, *, report: bool, str
             design = replace(design, exit_code=ExitCode.UNDECIDED)
         designs.append(design)
         if run.style != "json":
-            run.show(design, design.found.to_json, folder, always=True)
+            run.show(design, design.found.to_json, folder, design.steps(folder), always=True)
     if run.style == "json":
         found = [design.found.to_json() for design in designs]
         emit(json.dumps(found if len(found) > 1 else found[0], indent=2, allow_nan=False))

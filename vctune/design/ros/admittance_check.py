@@ -28,7 +28,7 @@ from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.document.text import toml
 from vctune.document.text.codes import Code, Note
 from vctune.document.text.errors import InputError
-from vctune.document.text.toml_writing import toml_text
+from vctune.document.text.toml import toml_text
 from vctune.model.device import Device
 from vctune.model.numbers.units import UNITS, Units, UnitSystem
 

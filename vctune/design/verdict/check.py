@@ -22,9 +22,8 @@ from vctune.design.verdict.parameter_changes import ParameterChange
 from vctune.design.verdict.rendered import rendered_in_words
 from vctune.design.verdict.repair import Progress, edits, repairs_of_design
 from vctune.document.doubts import file_doubts
-from vctune.document.reading import GainsFile, ProblemFile
+from vctune.document.reading import GainsFile, ProblemFile, require_gains_of
 from vctune.document.records.design_json import Repair
-from vctune.document.schema.kinds import require_gains_of
 from vctune.document.text import toml
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake

@@ -9,7 +9,7 @@ from typing import Literal
 from vctune.analysis.contact import drag_at_rest, greatest_drag, stiffest_contact
 from vctune.design.prepared import pose
 from vctune.design.verdict.judge import Judgement, Status
-from vctune.document.records.contact_json import ContactRecord, LatencyPartRecord
+from vctune.document.records.felt_json import ContactRecord, LatencyPartRecord
 from vctune.model.device import Device
 from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import FLOATS

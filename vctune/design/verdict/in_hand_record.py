@@ -8,7 +8,7 @@ import numpy as np
 
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, felt_impedance
 from vctune.design.verdict.judge import Judgement
-from vctune.document.records.in_hand_json import InHandRecord
+from vctune.document.records.felt_json import InHandRecord
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.problem import Problem
 

@@ -9,13 +9,12 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from vctune.document.records.certificate_json import CertificateRecord, DeviceRecord, InnerLoopRecord
-from vctune.document.records.contact_json import ContactRecord
+from vctune.document.records.felt_json import ContactRecord, InHandRecord
 from vctune.document.records.gains_json import (
     AnyCouplingRecord,
     ProblemRecord,
     TransparencyRecord,
 )
-from vctune.document.records.in_hand_json import InHandRecord
 from vctune.document.records.part import Document, Number, Pair, Part, Row, how_shown, rows, text
 from vctune.document.schema.number_units import unit_of
 from vctune.document.text.json import as_record, read_json

@@ -13,7 +13,7 @@ from vctune.model.display import DISPLAYS, DisplayName
 from vctune.model.fields import Shown
 from vctune.model.gains import Coupling, SpringDamper
 from vctune.model.numbers.units import Units, UnitSystem
-from vctune.model.transparency import TERMS, TermName
+from vctune.model.transparency import TERMS
 
 
 class ProblemRecord(Part):
@@ -41,7 +41,7 @@ AnyCouplingRecord = Annotated[
 ]
 
 
-def term_labels(display: DisplayName) -> dict[TermName, str]:
+def term_labels(display: DisplayName) -> dict[str, str]:
     """Return the label of each error term: of free motion, of the commanded motion or force, and of the coupling."""
     if display == "impedance":
         return {"admittance": "|1/G_hh|/Z_0", "tracking": "|1 - A H/N|", "coupling": "Z_0 |1/Z_c|"}
@@ -52,9 +52,9 @@ class TransparencyRecord(DisplayPart):
     """The error and its unweighted terms. An impedance display has the dual terms."""
 
     error: Annotated[Number, Shown("error")]
-    admittance: Annotated[Number, Shown("{admittance_label}")]
-    tracking: Annotated[Number, Shown("{tracking_label}")]
-    coupling: Annotated[Number, Shown("{coupling_label}")]
+    admittance: Annotated[Number, Shown("{labels[admittance]}")]
+    tracking: Annotated[Number, Shown("{labels[tracking]}")]
+    coupling: Annotated[Number, Shown("{labels[coupling]}")]
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the error and its terms. Terms that are always 0 are left out."""
@@ -63,16 +63,6 @@ class TransparencyRecord(DisplayPart):
         yield from (row for row in super().rows(units) if row.label not in absent)
 
     @property
-    def admittance_label(self) -> str:
-        """Label of the error term of free motion."""
-        return term_labels(self.display)["admittance"]
-
-    @property
-    def tracking_label(self) -> str:
-        """Label of the error term of tracking, that is, of the commanded motion or force."""
-        return term_labels(self.display)["tracking"]
-
-    @property
-    def coupling_label(self) -> str:
-        """Label of the error term of the coupling."""
-        return term_labels(self.display)["coupling"]
+    def labels(self) -> dict[str, str]:
+        """The label of each error term."""
+        return term_labels(self.display)

@@ -13,7 +13,7 @@ from vctune.document.schema.number_units import unit_of
 from vctune.document.schema.rules import MOST_SAMPLES
 from vctune.document.text.codes import coded
 from vctune.document.text.errors import printable
-from vctune.document.text.toml_writing import toml_text
+from vctune.document.text.toml import toml_text
 from vctune.model.experiment import Operator, usual_share
 from vctune.model.fields import record
 from vctune.model.numbers.units import UNITS, Units

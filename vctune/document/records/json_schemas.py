@@ -1,24 +1,15 @@
-"""Make the JSON Schema of each kind of document from the class that reads and writes it."""
+"""Make the JSON Schema of each kind of file from the class that reads and writes it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-from vctune.document.records.comparison import ComparisonRecord
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.identification_json import IdentificationRecord
-from vctune.document.records.part import Document, Part
-from vctune.document.records.printed_json import (
-    BenchRecord,
-    ExampleRecord,
-    ExplanationRecord,
-    ExportRecord,
-    RefusalRecord,
-    ReportRecord,
-)
-from vctune.document.records.region_json import RegionCheckRecord, RegionDocument
-from vctune.document.records.rows_json import RowRecord, RowsHeader, SweepRecord
+from vctune.document.records.part import Document
+from vctune.document.records.region_json import RegionDocument
+from vctune.document.records.rows_json import RowRecord, RowsHeader
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.document.schema.log_schema import LogDocument
 from vctune.document.schema.problem_schema import (
@@ -31,32 +22,32 @@ from vctune.document.schema.validation import DIALECT, schema_of
 from vctune.document.study_file import StudyDocument
 
 
-def _of(*parts: type[Part], each: bool = False) -> dict[str, Any]:
-    """Return the schema of an object that is one of several records, or of a list of them."""
-    schemas = [_named(part) for part in parts]
+def _of(*parts: type[Document] | type[RowRecord]) -> dict[str, Any]:
+    """Return the schema of an object that is one of several records."""
+    schemas = []
+    for part in parts:
+        schema = part.model_json_schema()
+        if issubclass(part, Document):
+            schema["properties"] = {"schema": {"const": part.SCHEMA}, **schema["properties"]}
+            schema["required"] = ["schema", *schema.get("required", [])]
+        schemas.append(schema)
+    return _one_of(schemas)
+
+
+def _one_of(schemas: list[dict[str, Any]], **also: str) -> dict[str, Any]:
     definitions = {name: found for schema in schemas for name, found in schema.pop("$defs", {}).items()}
-    one = schemas[0] if len(schemas) == 1 else {"oneOf": schemas}
-    return {"$schema": DIALECT, **({"type": "array", "items": one} if each else one), "$defs": definitions}
+    one = schemas[0] if len(schemas) == 1 else {"anyOf": schemas}
+    return {"$schema": DIALECT, **also, **one, "$defs": definitions}
 
 
 def _of_gains() -> dict[str, Any]:
     """Return the schema of a gains file of any kind of display."""
     schemas = [schema_of(kind, kind.__name__) for kind in (GainsDocument, ServoGainsDocument, SpringGainsDocument)]
-    definitions = {name: found for schema in schemas for name, found in schema.pop("$defs").items()}
     kinds = [{key: value for key, value in schema.items() if key != "$schema"} for schema in schemas]
-    return {"$schema": DIALECT, "title": "vctune gains", "anyOf": kinds, "$defs": definitions}
+    return _one_of(kinds, title="vctune gains")
 
 
-def _named(part: type[Part]) -> dict[str, Any]:
-    """Return the schema of a record, titled with the record's name."""
-    schema = part.model_json_schema()
-    if issubclass(part, Document):
-        schema["properties"] = {"schema": {"const": part.SCHEMA}, **schema["properties"]}
-        schema["required"] = ["schema", *schema.get("required", [])]
-    return schema
-
-
-# Function that makes the schema, for each kind of document
+# Function that makes the schema, for each kind of file
 SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "problem": json_schema,
     "gains": _of_gains,
@@ -67,12 +58,4 @@ SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "rows": lambda: _of(RowsHeader, RowRecord),
     "simulation": lambda: _of(SimulationRecord),
     "identification": lambda: _of(IdentificationRecord),
-    "check": lambda: _of(DesignRecord, RegionCheckRecord, RefusalRecord, each=True),
-    "sweep": lambda: _of(SweepRecord),
-    "comparison": lambda: _of(ComparisonRecord),
-    "export": lambda: _of(ExportRecord),
-    "report": lambda: _of(ReportRecord),
-    "bench": lambda: _of(BenchRecord),
-    "explanation": lambda: _of(ExplanationRecord),
-    "example": lambda: _of(ExampleRecord),
 }

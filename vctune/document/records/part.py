@@ -63,13 +63,14 @@ class Part(BaseModel):
 
 
 def filled(part: Any, words: str, units: Units) -> str:
-    """Return a text in which each name in braces is replaced by the field, part or property of that name."""
+    """Return a text in which each name in braces is replaced by the field, part or property of that name, and each name
+    with a key in brackets by an entry of it."""
 
     def stated(field: re.Match[str]) -> str:
-        value = getattr(part, field[1])
+        value = getattr(part, field[1])[field[2]] if field[2] else getattr(part, field[1])
         return value.in_words(units) if isinstance(value, Part | Hand | Hands) else text(value)
 
-    return re.sub(r"{(\w+)}", stated, words)
+    return re.sub(r"{(\w+)(?:\[(\w+)\])?}", stated, words)
 
 
 class Document(Part):

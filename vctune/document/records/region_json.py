@@ -71,13 +71,6 @@ class DesignPoint(Part):
         return self.gains, self.coupling
 
 
-class CheckedProblemRecord(Part):
-    """The problem in its present state."""
-
-    name: str
-    sha256: str
-
-
 class RegionDocument(Document):
     """A plane of gains and its cells, in SI units: the object of region.json."""
 
@@ -120,20 +113,6 @@ class RegionDocument(Document):
                 what = "of the plane" if name == "all" else f"of it as {name}, and areas.{name} says {stated:.6g}"
                 raise ValueError(f"the cells list {listed[name]:.6g} {what}" + ", not all" * (name == "all"))
         return self
-
-
-class RegionCheckRecord(Document):
-    """The result of checking a region again: the shares that are still proved, and the lost cells and gain sets."""
-
-    SCHEMA = "vctune/region-check/1"
-
-    problem: CheckedProblemRecord
-    status: Literal["kept", "lost", "undecided"]
-    axes: AxesRecord
-    areas: dict[str, float]
-    lost_cells: list[list[float]]
-    lost_designs: list[dict[str, float]]
-    warnings: list[str]
 
 
 def read_region(path: Path) -> RegionDocument:

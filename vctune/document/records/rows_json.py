@@ -1,12 +1,12 @@
-"""Define the output of a study: the lines of rows.jsonl, and the object of `vctune sweep`."""
+"""Define the lines of rows.jsonl, and how tables show their numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated
 
-from vctune.document.records.part import Document, Number, Pair, Part, how_shown
+from vctune.document.records.part import Document, Number, Part, how_shown
 from vctune.model.fields import Shown
+from vctune.model.numbers.keys import SYMBOLS
 
 
 class RowsHeader(Document):
@@ -64,12 +64,9 @@ SHOWN_COLUMNS = how_shown(NumbersRecord) | how_shown(FeltRecord) | how_shown(Row
 QUANTITY_OF_COLUMN = {name: shown.of for name, shown in SHOWN_COLUMNS.items()}
 # Column of each number of a design, by its key
 COLUMN_OF_KEY = {
-    "gains.velocity": "velocity_gain",
-    "gains.position": "position_gain",
-    "coupling.damping": "coupling_damping",
-    "coupling.mass": "coupling_mass",
-    "coupling.drag": "coupling_drag",
-    "coupling.stiffness": "coupling_stiffness",
+    key: f"{name}_gain" if table == "gains" else f"{table}_{name}"
+    for key in SYMBOLS
+    for table, _, name in [key.partition(".")]
 }
 
 
@@ -83,44 +80,3 @@ class RowRecord(RowYardstickRecord, FeltRecord, NumbersRecord):
     reason: str | None  # reason why the point has no design; None for a certified design
     seconds: float = 0.0  # elapsed time, s
     time_limit: float | None = None  # time limit that cut the work short, s
-
-
-# A row of a study's table: the axes by dotted key, `status`, `idle`, the numbers and `reason`
-Cells = dict[str, bool | float | str | None]
-
-
-class CornerRecord(Part):
-    """The smallest box over the axes that holds every point without a certified design."""
-
-    points: int  # number of these points
-    share: float  # their share of the points of the box
-    low: Mapping[str, Number]  # ends of the box, by the dotted key of the axis
-    high: Mapping[str, Number]
-    reason: str  # most frequent reason of these points
-
-
-class StudyYardstickRecord(Part):
-    """The yardstick of a study: the scale on which the errors of all points are measured, except for parts that an axis
-    states."""
-
-    band_hz: Pair  # edges of the transparency band, Hz
-    reference_impedance: float  # Z_0, N s/m or N m s/rad
-    norm: str  # norm of the error over frequency
-    weights: dict[str, float]  # weight of each error term
-    varied: list[str]  # keys of the yardstick that an axis states
-
-
-class SweepRecord(Document):
-    """The summary of a sweep."""
-
-    SCHEMA = "vctune/sweep/2"
-
-    study: str  # name of the study
-    points: int  # number of finished points
-    status: dict[str, int]  # number of points by their status
-    idle: int  # number of certified designs that render almost nothing
-    yardstick: StudyYardstickRecord  # scale of the errors
-    units: dict[str, str]  # units of axes and numbers, by key and column
-    best: Cells | None  # certified rows with the least and the greatest error; None without a certified design
-    worst: Cells | None
-    corner: CornerRecord | None  # box that holds every point without a design; None if there is no such point

@@ -8,7 +8,6 @@ from math import inf, pi, sqrt
 from typing import Any
 
 from vctune.document.schema.problem_schema import (
-    DeviceTable,
     ExperimentTable,
     OperatorTable,
     ProblemDocument,
@@ -19,7 +18,6 @@ from vctune.document.schema.problem_schema import (
     WorldsTable,
 )
 from vctune.model.device import Device
-from vctune.model.display import DISPLAYS
 from vctune.model.experiment import Experiment
 from vctune.model.hands import Hand, Hands, LeastOperator
 from vctune.model.loop.limits import lags
@@ -38,7 +36,6 @@ from vctune.model.problem import (
     Transparency,
     Uncertainty,
 )
-from vctune.model.transparency import Terms
 from vctune.model.worlds import EVERY_WORLD, World, Worlds
 
 
@@ -63,9 +60,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
     Z_0 = objective.reference_impedance or (
         _resistance_of_hands(hands, lag) if device.servo else device.mass * middle_omega
     )
-    own_objective = Transparency(
-        Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, Terms(**objective.weights.model_dump())
-    )
+    own_objective = Transparency(Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, objective.weights)
     transparency = _with_yardstick(yardstick, own_objective, objective)
     stability = _stability(document.stability, criterion, device, lag, transparency.band.min)
     problem = Problem(
@@ -168,24 +163,18 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
     return Stability(band, criterion=criterion, **stated)
 
 
-def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
-    """Return the device of a table, without its least operator and without the radii of a servo."""
-    stated = {key: part for key in PARTS if (part := getattr(table, key, None)) is not None}
+def device_of(table: Device | ServoDeviceTable) -> Device:
+    """Return the device of a table, without its least operator, the radii of a servo, and parts that are ideal."""
     if isinstance(table, ServoDeviceTable):
         # mass 1 and damping 0: the motion of a servo does not depend on them
-        return Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **_with_effect(stated))
-    velocity = stated.get("velocity", VelocityEstimate())
-    if DISPLAYS[table.display].differences:
-        stated["velocity"] = replace(velocity, source="difference")
-    own = {
-        name: getattr(table, name) for name in ("mass", "damping", "sample_time", "delay", "hold", "display", "units")
-    }
-    return Device(**own, **_with_effect(stated))
-
-
-def _with_effect(parts: dict[str, Any]) -> dict[str, Any]:
-    """Return the parts that are not ideal. The order of a low-pass that does not exist is 1."""
-    return {key: part for key, part in parts.items() if part != PARTS[key].ideal}
+        parts = {"servo": table.servo, "force_sensor": table.force_sensor}
+        device = Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **parts)  # type: ignore[arg-type]
+    elif table.kind.differences:
+        device = replace(table, velocity=replace(table.velocity or VelocityEstimate(), source="difference"))
+    else:
+        device = table
+    absent: dict[str, Any] = {key: None for key, of in PARTS.items() if getattr(device, key) == of.ideal}
+    return replace(device, **absent)
 
 
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:

@@ -7,12 +7,14 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model
 
 from vctune.document.schema.validation import schema_of
+from vctune.model.device import Device
 from vctune.model.display import DisplayName
 from vctune.model.experiment import Baseline, Environment, Friction, Operator, Sensors
 from vctune.model.fields import Edge, Flag, NotNegative, NotNegativeOrInf, Positive, Share, Text
 from vctune.model.gains import Coupling, Gains, SpringDamper
 from vctune.model.numbers.units import UnitSystem
-from vctune.model.parts import UNCERTAIN, Actuator, ForceSensor, Servo, Structure, VelocityEstimate
+from vctune.model.parts import UNCERTAIN, ForceSensor, Servo
+from vctune.model.transparency import Terms
 
 
 class Table(BaseModel):
@@ -30,42 +32,13 @@ class ServoDeviceTable(Table):
     force_sensor: ForceSensor | None = Field(None, description="Default: the force is sensed without delay.")
 
 
-class DeviceTable(Table):
-    """The mechanism: Z_d = mass s + damping."""
-
-    display: Literal["admittance", "impedance"] = Field(
-        "admittance",
-        description='Kind of display. "admittance": force in, velocity out. "impedance": motion in, force out.',
-    )
-    units: Literal["linear", "rotary"] = Field(
-        "linear",
-        description="Kind of motion of the handle. For a rotary device (a wheel, a knob, a joint), read kg m2, rad and "
-        "N m for every kg, m and N of this file. The mass is then the moment of inertia. The keys keep their names.",
-    )
-    mass: Positive = Field(description="Moving mass, kg.")
-    damping: NotNegative = Field(description="Viscous damping, N s/m.")
-    sample_time: Positive = Field(description="Sample time of the velocity loop, s.")
-    hold: Literal["zoh", "lag"] = Field(
-        "zoh", description="Hold: exact zero-order hold, or the paper's first-order lag 2/(2+sT)."
-    )
-    delay: NotNegative = Field(
-        0.0,
-        description="Delay between sampling and actuation, s, without the delay of the hold; at most 200 sample "
-        "times, uncertainty included.",
-    )
-    velocity: VelocityEstimate | None = Field(None, description="Default: measured without delay.")
-    actuator: Actuator | None = Field(None, description="Default: the force follows the command without lag.")
-    force_sensor: ForceSensor | None = Field(None, description="Default: the force is sensed without delay.")
-    structure: Structure | None = Field(None, description="Default: rigid.")
-
-
 def _device_form(value: Any) -> str:
     servo = "servo" in value if isinstance(value, dict) else isinstance(value, ServoDeviceTable)
     return "<servo>" if servo else "<mechanism>"
 
 
 AnyDeviceTable = Annotated[
-    Annotated[DeviceTable, Tag("<mechanism>")] | Annotated[ServoDeviceTable, Tag("<servo>")],
+    Annotated[Device, Tag("<mechanism>")] | Annotated[ServoDeviceTable, Tag("<servo>")],
     Discriminator(_device_form),
 ]
 
@@ -261,16 +234,6 @@ class CouplingTable(Table):
     )
 
 
-class WeightsTable(Table):
-    """Weights of the three terms of the error; a weight of 0 removes the term."""
-
-    admittance: NotNegative = Field(
-        1.0, description="Weight of Z_0 |G_hh|, or of |1/G_hh|/Z_0 for an impedance display."
-    )
-    tracking: NotNegative = Field(1.0, description="Weight of |1 - G_he|, or of |1 - A H/N| for an impedance display.")
-    coupling: NotNegative = Field(1.0, description="Weight of |Z_c|/Z_0, or of Z_0 |1/Z_c| for an impedance display.")
-
-
 class TransparencyTable(Table):
     """The objective: the distance from G_hh = 0, G_he = 1, Z_c = 0 over a band."""
 
@@ -287,7 +250,7 @@ class TransparencyTable(Table):
     norm: Literal["rms", "peak"] = Field(
         "rms", description="Norm of the error: root mean square over log frequency, or the greatest value."
     )
-    weights: WeightsTable = Field(default_factory=WeightsTable)
+    weights: Terms = Field(default_factory=Terms)
 
 
 class StabilityTable(Table):

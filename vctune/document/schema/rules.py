@@ -11,7 +11,7 @@ from typing import Any
 from vctune.document.schema.number_units import unit_of, units_stated
 from vctune.document.schema.validation import Contradiction
 from vctune.document.text.hints import in_finer_unit
-from vctune.document.text.raw import number_at
+from vctune.document.text.toml import number_at
 from vctune.model.experiment import Environment, Friction, Operator
 from vctune.model.fields import keys_of_table
 from vctune.model.hands import HAND

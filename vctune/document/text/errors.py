@@ -51,21 +51,7 @@ class InputError(ValueError):
 
     @classmethod
     def of(cls, source: str, code: Code, message: str, *, key: str = "", line: int | None = None) -> InputError:
-        """Return the error with a single mistake.
-
-        Parameters
-        ----------
-        source : str
-            Path of the file, or another source of the fault.
-        code : Code
-            Code of the mistake.
-        message : str
-            The fault, its amount, and what to do.
-        key : str
-            Dotted key; empty if no key is at fault.
-        line : int, optional
-            Line of the file, from 1; None without a line.
-        """
+        """Return the error with a single mistake: the fault, its amount, and what to do."""
         return InputError(source, [Mistake(code, key, message, line)])
 
     def __str__(self) -> str:

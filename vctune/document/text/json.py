@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
+from pydantic_core import to_jsonable_python
 
 from vctune.document.records.part import Document
 from vctune.document.schema.validation import MAX_MISTAKES, dotted, untagged
@@ -44,6 +45,12 @@ def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy:
         faults = error.errors(include_url=False)[:MAX_MISTAKES]
         mistakes = [Mistake("damaged-document", dotted(untagged(fault["loc"])), fault["msg"]) for fault in faults]
         raise InputError(source, [*mistakes, Mistake("damaged-document", "", f"is damaged; {remedy}")]) from None
+
+
+def printed(kind: str, **fields: Any) -> dict[str, Any]:
+    """Return the object that a command only prints. Every number in it is finite or null."""
+    found: dict[str, Any] = to_jsonable_python({"schema": f"vctune/{kind}/1", **fields}, inf_nan_mode="null")
+    return found
 
 
 def _finite(text: str) -> float:

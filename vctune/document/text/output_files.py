@@ -7,6 +7,7 @@ import os
 import re
 import tempfile
 from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 
 from vctune.document.text.errors import InputError, is_plain
@@ -80,3 +81,10 @@ def _umask() -> int:
 
 def _unwritable(path: Path, error: OSError) -> InputError:
     return InputError.of(str(path), "cannot-write", f"cannot be written: {error.strerror}; choose another folder")
+
+
+def today() -> str:
+    """Return the day in UTC, such as 2026-01-31."""
+    stated = os.environ.get("SOURCE_DATE_EPOCH", "")
+    now = datetime.fromtimestamp(int(stated), UTC) if stated.isdigit() else datetime.now(UTC)
+    return now.date().isoformat()

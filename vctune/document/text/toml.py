@@ -1,12 +1,14 @@
-"""Read TOML with line numbers. tomllib parses the text; parsing the first lines alone finds the line of a key."""
+"""Read TOML, find its lines, get and set numbers of its tables, and write it."""
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 import tomllib
-from collections.abc import Sequence
-from itertools import chain
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -119,3 +121,70 @@ class Lines:
         middle = (without + having) // 2
         outwards = chain(range(middle, having), range(middle - 1, without, -1))
         return next((n for n in outwards if n > without and self._beginning(n) is not None), None)
+
+
+def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
+    """Return the number at a path; None if there is none, or if its magnitude is 1e300 or more, as for inf."""
+    node: Any = raw
+    for step in path:
+        try:
+            node = node[step]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return float(node) if isinstance(node, int | float) and not isinstance(node, bool) and abs(node) < 1e300 else None
+
+
+def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
+    """Return a copy of a document with numbers set at their paths. The function creates missing tables and pairs."""
+    copy = deepcopy(document)
+    for path, number in numbers:
+        node: Any = copy
+        for step, inner in pairwise(path):
+            if isinstance(node, dict) and not isinstance(node.get(step), dict | list):
+                node[step] = [None, None] if isinstance(inner, int) else {}
+            node = node[step]
+        node[path[-1]] = number
+    return copy
+
+
+def toml_text(document: Mapping[str, Any]) -> str:
+    """Return the TOML text of a document."""
+    plain = {key: value for key, value in document.items() if not _headed(value)}
+    blocks = ["\n".join(_entries(plain))] if plain else []
+    for key, value in document.items():
+        if isinstance(value, Mapping):
+            blocks.append("\n".join([f"[{_key(key)}]", *_entries(value)]))
+        elif _headed(value):
+            blocks += ["\n".join([f"[[{_key(key)}]]", *_entries(table)]) for table in value]
+    return "\n\n".join(blocks) + "\n"
+
+
+def quoted(text: str) -> str:
+    """Return a TOML basic string. JSON's escapes are valid in TOML. TOML must also escape DEL."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _headed(value: Any) -> bool:
+    """Return whether TOML writes a value under headings, because it is a table or a list of tables."""
+    tables = isinstance(value, list | tuple) and len(value) > 0 and all(isinstance(item, Mapping) for item in value)
+    return isinstance(value, Mapping) or tables
+
+
+def _entries(table: Mapping[str, Any]) -> Iterator[str]:
+    return (f"{_key(key)} = {_value(value)}" for key, value in table.items())
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else quoted(key)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        return quoted(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(_entries(value))} }}" if value else "{}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    return repr(value)

@@ -1,9 +1,9 @@
-"""Define the record of the drag that a servo's latency requires."""
+"""Define the records of what the hand feels of a design, and of the drag that a servo's latency requires."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import floor, isclose, log10
+from math import isclose
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -13,9 +13,45 @@ from vctune.model.fields import Shown
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import Units
 
-ROUND = (5.0, 2.0, 1.0)  # Leading digits of the round latency that an example subtracts
+GRAMS = 0.1  # Mass below which a mass is told in grams, kg
+RENDERED = 0.1  # Greatest difference of the felt stiffness of a rendered wall from the wall's own, relative
 
-SENSOR = "device.force_sensor"  # Start of the keys of the parts that do not delay the firmware's own spring
+
+class InHandRecord(Part):
+    """What the hand feels, by the frequency model in double precision; null for what does not exist."""
+
+    limp: bool = False  # whether K_p holds no static force: its spring is nothing in the transparency band
+    mass_1hz: Number = None  # of free motion: with the design, and of the bare device
+    damping_1hz: Number = None
+    bare_mass_1hz: Number = None
+    felt_wall_10hz: Number = None  # stiffness that is felt of the stiffest wall, and its own
+    wall: Number = None
+    count: Number = None  # force of one count of the encoder, N
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield free motion, the stiffest wall and the force of a count."""
+        if self.mass_1hz is not None and self.damping_1hz is not None:
+            value, unit = _weighed(self.mass_1hz, units)
+            felt, bare = f"{unit} and {_short(self.damping_1hz)} {units.damping} at 1 Hz", self.bare_mass_1hz
+            felt += "" if bare is None else f"; the bare device {' '.join(_weighed(bare, units))}"
+            yield Row("feels like", value, felt)
+        if self.felt_wall_10hz is not None and self.wall is not None:
+            rendered = abs(self.felt_wall_10hz - self.wall) <= RENDERED * self.wall
+            verdict = f"{'rendered' if rendered else 'stable, but not rendered'} to {100 * RENDERED:g} %"
+            stated = f"{units.stiffness} of the wall of {text(self.wall)} {units.stiffness} at 10 Hz: {verdict}"
+            yield Row("stiffest wall felt", text(self.felt_wall_10hz, 4), stated)
+        if self.count is not None:
+            yield Row("count of the encoder", text(self.count, 3), f"{units.force} without filters, in its sample")
+
+
+def _weighed(mass: float, units: Units) -> tuple[str, str]:
+    """Return a mass and its unit, which is g for a light one."""
+    light = units.mass == "kg" and abs(mass) < GRAMS
+    return _short(1e3 * mass if light else mass), "g" if light else units.mass
+
+
+def _short(value: float) -> str:
+    return f"{float(text(value, 2)):g}"
 
 
 class LatencyPartRecord(Part):
@@ -47,10 +83,6 @@ class ContactRecord(Part):
         details = self._details(units)
         for name, row in zip(how_shown(type(self)), super().rows(units), strict=True):
             yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{details[name]}")
-            if name == "rest_drag" and (example := self.example()) is not None:
-                less, drag = example
-                where = " outside the force sensor" if self.own_spring else ""
-                yield Row("with less latency", text(drag), f"{units.damping} if {1e3 * less:g} ms are saved{where}")
 
     def _details(self, units: Units) -> dict[str, str]:
         """Return the text beside the number of each row, by the name of its field."""
@@ -76,15 +108,3 @@ class ContactRecord(Part):
             return rule
         less = self.rest_drag < of_springs
         return f"{rule} {'less the damping of every hand' if less else 'and the part of unmodelled dynamics'}"
-
-    def example(self) -> tuple[float, float] | None:
-        """Return a round share of the latency, s, and the drag at rest without this share, N s/m."""
-        if self.rest_drag == 0:
-            return None
-        moved = self.latency_s
-        if self.own_spring:
-            moved = sum(part.latency_s for part in self.parts if not part.key.startswith(SENSOR))
-        most, per_second = moved / 4, self.safety_factor * self.stiffness + self.own_spring / moved
-        unit = 10.0 ** floor(log10(most))
-        less = next(digit for digit in ROUND if digit * unit <= most * (1 + 1e-9)) * unit
-        return less, max(self.rest_drag - per_second * less, 0.0)
