@@ -177,6 +177,7 @@ def hardest_near(
         groups=[*np.zeros(free.size, int), 1],
         owners=owners,
         enough=1.0,
+        smooth=met is None,  # one of several margins must be positive, and the maximum of the margins has kinks
     )
     roots = starting.copy()
     roots[free] = climb[:-1]
