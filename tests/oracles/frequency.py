@@ -8,6 +8,7 @@ With 50 digits every formula is used as it stands. Nothing of vctune is imported
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -97,6 +98,8 @@ def demanded(tables: Tables, gains: tuple[float, float], s: Any, num: Arithmetic
             excess = np.where(q.real > 0, q.imag**2 / (abs(q) + abs(q.real)), abs(q) - q.real)
     else:
         excess = abs(q) - q.real
+    if num is not DOUBLES and resistance == 0:
+        return Demanded(inf, resistance, D, G_hh, G_he, q)
     required = excess / (2 * resistance) - (F_s * Z_h * G_he / A_h).real
     return Demanded(required, resistance, D, G_hh, G_he, q)
 

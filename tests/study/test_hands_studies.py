@@ -309,7 +309,7 @@ def test_where_any_damping_would_do_a_little_is_proposed():
     file = replace(read_problem(FOLDER / f"{NAMES[0]}.toml"), problem=posed(text), text=text)
     repairs = {repair.key: repair for repair in vctune.solve(file).repairs}
     assert {"operator.damping.min", "operator.stiffness.min", "coupling.drag"} <= set(repairs)
-    assert 0 < repairs["operator.damping.min"].new < 1e-2
+    assert 0 < repairs["operator.damping.min"].new <= 0.01 * 30  # of the greatest damping
 
 
 def test_no_demand_of_passive_hands_makes_a_problem_in_hands_impossible():
