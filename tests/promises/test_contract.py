@@ -119,6 +119,34 @@ def damaged(document):
     yield {key: value for key, value in document.items() if key != first}
 
 
+def later(part):
+    """Return a part of a document as another version may write it, with one more key in each of its objects."""
+    if isinstance(part, list):
+        return [later(each) for each in part]
+    if not isinstance(part, dict):
+        return part
+    return {key: each if key == "box" else later(each) for key, each in part.items()} | {"of another version": 1.0}
+
+
+@pytest.mark.parametrize(
+    "words, file, use",
+    [
+        ("solve hands.toml", "results/hands/design.json", "export {}"),
+        ("solve hands.toml", "results/hands/design.json", "compare {} hands.toml"),
+        ("region free.toml --y coupling.damping --resolution 0.125", "results/free/region.json", "check free.toml {}"),
+    ],
+)
+def test_files_of_another_version_with_more_keys_are_read(folder, words, file, use):
+    (folder / "hands.toml").write_text(DEVICE)
+    assert run(*words.split(), cwd=folder).returncode == ExitCode.OK
+    written = strict((folder / file).read_text())
+    more = {key: later(written[key]) for key in ("gains", "coupling", "certificate", "designs") if key in written}
+    assert "of another version" in json.dumps(more.get("gains") or more["designs"])
+    (folder / "more.json").write_text(json.dumps(written | more | {"of another version": 1.0}))
+    done = run(*use.format("more.json").split(), cwd=folder)
+    assert done.returncode == ExitCode.OK, done.stdout + done.stderr
+
+
 def test_files_are_as_their_schemas_say(folder):
     run("sweep", "study.toml", "--executor", "serial", cwd=folder)
     lines = [strict(line) for line in (folder / "results/study/rows.jsonl").read_text().splitlines()]

@@ -54,7 +54,6 @@ Share = Annotated[Any, _number(ge=0, lt=1), AfterValidator(_zero_or_sizeable)]
 Portion = Annotated[Any, _number(ge=LEAST, le=1)]
 Real = Annotated[Any, _number()]
 Edge = Annotated[Any, _number(ge=0), AfterValidator(_zero_or_sizeable)]
-PositiveOrInf = Annotated[Any, _number(ge=LEAST), AfterValidator(_most_or_inf)]
 NotNegativeOrInf = Annotated[Any, _number(ge=0), AfterValidator(_zero_or_sizeable), AfterValidator(_most_or_inf)]
 # Gains and coupling of a device within these limits: masses over squared times, and small shares of either
 Found = Annotated[Any, _number(ge=0, le=MOST**3)]

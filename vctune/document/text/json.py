@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Sequence
+from copy import deepcopy
 from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,6 +17,7 @@ from vctune.document.schema.validation import MAX_MISTAKES, dotted, untagged
 from vctune.document.text.errors import InputError, Mistake
 
 Record = TypeVar("Record", bound=Document)
+UNKNOWN = "unexpected_keyword_argument"  # pydantic's name of the fault that a dataclass has no such field
 
 
 def read_json(path: Path, kind: str, max_bytes: int) -> Any:
@@ -42,9 +45,23 @@ def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy:
     try:
         return part.model_validate(value)
     except ValidationError as error:
+        unknown = [untagged(each["loc"]) for each in error.errors(include_url=False) if each["type"] == UNKNOWN]
+        if unknown:  # of gains or a hand, which are tables of a file as well; other versions may have written more
+            return as_record(_without(value, unknown), part, source, kind=kind, remedy=remedy)
         faults = error.errors(include_url=False)[:MAX_MISTAKES]
         mistakes = [Mistake("damaged-document", dotted(untagged(fault["loc"])), fault["msg"]) for fault in faults]
         raise InputError(source, [*mistakes, Mistake("damaged-document", "", f"is damaged; {remedy}")]) from None
+
+
+def _without(value: dict[str, Any], places: Iterable[Sequence[str | int]]) -> dict[str, Any]:
+    """Return the object of a JSON file without some keys."""
+    left = deepcopy(value)
+    for *path, key in places:
+        at: Any = left
+        for step in path:
+            at = at[step]
+        del at[key]
+    return left
 
 
 def printed(kind: str, **fields: Any) -> dict[str, Any]:
