@@ -125,4 +125,5 @@ def read_region(path: Path) -> RegionDocument:
         str(path),
         kind=f"{KIND}; the gains of a design.json are in the gains.toml beside it",
         remedy=remedy,
+        by_hand=True,
     )

@@ -38,15 +38,16 @@ def read_json(path: Path, kind: str, max_bytes: int) -> Any:
         raise InputError.of(str(path), "not-json", f"is not JSON: {error}") from None
 
 
-def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy: str) -> Record:
-    """Return the record that the object of a JSON file states."""
+def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy: str, by_hand: bool = False) -> Record:
+    """Return the record that the object of a JSON file states. In a file that users also write by hand, an unknown key
+    of gains may be a slip and is refused; in another file it is another version's."""
     if not isinstance(value, dict) or value.get("schema") != part.SCHEMA:
         raise InputError.of(source, "other-document", f"is not {part.SCHEMA}; name {kind}", key="schema")
     try:
         return part.model_validate(value)
     except ValidationError as error:
         unknown = [untagged(each["loc"]) for each in error.errors(include_url=False) if each["type"] == UNKNOWN]
-        if unknown:  # of gains or a hand, which are tables of a file as well; other versions may have written more
+        if unknown and not by_hand:  # of gains or a hand, which are tables of a file as well
             return as_record(_without(value, unknown), part, source, kind=kind, remedy=remedy)
         faults = error.errors(include_url=False)[:MAX_MISTAKES]
         mistakes = [Mistake("damaged-document", dotted(untagged(fault["loc"])), fault["msg"]) for fault in faults]
