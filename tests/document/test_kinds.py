@@ -154,3 +154,11 @@ def test_a_region_of_another_kind_is_refused(files, of, on):
     done = run("check", f"{on}.toml", "--region", "region.json", cwd=files)
     assert done.returncode == ExitCode.BAD_INPUT
     assert "[other-kind]" in done.stdout and "the region is for" in done.stdout
+
+
+def test_a_table_that_is_missing_is_named_in_one_line(tmp_path):
+    (tmp_path / "gains.toml").write_text("[gains]\nvelocity = 1.0\nposition = 0.0\n")
+    with pytest.raises(InputError) as caught:
+        read_gains(tmp_path / "gains.toml")
+    (line,) = str(caught.value).splitlines()
+    assert "coupling: is missing" in line and "\\x0a" not in line

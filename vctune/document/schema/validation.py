@@ -228,5 +228,6 @@ def _meaning(schema: Schema, path: KeyPath) -> str:
         return "both min and max are needed"
     entry = _at(schema, path) or {}
     text = entry.get("description") or next((form.get("description", "") for form in _forms(schema, entry)), "")
+    text = " ".join(text.partition("\n\n")[0].split())
     required = any(key in form.get("required", ()) for form in _forms(schema, table))
     return f"it is required: {text}" if required else text
