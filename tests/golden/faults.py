@@ -93,7 +93,8 @@ FAULTS = {
         "- 0.25 * radius * radius * loop.abs2()"),
     "a refuted check exits with 0": (
         "exit_codes.py", "FAILED = 1", "FAILED = 0"),
-    "a torn row of a sweep stays": ("study/rows.py", "    os.ftruncate(handle, end)\n", ""),
+    "a torn row of a sweep stays": (
+        "study/rows.py", "    os.ftruncate(handle, os.fstat(handle).st_size - len(torn))\n", ""),
     "the exported velocity gain is rounded": (
         "firmware/c_text.py", 'repr(number) if precision == "double"', '"%.6g" % number if precision == "double"'),
     "a repair that was not proved is listed": (
