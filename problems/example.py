@@ -23,7 +23,7 @@ solved = solve(wheel)
 best = solved.judgement
 if best is None:
     raise SystemExit(f"no design: {solved.reason}")
-print(f"{solved.status}: error {best.error:.4f}, proved on {best.certificate.proved_band_hz} Hz")
+print(f"{solved.status}: error {best.error:.4f}, {best.certificate.verdict} with {best.certificate.boxes} boxes")
 print(f"K_v = {best.gains.velocity:.5g} N s/m, K_p = {best.gains.position:.5g} N/m")
 
 # Would the same gains do on a device that is half as heavy again?

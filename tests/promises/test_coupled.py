@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass, replace
-from math import pi
 
 import numpy as np
 import pytest
@@ -48,8 +47,7 @@ def certified(name: str) -> Certified:
     design = read_gains(ROOT / f"tests/gains/{name}.toml")
     judgement = judge(problem, design.gains, design.coupling)
     assert judgement.status is Status.CERTIFIED
-    low, high = judgement.certificate.proved_band
-    return Certified(problem, design.gains, design.coupling, (low / (2 * pi), high / (2 * pi)))
+    return Certified(problem, design.gains, design.coupling, problem.stability.band.hz)
 
 
 def passive(rng: np.random.Generator) -> tuple[Operator, Environment]:

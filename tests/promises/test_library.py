@@ -194,15 +194,11 @@ def test_a_violated_design_is_checked_with_its_repairs():
 
 
 def test_frequencies_are_hertz_where_they_say_so(wheel, solved):
-    best, certificate = solved.judgement, solved.judgement.certificate
+    best = solved.judgement
     assert 2 * pi * best.worst_hz == pytest.approx(best.worst, rel=1e-11)
     assert 2 * pi * best.worst_sensitivity_hz == pytest.approx(best.worst_sensitivity, rel=1e-11)
-    low, high = certificate.proved_band_hz
-    assert 2 * pi * low == pytest.approx(certificate.proved_band[0], rel=1e-8)
-    assert 2 * pi * high == pytest.approx(certificate.proved_band[1], rel=1e-8)
-    band = wheel.problem.stability.band
-    assert low <= band.hz[0] and high >= band.hz[1]
-    assert [low, high] == vctune.design_record(wheel, solved)["certificate"]["proved_band_hz"]
+    band = vctune.design_record(wheel, solved)["certificate"]["band_hz"]
+    assert band == list(wheel.problem.stability.band.hz)
 
 
 @pytest.mark.slow
@@ -271,7 +267,7 @@ def test_the_example_script():
         [sys.executable, ROOT / "problems/example.py"], capture_output=True, text=True, check=True, timeout=60
     )
     lines = done.stdout.splitlines()
-    assert lines[0].startswith("certified: error") and lines[0].endswith("Hz")
+    assert lines[0].startswith("certified: error") and lines[0].endswith("boxes")
     assert sum(line.startswith("damping ") for line in lines) == 5
     assert lines[-1] == "refused: Device: mass: -0.4 is too small: must be at least 1e-20 [out-of-range]"
     assert done.stderr == ""

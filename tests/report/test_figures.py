@@ -78,7 +78,6 @@ DESCRIBED = {
     r"least: ": "The ratio is least",
     r"R (in|without|of) ": "Thin lines show R",
     r"requested band": "on the shaded band",
-    r"proved band": "between the green lines",
     r"free$|[\d.e+]+ N": "each line with marks",
     r"rigid": "between free and rigid",
     r"ideal": "the thin line of its ideal",

@@ -14,7 +14,7 @@ from vctune.analysis.sampled_loop import loop_gain, sensitivity_of
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, series_coupling
 from vctune.model.loop.device_response import device_response
-from vctune.model.loop.llewellyn import llewellyn_demand, rollett_factor
+from vctune.model.loop.llewellyn import llewellyn_demand
 from vctune.model.loop.loop import LoopResponse, loop_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
@@ -63,15 +63,6 @@ def _ratio(loop: LoopResponse, coupling: AnyCoupling, omega: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = 2 * loop.resistance * coupling_impedance(series_coupling(coupling), omega).re / needed
     return ratio if loop.operator_relief is None else np.where(needed > 0, ratio, inf)
-
-
-def rollett_factor_at(device: Device, gains: Gains, coupling: AnyCoupling, omega: float) -> float:
-    """Return Rollett's K at a frequency omega > 0; inf without a loop."""
-    at = np.array([omega])
-    with np.errstate(divide="ignore"):
-        return float(
-            rollett_factor(response(device, gains, at), coupling_impedance(series_coupling(coupling), at), FLOATS)[0]
-        )
 
 
 def sampled_span(problem: Problem) -> tuple[float, float]:

@@ -191,7 +191,7 @@ def _values(title: str, key: str, sides: Sides, parts: list[Any]) -> Iterator[Re
         of_quantity = " or ".join(dict.fromkeys(units.of(shown.of) for _, units in having))
         # a unit with a field's name in braces is a phrase about one design
         unit = "Hz" if field.endswith("_hz") else of_quantity or ("" if "{" in shown.unit else shown.unit)
-        if not shown.detail and values != [None, None]:
+        if values != [None, None]:
             said = {"group": title, "key": f"{key}.{field}", "label": " or ".join(labels), "unit": unit}
             yield {**said, "digits": shown.digits, "a": values[0], "b": values[1]}
     inner = [name for part, _ in there if isinstance(part, Part) for name, value in part if isinstance(value, Part)]

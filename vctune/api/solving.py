@@ -154,10 +154,7 @@ def rows_of(record: DesignRecord) -> Rows:
     name = printable(record.problem.name)
     yield (name, "bold"), ": ", (f"{record.status}{idle}", f"bold {colour}"), limp
     yield from ((line,) for line in (record.promise, record.reason) if line)
-    groups = {
-        group: [(group, row.label, row.value, row.unit) for row in rows if not row.detail]
-        for group, rows in record.groups().items()
-    }
+    groups = {group: [(group, *row) for row in rows] for group, rows in record.groups().items()}
     first = [row for group in ("gains", "coupling") for row in groups.pop(group, [])]
     limits = [("limited by", "", "", line) for line in record.limits]
     if record.gains is not None:

@@ -106,7 +106,6 @@ class Shown:
     digits: int = 5  # number of significant digits
     scale: float = 1.0  # factor from the stored number to the displayed one
     optional: bool = False  # whether to omit the row if the number does not exist
-    detail: bool = False  # whether only the report shows it, because it is too long for a terminal
     of: str = ""  # quantity (`vctune.model.numbers.units`) whose unit follows the number instead of `unit`
 
 

@@ -7,12 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
-from math import inf, pi
 
 from flint import ctx
 
 from vctune.model.device import Device
-from vctune.model.numbers.units import hertz
 from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
 from vctune.proof.claims.delays import beside_whole_sample
@@ -23,14 +21,12 @@ from vctune.proof.claims.loop_claims import (
     prove_sampled_poles,
     prove_sensitivity,
     prove_unmodelled,
-    widest_band,
 )
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.arb_balls import PRECISION
 from vctune.proof.outcome import Outcome, Verdict, worst_verdict
-from vctune.proof.proved_band import edge_in_hertz
 from vctune.running import OutOfTimeError, check_time, report_progress, reporting_progress
 
 STABILITY = claims_about("poles", "unmodelled")  # Identifiers of the claims that the loop is stable
@@ -91,42 +87,6 @@ class Certificate:
         if all(self.outcomes[claim].verdict is Verdict.PROVED for claim in RATIOS if claim in self.outcomes):
             return self.demands.factor
         return 1.0 if self.without_factor and self.without_factor.verdict is Verdict.PROVED else None
-
-    @property
-    def proved_band(self) -> tuple[float, float] | None:
-        """The widest band around the required band on which a ratio >= 1 is proved, rad/s; None if `passive` is not
-        proved.
-
-        The prover computes the band when a caller first reads this property.
-        """
-        bands = [self._own_band, *(each.proved_band for each in self.beside)]
-        known = [band for band in bands if band is not None]
-        return (max(low for low, _ in known), min(high for _, high in known)) if len(known) == len(bands) else None
-
-    @property
-    def _own_band(self) -> tuple[float, float] | None:
-        conditions = self.without_factor or self.outcomes.get("passive")
-        if conditions is None or conditions.verdict is not Verdict.PROVED:
-            return None
-        try:
-            with ctx.workprec(PRECISION):
-                return widest_band(self.design, self.demands, self.box)
-        except OutOfTimeError:
-            return self.demands.band
-
-    @property
-    def proved_band_hz(self) -> tuple[float, float] | None:
-        """The proved band, Hz; None if `passive` is not proved.
-
-        Edges outside the required band have few digits, rounded towards that band.
-        """
-        proved, (low, high) = self.proved_band, self.demands.band
-        if proved is None:
-            return None
-        nyquist = pi / self.design.device.sample_time
-        at_least, at_most = proved[0] in (0.0, low), proved[1] in (inf, high, nyquist)
-        least = hertz(proved[0]) if at_least else min(edge_in_hertz(proved[0], upper=False), hertz(low))
-        return least, hertz(proved[1]) if at_most else max(edge_in_hertz(proved[1], upper=True), hertz(high))
 
 
 # Greatest product of the multiplier's corner, rad/s, and T; above 2 the multiplier's coefficient a is negative

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf, pi
+from math import inf
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -16,7 +16,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Band, Problem
 from vctune.report.curves import Required, requirements
 from vctune.report.panels import draw_error, draw_impedance, draw_nyquist, draw_ratio, draw_required
-from vctune.report.style import BLUE, GREEN, GREY, RED, STYLE, WIDTH, canvas, decades, legend_above, shade, stamp
+from vctune.report.style import BLUE, GREY, RED, STYLE, WIDTH, canvas, decades, legend_above, shade, stamp
 from vctune.report.tables import margins_in_words, peak_in_words
 from vctune.report.typography import in_place, quantity, words
 
@@ -80,21 +80,18 @@ def _requirement(design: _Design, drawn: Required) -> Shown:
     if drawn.claim == "passive" and (proof.hands is None or proof.hands.min_ratio != proof.min_ratio):
         drawn = replace(drawn, least=proof.min_ratio, least_hz=proof.worst_hz)
     columns = 1 if hands else 2  # hands in words are long
-    rows = -(-(2 + (drawn.band is not None) + bool(proof.proved_band_hz) + len(drawn.others)) // columns)
+    rows = -(-(2 + (drawn.band is not None) + len(drawn.others)) // columns)
     figure = canvas(WIDTH, 4.4 + 0.17 * rows, left=0.78, top=0.1 + 0.17 * rows, gaps=(0.0, 0.55))
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
     draw_required(upper, *design.taken, drawn)
     draw_ratio(lower, *design.taken, drawn)
     upper.set_xlabel("")
-    edges = [edge for edge in proof.proved_band_hz or [] if edge] if drawn.claim == "passive" else []
     for axes in (upper, lower):
-        for number, edge in enumerate(edges):
-            axes.axvline(edge, color=GREEN, linewidth=1, linestyle="--", label="_" if number else "proved band")
         legend_above(axes, columns if axes is upper else 2)
     title = f"Coupling against the requirement of {'the worst hand' if hands else 'any passive hand'}"
     where = f", in the hand of {drawn.where}" if drawn.where else ""
     finding = "" if drawn.least is None else f"The ratio is least {in_place(drawn.least, drawn.least_hz)}{where}."
-    reading = words("requirement", drawn, design.problem, edges)
+    reading = words("requirement", drawn, design.problem, design.record.status == "certified")
     return Shown(NAMES[drawn.claim], title, finding, reading, figure)
 
 
@@ -106,9 +103,8 @@ def _impedance(design: _Design) -> Shown:
     draw_impedance(axes, *design.taken)
     certified, band = design.record.status == "certified", Band(0.0, inf)
     if certified:
-        if proof.proved_band_hz is not None and proof.hands is None and proof.any_hand is None:
-            low, high = proof.proved_band_hz
-            band = Band(2 * pi * (low or 0.0), inf if high is None else 2 * pi * high)
+        if proof.hands is None and proof.any_hand is None:
+            band = problem.stability.band
         shade(axes, band, GREY, "proved stable")
     else:
         shade(axes, problem.stability.band if problem.passive else band, RED, "required, not proved", "//")

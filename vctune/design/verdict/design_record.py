@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, replace
-from math import degrees, inf, log10, pi
+from dataclasses import asdict
+from math import degrees, log10, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vctune.analysis.demands import rollett_factor_at, transparency_error
+from vctune.analysis.demands import transparency_error
 from vctune.analysis.feel import feel
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.analysis.sampled_loop import spectral_radius
@@ -21,7 +21,7 @@ from vctune.design.search.rounding import near
 from vctune.design.variables import keys_for, point, ranges
 from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.in_hand_record import in_hand_record
-from vctune.design.verdict.judge import Judgement, Margin, judge
+from vctune.design.verdict.judge import Judgement, Margin
 from vctune.design.verdict.nlp_record import active, device_record, solver_record
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import ProblemFile
@@ -34,7 +34,6 @@ from vctune.document.records.certificate_json import (
     NyquistRecord,
     WallsRecord,
     WholeSampleRecord,
-    WithoutOperatorRecord,
     WorldRecord,
 )
 from vctune.document.records.design_json import (
@@ -55,13 +54,12 @@ from vctune.model.problem import Problem
 from vctune.proof.claims.delays import delay_in_samples
 from vctune.proof.claims.registry import CLAIMS, IN_HANDS, claims_about
 from vctune.proof.outcome import Outcome, Verdict, worst_verdict
-from vctune.running import out_of_time, unlimited
+from vctune.running import unlimited
 from vctune.version import versions
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
 
-PROVED_BAND = "the proof of a wider band"  # Name of a stage that a time limit may cut short
 SHOWN = 200  # Greatest number of rounds of an exchange, and of states of a search of boxes, that a record keeps
 
 
@@ -92,12 +90,9 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
     touched, warned = list[tuple[str, str]](), list[Note]()
     if judgement is not None:
-        proved = _proved(problem, judgement)
-        if out_of_time() and (problem.passive or problem.device.operator is not None):
-            solved = replace(solved, cut=(*solved.cut, PROVED_BAND))
         parts |= {"contact": contact_record(problem, judgement), "felt": in_hand_record(problem, judgement)}
         with unlimited():
-            parts |= _judged(problem, judgement, proved)
+            parts |= _judged(problem, judgement)
             touched, warned = _touched(problem, judgement), warnings(problem, judgement)
     also = {
         "date": date,
@@ -156,7 +151,7 @@ def _warned(problem: Problem, judgement: Judgement) -> Iterator[tuple[Any, str]]
                 yield (
                     "warn-band-edge",
                     f"the {side} edge of the stability band, {edge / (2 * pi):.4g} Hz, limits the design: "
-                    "outside the proved band a passive hand or environment can make it oscillate",
+                    "outside the band a passive hand or environment can make it oscillate",
                 )
     if judgement.idle:
         yield (
@@ -166,23 +161,9 @@ def _warned(problem: Problem, judgement: Judgement) -> Iterator[tuple[Any, str]]
         )
 
 
-def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
-    """Return the parts of the certificate that need additional proofs. The time limit may leave some out."""
-    band = judgement.certificate.proved_band_hz
-    found: dict[str, Any] = {"proved_band_hz": list(band) if band else None}
-    if problem.device.operator is not None:
-        bare = judge(replace(problem, device=problem.device.bare), judgement.gains, judgement.coupling)
-        verdict, worst = bare.certificate.verdict, finite_hertz(bare.worst)
-        found["without_operator"] = WithoutOperatorRecord(
-            verdict=verdict.value, min_ratio=bare.min_ratio, worst_hz=worst
-        )
-    return found
-
-
-def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> dict[str, Any]:
+def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
     worst, band, display = judgement.worst, problem.stability.band, _display(problem)
-    somewhere = problem.passive and 0 < worst < inf
     in_any, outcomes = judgement.in_any_hand, certificate.outcomes
     any_hand = AnyHandRecord(**_claimed(problem, outcomes["any_hand"], in_any)) if in_any else None
     also = {"hands": _in_hands(problem, judgement), "any_hand": any_hand, "whole_sample": _beside(problem, judgement)}
@@ -196,10 +177,8 @@ def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> d
             proved_ratio=certificate.proved_ratio,
             min_ratio=judgement.min_ratio,
             worst_hz=finite_hertz(worst),
-            rollett_k=rollett_factor_at(judgement.tightest, gains, coupling, worst) if somewhere else None,
             boxes=certificate.boxes,
             claims=claim_records(problem, judgement),
-            **proved,
             **_present(also),
             **display,
         ),

@@ -73,14 +73,6 @@ class ClaimRecord(Part):
             yield Row("", "", f"in the hand of {self.witness_hand.in_words(units)}")
 
 
-class WithoutOperatorRecord(Part):
-    """The verdict on all claims together, and the least ratio, for a free handle: without the least operator."""
-
-    verdict: Proof
-    min_ratio: Annotated[Number, Shown("without operator", "at {worst_hz} Hz, {verdict}")]
-    worst_hz: Number
-
-
 class WorldRecord(Part):
     """The virtual environment with which a design has the smallest margin: a mass, kg, on a spring, N/m."""
 
@@ -175,30 +167,21 @@ class CertificateRecord(DisplayPart):
     """The claims about a design, and the numbers that describe them."""
 
     verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]  # "proved" if every claim is proved
-    band_hz: Annotated[Pair | None, Shown("band", "Hz")]  # required stability band
-    proved_band_hz: Annotated[Pair | None, Shown("proved band", "Hz{beyond}")]
+    band_hz: Annotated[Pair | None, Shown("band", "Hz; outside it nothing is claimed of the ratio")]
     proved_ratio: Number
     min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz")]
     worst_hz: Number
-    rollett_k: Annotated[Number, Shown("Rollett's K there", digits=6, detail=True)]  # Rollett's K at `worst_hz`
     boxes: int
     claims: list[ClaimRecord]
-    without_operator: WithoutOperatorRecord | None = None
     hands: HandsRecord | None = None  # claims in hands; null if the problem does not make them
     any_hand: AnyHandRecord | None = None
     whole_sample: WholeSampleRecord | None = None  # verdict beside a delay of a whole number of samples
-
-    @property
-    def beyond(self) -> str:
-        """The remark on frequencies outside the proved band; "" if there is none."""
-        return "" if self.proved_band_hz is None else "; outside it nothing is proved of the ratio"
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, including the rows of unproved claims and, if there is a band, the rows of the band."""
         shown = list(super().rows(units))
         yield from shown if self.band_hz is not None else shown[:1]  # the first row is the verdict
         yield from self.any_hand.rows(units) if self.any_hand else ()
-        yield from self.without_operator.rows(units) if self.without_operator else ()
         yield from self.hands.rows(units) if self.hands else ()
         yield from self.whole_sample.rows(units) if self.whole_sample else ()
         for claim in self.claims:
@@ -213,9 +196,8 @@ class NyquistRecord(Part):
     Z: Annotated[
         int | None,
         Shown(
-            "Z = N + P, unstable poles",
-            "N = {N} encirclements of -1, P = {P} in the open loop",
-            detail=True,
+            "unstable poles",
+            "= N + P: {N} encirclements of -1 and {P} poles of the open loop",
         ),
     ]
 

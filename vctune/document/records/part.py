@@ -19,12 +19,11 @@ NOTHING = 1e-20  # Size below which a number is 0 in a text: no file states smal
 
 
 class Row(NamedTuple):
-    """A displayed number: its name, its text, its unit or place, and `detail` as in `Shown`."""
+    """A displayed number: its name, its text, and its unit or place."""
 
     label: str
     value: str
     unit: str
-    detail: bool = False
 
 
 def text(value: Any, digits: int = 5) -> str:
@@ -105,7 +104,7 @@ def _rows(part: Any, units: Units) -> Iterator[Row]:
             unit = units.of(shown.of) or unit
             scaled = value * shown.scale if isinstance(value, float) else value
             of_value = ("rigid", "") if value == inf else (text(scaled, shown.digits), unit)
-            yield Row(units.translated(label), *of_value, shown.detail)
+            yield Row(units.translated(label), *of_value)
 
 
 class DisplayPart(Part):

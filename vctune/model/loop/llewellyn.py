@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from vctune.model.loop.loop import LoopResponse
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.numbers.pair import Pair, re_conj_product
+from vctune.model.numbers.pair import re_conj_product
 
 
 def moduli(loop: LoopResponse, ops: Arithmetic) -> Number:
@@ -34,10 +34,3 @@ def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
 def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
     """Return R, the least feasible Re Z_c (model/README.md, section 4)."""
     return llewellyn_demand(loop, ops) / (2 * loop.resistance)
-
-
-def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
-    """Return Rollett's stability factor K = (2 Re p11 Re p22 - Re p12 p21)/|p12 p21| (model/README.md, section 4)."""
-    product = moduli(loop, ops) / loop.scale2
-    excess = 2 * loop.resistance * Z_c.re + re_conj_product(loop.C_scaled, loop.D_scaled) / loop.scale2
-    return (excess if loop.operator_relief is None else excess + loop.operator_relief) / product

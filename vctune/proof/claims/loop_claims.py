@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from math import floor, inf, pi, sqrt
 from operator import attrgetter
 
@@ -22,7 +22,7 @@ from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.keys import KEYS, keys_of
 from vctune.model.problem import Demands
-from vctune.proof.boxes import FREQUENCY, Boxes, Cells, Integers, Values, band_of, first_boxes, joined, over_band
+from vctune.proof.boxes import Boxes, Cells, Integers, Values, band_of, joined, over_band
 from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
@@ -38,13 +38,11 @@ from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, exact_plant, gains_ball
 from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, between, decimal, decimal_or_inf
 from vctune.proof.outcome import Outcome, Verdict
-from vctune.proof.proved_band import LOWEST_EDGE, extend_band
 from vctune.proof.prover import Curve, Effort, Margin, Test, misses_zero, positive, prove, turned_angles
 
 STEP = 1.4  # Ratio of the edges of the first intervals of frequency
 DESIGN = Effort(max_halvings=80, max_boxes=400_000)  # twenty halvings in each of four rows
 POLES = Effort(max_halvings=80, max_boxes=40_000)
-EXTENSION = Effort(max_halvings=80, max_boxes=2_000, few=0)  # one step beyond the band
 CELL = Effort(max_halvings=10, max_boxes=4_000, few=0)  # the verdict on a cell must not depend on the other cells
 POINT = Effort(max_halvings=24, max_boxes=4_000, few=0)
 TRIES = 400  # Number of frequencies, each a fourth of the last, tried where the proof fails at the band's low end
@@ -166,9 +164,9 @@ def held(covered: Covered, effort: Effort, parts: list[tuple[Test, Boxes]]) -> H
     return Held(proved, point, boxes)
 
 
-def conditions(covered: Covered, low: float, high: float, effort: Effort | None = None) -> Held:
+def conditions(covered: Covered, low: float, high: float) -> Held:
     """Prove Re G_hh > 0 and Re Z_c >= factor R on a band, in the hand of the least operator."""
-    effort, beyond = effort or covered.effort(), max(1 / covered.demands.device.sample_time, low)
+    effort, beyond = covered.effort(), max(1 / covered.demands.device.sample_time, low)
     found = _conditions(covered, covered.over(low, beyond if high == inf else high), effort)
     if high == inf:  # as a function of 1/omega
         test = positive(covered.claims.conditions_near_infinity, covered.fixed)
@@ -443,27 +441,3 @@ def in_rad_per_s(outcome: Outcome, device: Device) -> Outcome:
 def is_rational(device: Device) -> bool:
     """Return whether a device has a model at every frequency: whether it is ideal, with hold "lag" and no delay."""
     return device.ideal and device.hold == "lag" and device.delay == 0
-
-
-@lru_cache(maxsize=64)
-def widest_band(design: Design, demands: Demands, box: DeviceBox | None) -> tuple[float, float]:
-    """Return the widest band around a proved band on which Re Z_c >= R is proved for every device, rad/s."""
-    covered, (low, high) = of_design(design, replace(demands, factor=1.0), box), demands.band
-    if not design.gains.closed and covered.box is None:
-        return 0.0, inf if is_rational(design.device) else pi / design.device.sample_time
-
-    def holds(low: float, high: float) -> bool:
-        return bool(conditions(covered, low, high, EXTENSION).proved[0])
-
-    def proved(edges: Floats) -> Flags:
-        ends, n = np.sort([edges[:-1], edges[1:]], axis=0), len(edges) - 1
-        many = replace(covered, low=np.repeat(covered.low, n, axis=1), high=np.repeat(covered.high, n, axis=1))
-        low, high = (np.vstack((edge, row)) for edge, row in zip(ends, (many.low, many.high), strict=True))
-        boxes = first_boxes((FREQUENCY, *covered.names), low, high, np.arange(n), np.zeros(n, np.intp))
-        return _conditions(many, boxes, EXTENSION).proved
-
-    endless = is_rational(design.device)
-    first = 0.0 if low == 0 or holds(0.0, low) else extend_band(proved, low, low * LOWEST_EDGE)
-    if high == inf or (endless and holds(high, inf)):
-        return first, inf
-    return first, extend_band(proved, high, high / LOWEST_EDGE if endless else pi / design.device.sample_time)

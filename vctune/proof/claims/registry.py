@@ -50,7 +50,7 @@ CLAIMS: dict[ClaimId, Claim] = {
             explain=(
                 "Llewellyn's conditions hold in the frequency model, which has no aliasing. At every frequency of the "
                 "stability band the device is stable in any passive hand with every passive environment. Outside the "
-                "proved band such a hand can make it oscillate."
+                "band such a hand can make it oscillate."
             ),
             asked=lambda demands, _: demands.passive,
         ),
