@@ -25,7 +25,7 @@ FAULTS = {
     "the hold is a constant": (
         "model/loop/device_response.py", "modulus = ops.sinc(omega * half)", "modulus = ops.sinc(0 * omega)"),
     "the fraction of a sample is lost": (
-        "model/sampled/velocity_loop.py", "return floor(samples), samples - floor(samples)",
+        "model/sampled/delays.py", "return floor(samples), samples - floor(samples)",
         "return floor(samples), 0.0"),
     "a delay just below a whole sample is not looked at": (
         "proof/certificate.py", "    for device in beside_whole_sample(design.device, hands):",

@@ -1,4 +1,4 @@
-"""Devices let go, in the form of the loop in a hand: enclosures of a box of them hold the polynomials' loop."""
+"""Devices that nobody holds: enclosures of a box of them hold the loop of each device in it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import numpy as np
 from vctune.model.device import Device
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, Structure
-from vctune.model.sampled.let_go import plant_let_go, return_difference
-from vctune.model.sampled.velocity_loop import sampled_plant
+from vctune.model.sampled.velocity_loop import plant_let_go, return_difference
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, between, decimal
 
 KEYS = ("mass", "damping", "delay", "actuator.bandwidth_hz", "structure.frequency_hz", "structure.handle_mass")
@@ -30,6 +29,6 @@ def test_a_box_of_devices_is_enclosed():
     sharp = wide(plant_let_go, device, theta, 0.002)
     for _ in range(200):
         one = device.with_numbers({key: device.number(key) * (1 + rng.uniform(-0.002, 0.002)) for key in KEYS})
-        parts = return_difference(sampled_plant(one, 0, FLOATS, fractional=True), theta, FLOATS, position=False)
+        parts = return_difference(plant_let_go(one, 0, FLOATS, fractional=True), theta, FLOATS, position=False)
         inside = parts.velocity.abs2() / parts.open.abs2()
         assert np.all(np.abs(inside - sharp.mid) <= sharp.rad)

@@ -19,13 +19,13 @@ from vctune.model.loop.device_response import device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import G_hh_abs2, loop_response, tracking_abs2
 from vctune.model.numbers.arithmetic import CURVATURE_BELOW, FLOATS, Arithmetic, Number
+from vctune.model.sampled.delays import split_delay
 from vctune.model.sampled.velocity_loop import (
+    PlantLetGo,
     ReturnDifference,
-    SampledPlant,
+    plant_let_go,
     return_difference,
-    sampled_plant,
     sensitivity_abs2,
-    split_delay,
 )
 from vctune.proof.claims.margins_of_claims import (
     Design,
@@ -49,10 +49,10 @@ def at(device: Device, gains: Gains, omega: Number, ops: Arithmetic) -> Any:
     return loop_response(device_response(device, omega, ops), gains, ops)
 
 
-def plant_of(device: Device, ops: Arithmetic) -> SampledPlant:
+def plant_of(device: Device, ops: Arithmetic) -> PlantLetGo:
     """Return the sampled plant; the delay's whole samples are those of about its middle."""
     whole, fraction = split_delay(plain(device.delay), plain(device.sample_time))
-    return sampled_plant(device, whole, ops, fractional=fraction > 0)
+    return plant_let_go(device, whole, ops, fractional=fraction > 0)
 
 
 def sampled(device: Device, theta: Number, ops: Arithmetic, gains: Gains) -> ReturnDifference:

@@ -13,10 +13,8 @@ from vctune.bench import evaluator
 from vctune.bench.evaluator import Case
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
-from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Demands
-from vctune.model.sampled.characteristic import characteristic_polynomial
-from vctune.model.sampled.velocity_loop import return_difference, sampled_plant, split_delay
+from vctune.model.sampled.delays import split_delay
 from vctune.proof.claims.loop_claims import model_turns, of_design, stable_loop
 from vctune.proof.claims.margins_of_claims import Design
 
@@ -77,18 +75,6 @@ def test_too_much_integral_action_is_not_taken_for_stable_without_damping():
     device, gains = Device(280.0, 0.0, 1.0, 5.0, "zoh"), Gains(32.0, 9.7)
     assert stable_loop(device, gains, model=False) is False
     assert clearly_stable(device, gains) is False
-
-
-@given(loops(), st.floats(0.01, np.pi))
-def test_return_difference_is_the_characteristic_polynomial_over_z_to_its_degree(case, theta):
-    device = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh")
-    whole, fraction = split_delay(case.delay, case.sample_time)
-    plant = sampled_plant(device, whole, FLOATS, fractional=fraction > 0)
-    gains, integrator = Gains(case.K_v, case.K_p), case.K_p > 0
-    F = return_difference(plant, theta, FLOATS, position=integrator).closed(gains)
-    polynomial = [float(c) for c in characteristic_polynomial(plant, gains)]
-    z = np.exp(1j * theta)
-    assert F.re + 1j * F.im == pytest.approx(np.polyval(polynomial, z) / z ** (len(polynomial) - 1), rel=1e-9, abs=1e-9)
 
 
 def test_velocity_loop_without_delay_is_stable_up_to_its_closed_form_gain():

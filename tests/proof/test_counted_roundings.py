@@ -25,16 +25,12 @@ def phi_1(x):
     return (1 - mp.exp(-x)) / x if x else mpf(1)
 
 
-def phi_2(x):
-    return (x - 1 + mp.exp(-x)) / x**2 if x else mpf(1) / 2
-
-
 def curvature(x):
     return (1 - mp.sinc(x)) / x**2 if x else mpf(1) / 6
 
 
 COUNTED = {"reciprocal": (3, 5), "sqrt": (2, 3), "exp": (0, 0), "sin": (0, 0), "cos": (0, 0), "sinc": (0, 0)}
-COUNTED |= dict.fromkeys(("phi_1", "phi_2", "sinc_curvature"), (0, 0))
+COUNTED |= dict.fromkeys(("phi_1", "sinc_curvature"), (0, 0))
 """Roundings of f' and of f''/2, as `HIGHER_ERROR` counts them; 0 where `error` has them."""
 SERIES = {
     "reciprocal": (lambda x: 1 / x, lambda m: (-1 / m**2, 1 / m**3)),
@@ -44,7 +40,6 @@ SERIES = {
     "cos": (TAYLOR.cos, lambda m: (-mp.sin(m), -mp.cos(m) / 2)),
     "sinc": (TAYLOR.sinc, lambda m: (mp.diff(mp.sinc, m), mp.diff(mp.sinc, m, 2) / 2)),
     "phi_1": (TAYLOR.phi_1, lambda m: (mp.diff(phi_1, m), mp.diff(phi_1, m, 2) / 2)),
-    "phi_2": (TAYLOR.phi_2, lambda m: (mp.diff(phi_2, m), mp.diff(phi_2, m, 2) / 2)),
     "sinc_curvature": (TAYLOR.sinc_curvature, lambda m: (mp.diff(curvature, m), mp.diff(curvature, m, 2) / 2)),
 }
 

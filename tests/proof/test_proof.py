@@ -22,7 +22,7 @@ from vctune.model.hands import LeastOperator
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
-from vctune.proof.claims.loop_claims import Covered, prove_conditions, prove_sensitivity, turns, widest_band
+from vctune.proof.claims.loop_claims import Covered, prove_conditions, prove_sensitivity, turns
 from vctune.proof.claims.margins_of_claims import Design, conditions_margin
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, design_ball
 from vctune.proof.enclosures.taylor_functions import TAYLOR
@@ -130,15 +130,6 @@ def test_the_whole_axis_is_decided_as_50_digits_say(seed):
     elif outcome.verdict is Verdict.PROVED:
         for omega in 10 ** rng.uniform(-8, 8, 30) / device.sample_time:
             assert digits.exact(case, float(omega)).ratio > 1 - 1e-12
-
-
-def test_widest_band_ends_at_the_crossings():
-    design = Design(LAG, INTEGRAL, Coupling(25000.0, 5.0, 0.0))
-    low, high = widest_band(design, Demands(LAG, (10.0, 50.0), 1.0, inf), None)
-    case = Case(0.5, 2.0, 1e-3, 0.0, "lag", 40.0, 4000.0, 25000.0, 5.0)
-    for edge, outwards in ((low, 1 - 1e-4), (high, 1 + 1e-4)):
-        assert digits.exact(case, edge).ratio >= 1
-        assert digits.exact(case, edge * outwards).ratio < 1
 
 
 def test_sensitivity_is_decided_close_to_its_peak():

@@ -10,7 +10,7 @@ import scipy.optimize
 from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import mp, mpf
-from test_counted_roundings import curvature, phi_1, phi_2
+from test_counted_roundings import curvature, phi_1
 
 from vctune.proof.enclosures.box_minimum import least_over_boxes
 from vctune.proof.enclosures.intervals import Enclosure
@@ -29,7 +29,6 @@ FUNCTIONS = {
     "cos": (TAYLOR.cos, mp.cos),
     "sinc": (TAYLOR.sinc, mp.sinc),
     "phi_1": (lambda x: TAYLOR.phi_1(x * x), lambda x: phi_1(x * x)),
-    "phi_2": (lambda x: TAYLOR.phi_2(x * x), lambda x: phi_2(x * x)),
     "sinc_curvature": (TAYLOR.sinc_curvature, curvature),
 }
 

@@ -12,28 +12,29 @@ from vctune.analysis.extrema import Floats
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.sampled.characteristic import characteristic_polynomial
+from vctune.model.sampled.delays import split_delay
 from vctune.model.sampled.velocity_loop import (
+    PlantLetGo,
     ReturnDifference,
-    SampledPlant,
+    plant_let_go,
     return_difference,
-    sampled_plant,
     sensitivity_abs2,
-    split_delay,
+    unturned,
 )
 
+NOTHING = 1e-15  # Coefficient of a polynomial, relative to the greatest, that is a rounding error
 Complex = NDArray[np.complex128]
 
 
-def plant_of(device: Device) -> SampledPlant:
+def plant_of(device: Device) -> PlantLetGo:
     """Return the sampled plant of a device, or of several devices whose numbers are arrays."""
     several = any(np.ndim(number) for number in device.numbers().values())
     return _sampled(device) if several else _sampled_once(device)
 
 
-def _sampled(device: Device) -> SampledPlant:
+def _sampled(device: Device) -> PlantLetGo:
     whole, fraction = split_delay(device.delay, device.sample_time)
-    return sampled_plant(device, whole, FLOATS, fractional=bool(np.any(fraction)))
+    return plant_let_go(device, whole, FLOATS, fractional=bool(np.any(fraction)))
 
 
 # Return a device's plant from a cache, because all frequencies and all rounds of an exchange need the same matrix
@@ -71,5 +72,15 @@ def loop_gain(device: Device, gains: Gains, omega: Floats) -> Complex:
 
 
 def spectral_radius(device: Device, gains: Gains) -> float:
-    """Return the greatest modulus of the sampled loop's poles; a multiple pole has half of a double's digits."""
-    return float(np.abs(np.roots(characteristic_polynomial(plant_of(device), gains))).max())
+    """Return the greatest modulus of the sampled loop's poles; a multiple pole has half of a double's digits.
+
+    The coefficients of their polynomial are the Fourier transform of its values on the circle.
+    """
+    plant = plant_of(device)
+    count = plant.states + int(plant.plant.delays.loop) + 5
+    theta = 2 * np.pi * np.arange(count) / count
+    F = return_difference(plant, theta, FLOATS, position=gains.position > 0).closed(gains)
+    polynomial = unturned(plant, F, theta, FLOATS)
+    coefficients = np.fft.ifft(polynomial.re + 1j * polynomial.im).real
+    rounded = np.where(np.abs(coefficients) < NOTHING * np.abs(coefficients).max(), 0.0, coefficients)
+    return float(np.abs(np.roots(rounded)).max(initial=0.0))

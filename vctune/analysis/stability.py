@@ -19,7 +19,7 @@ from vctune.model.loop.device_response import device_response
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
-from vctune.model.sampled.velocity_loop import ReturnDifference, return_difference
+from vctune.model.sampled.velocity_loop import ReturnDifference, return_difference, unturned
 
 FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46  # Grid for counting turns
 TOO_CLOSE = 0.03  # Least |F| with which the code relies on the grid
@@ -74,8 +74,12 @@ def _angles(first: float) -> Floats:
 
 
 def unit_circle(device: Device, first: float = FIRST_ANGLE, *, position: bool) -> ReturnDifference:
-    """Return the parts of the sampled loop's return difference on the upper half of the unit circle."""
-    return return_difference(plant_of(device), angles(device, first), FLOATS, position=position)
+    """Return the parts of the sampled loop's polynomial in 1/z on the upper half of the unit circle."""
+    plant, theta = plant_of(device), angles(device, first)
+    parts = return_difference(plant, theta, FLOATS, position=position)
+    return ReturnDifference(
+        *(unturned(plant, part, theta, FLOATS) for part in (parts.open, parts.velocity, parts.position))
+    )
 
 
 def makes_no_turn(F: Pair) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ from vctune.model.device import Device
 from vctune.model.experiment import Friction
 from vctune.model.loop.drive import drive_at_rest
 from vctune.model.numbers.arithmetic import Floats, Number
-from vctune.model.sampled.velocity_loop import SNAP, split_delay
+from vctune.model.sampled.delays import SNAP, split_delay
 from vctune.simulation.controller import Measurement, State, at_rest, control, controller_of, encoded
 from vctune.simulation.friction import Sliding, friction_force, friction_step, slide
 from vctune.simulation.motion import push_matrix

@@ -26,7 +26,8 @@ from vctune.model.loop.loop import Affine
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import re_conj_product
 from vctune.model.problem import Problem, Range
-from vctune.model.sampled.velocity_loop import return_difference, sampled_plant, split_delay
+from vctune.model.sampled.delays import split_delay
+from vctune.model.sampled.velocity_loop import plant_let_go, return_difference
 from vctune.proof.boxes import Cells
 from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, decimal
 
@@ -85,7 +86,7 @@ def _sensitivity(devices: list[Device], upto: Floats) -> Quotient:
     device, omega = repeated(devices, len(upto)), np.tile(upto, len(devices))
     whole, fraction = split_delay(device.delay, device.sample_time)
     exact = device.bare.converted(decimal)
-    plant = sampled_plant(exact, whole, ENCLOSURES, fractional=bool(np.any(fraction)))
+    plant = plant_let_go(exact, whole, ENCLOSURES, fractional=bool(np.any(fraction)))
     F = return_difference(plant, exact.sample_time * omega, ENCLOSURES, position=True)
     loop, open_loop = Affine(F.open, F.velocity, F.position), Affine(F.open)
     return Quotient(*(quadratic(products(re_conj_product, each, each)) for each in (open_loop, loop)))

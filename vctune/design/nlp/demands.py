@@ -34,9 +34,9 @@ from vctune.model.sampled.impedance_display import (
     offered_by_spring,
     spring_damper_admittance,
 )
-from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.several_devices import alike, as_one
-from vctune.model.sampled.velocity_loop import SampledPlant, return_difference, sensitivity_abs2
+from vctune.model.sampled.velocity_loop import PlantLetGo, return_difference, sensitivity_abs2
 from vctune.model.sampled.worlds.loop_in_walls import disjuncts_in_walls, strip_in_walls
 from vctune.model.sampled.worlds.loop_in_worlds import Seen, disjuncts, offered_at, posed, room_of
 from vctune.model.transparency import TermName, Terms, loop_terms, squared_terms
@@ -170,11 +170,12 @@ def constants(given: Posed, points: WorkingSet, tightening: float, *, position: 
     return found
 
 
-def _any_delay(plant: SampledPlant) -> SampledPlant:
+def _any_delay(of: PlantLetGo) -> PlantLetGo:
     """Return a plant in the form that all delays have."""
-    (v_0, v_1), (x_0, x_1) = plant.velocity, plant.position
-    taps = replace(plant, velocity=(v_0, tuple(map(float, v_1))), position=(x_0, tuple(map(float, x_1))))
-    return replace(taps, whole_samples=float(plant.whole_samples), fractional=True)
+    plant = of.plant
+    older = plant.older or (0.0,) * len(plant.push)
+    delays = Delays(float(plant.delays.loop), True, float(plant.delays.felt), True)
+    return replace(of, plant=replace(plant, older=older, felt_older=older, delays=delays))
 
 
 def _in_hands(given: Posed, points: Sequence[ConstraintPoint], spare: float) -> InHands:
@@ -293,7 +294,7 @@ def _stability(cut: tuple[Number, Number, Number], sought: Sought) -> Number:
     return open_loop + sought.gains.velocity * velocity + sought.gains.position * position
 
 
-def tracked_peak(plant: SampledPlant, y: Number, sought: Sought) -> Number:
+def tracked_peak(plant: PlantLetGo, y: Number, sought: Sought) -> Number:
     """Return -log |S| at omega = exp(y), and the slope of log |S|, which is 0 at a peak."""
     parts = return_difference(plant, ca.exp(y), SYMBOLS, position=not SYMBOLS.is_zero(sought.gains.position))
     log_peak = ca.log(sensitivity_abs2(parts, sought.gains)) / 2

@@ -50,10 +50,6 @@ class _SymbolArithmetic:
         return (1 - ca.exp(-x)) / x
 
     @staticmethod
-    def phi_2(x: Number) -> Number:
-        return (x - 1 + ca.exp(-x)) / (x * x)
-
-    @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
         return ca.if_else(x > 0, yes(), no())
 

@@ -48,9 +48,6 @@ class Arithmetic(Protocol):
     def phi_1(self, x: Number) -> Number:
         """Return (1 - e^-x)/x, the mean of e^-t over [0, x], continued by 1 at x = 0."""
 
-    def phi_2(self, x: Number) -> Number:
-        """Return (x - 1 + e^-x)/x^2, continued by 1/2 at x = 0."""
-
     def where_positive(self, x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
         """Return the value of yes() where x is certainly > 0, and the value of no() elsewhere."""
 
@@ -75,9 +72,6 @@ class ArrayArithmetic(Arithmetic, Protocol):
 
     def matmul(self, a: Number, b: Number) -> Number:
         """Return the matrix products A B, one for each index of the further axes."""
-
-
-SERIES_BELOW = 0.05  # Magnitude of the argument at which phi_2 changes from its series to its formula
 
 
 CURVATURE_BELOW = 0.5  # Magnitude of the argument at which sinc_curvature changes from its series to its formula
@@ -148,14 +142,6 @@ class _FloatArithmetic:
     def phi_1(x: Number) -> Number:
         safe = np.where(x == 0, 1.0, x)
         return np.where(x == 0, 1.0, -np.expm1(-safe) / safe)
-
-    @staticmethod
-    def phi_2(x: Number) -> Number:
-        safe = np.where(np.abs(x) < SERIES_BELOW, 1.0, x)
-        series = 0.5 + x * (
-            -1 / 6 + x * (1 / 24 + x * (-1 / 120 + x * (1 / 720 + x * (-1 / 5040 + x * (1 / 40320 - x / 362880)))))
-        )
-        return np.where(np.abs(x) < SERIES_BELOW, series, (safe + np.expm1(-safe)) / safe**2)
 
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:

@@ -164,25 +164,6 @@ def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
     return {(everything ^ columns).bit_length() - 1: minor for columns, minor in found.items()}
 
 
-def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
-    """Return det(x - psi) and the adjugate of x - psi, by the algorithm of Faddeev and LeVerrier."""
-    n = len(psi)
-    matrix, matrices, coefficients = identity(n), [identity(n)], []
-    for k in range(1, n + 1):
-        moved = product(psi, matrix)
-        trace: Number = 0
-        for i in range(n):
-            trace = add(trace, moved[i][i])
-        c = trace / -k
-        coefficients.append(c)
-        if k < n:
-            matrix = tuple(
-                tuple(add(entry, c) if i == j else entry for j, entry in enumerate(row)) for i, row in enumerate(moved)
-            )
-            matrices.append(matrix)
-    return tuple(reversed(coefficients)), matrices[::-1]
-
-
 def _each(matrix: AnyMatrix, rest: Number) -> AnyMatrix:
     """Return A after adding a number to each entry that is not 0 by structure."""
     if isinstance(matrix, Block):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from vctune.model.device import Device
 from vctune.model.hands import Hand
@@ -18,17 +18,19 @@ from vctune.model.numbers.matrices import (
     add,
     added,
     applied,
+    column,
+    exponential_less_one,
     half_coth,
+    identity,
     minors,
     nothing,
     scaled,
     times,
 )
 from vctune.model.numbers.pair import EvenOdd, Pair
+from vctune.model.sampled.delays import left_by_older, split_delay
 from vctune.model.sampled.rigid_sample import half_coth_of, powers_of, share_of_older
 from vctune.model.sampled.servo_plant import SensedDelay, ServoPlant, servo_plant
-from vctune.model.sampled.state_space import left_by_older
-from vctune.model.sampled.velocity_loop import split_delay
 
 Complex = TypeVar("Complex", EvenOdd, Pair)
 
@@ -54,13 +56,20 @@ class Mechanism(NamedTuple):
     """E x' = A x + b u, the equation of a device in a hand, dimensionless."""
 
     names: list[str]  # names of the states
-    inertia: dict[str, Number]  # diagonal entries of E by state; the entry of a state without a key is 1
-    sensed: dict[str, Number]
     rates: Matrix  # rows of A
     push: Vector  # b
+    inertia: dict[str, Number]  # diagonal entries of E by state; the entry of a state without a key is 1
+    sensed: dict[str, Number]
     felt: dict[str, Number]  # coefficient of each state in M a + B v + K x, which is minus the sensed force, by state
-    felt_inertia: Number | None
-    handle: str  # name of the state that is the handle's velocity
+    felt_inertia: Number | None = None
+    handle: str = "velocity"  # name of the state that is the handle's velocity
+
+    @classmethod
+    def of(cls, rows: Rows, inertia: dict[str, Number] | None = None, **felt: Any) -> Mechanism:
+        """Return the equations whose right sides are rows of coefficients by state."""
+        rates = tuple(tuple(row.get(name, 0) for name in rows) for row in rows.values())
+        push = tuple(row.get(COMMAND, 0) for row in rows.values())
+        return cls(list(rows), rates, push, inertia or {}, **{"sensed": {}, "felt": {}} | felt)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,11 +118,17 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
     if device.servo is not None:
         own = SensedDelay(delays.loop, delays.loop_fractional)
         return ServoInHand(servo_plant(device, SensedDelay(delays.felt, delays.felt_fractional, own), ops), hand)
+    return over_sample(mechanism_in_hand(device, hand, ops), device, delays, ops)
+
+
+def over_sample(
+    parts: Mechanism, device: Device, delays: Delays, ops: Arithmetic, *, let_go: bool = False
+) -> PlantInHand:
+    """Sample the equations of a device exactly, in a hand or let go."""
     T, estimate = device.sample_time, device.velocity
-    parts = mechanism_in_hand(device, hand, ops)
     at = {name: index for index, name in enumerate(parts.names)}
-    sample = _rigid(parts, ops) or _any(parts, at, ops)
-    step = sample.step
+    simple = len(parts.names) == 2  # without a mode that may be at a multiple of the sampling rate
+    sample = _rigid(parts, ops) or (_held(parts, at, ops) if simple or not let_go else _let_go(parts, ops))
 
     def older(delay: Number, whole: Number, *, fractional: bool) -> Vector | None:
         return sample.older((delay - whole * T) / T) if fractional else None
@@ -125,7 +140,8 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
     if parts.felt_inertia is not None:
         row = at[parts.handle]
         moved = tuple(
-            times(add(q, times(a, 0.5)), parts.felt_inertia) for q, a in zip(step[row], parts.rates[row], strict=True)
+            times(add(q, times(a, 0.5)), parts.felt_inertia)
+            for q, a in zip(sample.step[row], parts.rates[row], strict=True)
         )
         left = () if felt_before is None else (times(felt_before[row], parts.felt_inertia),)
         felt_inertia = moved, left
@@ -133,9 +149,9 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
     if estimate is not None and estimate.filter_hz is not None:
         (low_pass, _), order = low_pass_coefficients(estimate.filter_hz, T, ops), estimate.filter_order
     return PlantInHand(
-        rates=parts.rates,
-        step=step,
-        push=parts.push,
+        rates=sample.rates,
+        step=sample.step,
+        push=sample.push,
         older=before,
         felt_older=felt_before,
         felt=tuple(parts.felt.get(name, 0) for name in parts.names),
@@ -151,9 +167,11 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
 
 class Sample(NamedTuple):
-    """A mechanism over one sample."""
+    """A mechanism over one sample, in an equation of the form that `equations` has."""
 
-    step: Matrix  # Q
+    rates: Matrix  # A, Q and b
+    step: Matrix
+    push: Vector
     older: Callable[[Number], Vector]  # b_1 as a function of the share of the sample for which the older force acts
 
 
@@ -161,8 +179,8 @@ def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
     """Return the sample of a rigid device without further states, in closed form."""
     if len(parts.names) > 2 or ops.arrays is None:
         return None
-    arrays, (_, (spring, damper)), inertia = ops.arrays, parts.rates, parts.inertia["velocity"]
-    c, k = -damper / inertia, -spring / inertia
+    arrays, (_, (spring, damper)), inertia = ops.arrays, parts.rates, parts.inertia.get("velocity", 1)
+    c, k = -damper / inertia, times(-spring, 1 / inertia)
     powers = powers_of(c, k, arrays)
     if powers is None:
         return None
@@ -172,29 +190,43 @@ def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
         left = share_of_older(powers, share, arrays)
         return left.slope / inertia, left.constant - left.slope * c
 
-    step = (own.constant, own.slope), (own.slope * spring, own.constant * inertia + own.slope * damper)
-    return Sample(step, older)
+    step = (own.constant, own.slope), (times(own.slope, spring), own.constant * inertia + own.slope * damper)
+    return Sample(parts.rates, step, parts.push, older)
 
 
-def _any(parts: Mechanism, at: dict[str, int], ops: Arithmetic) -> Sample:
-    """Return the sample of any mechanism. The function uses matrix functions."""
+def _held(parts: Mechanism, at: dict[str, int], ops: Arithmetic) -> Sample:
+    """Return the sample of any mechanism by f(A), which keeps enclosures of boxes of hands narrow."""
     over = _over_inertia(parts, at)
     rounded = half_coth(over, ops)
 
     def older(share: Number) -> Vector:
-        n = len(parts.names)
-        rows = (*((*row, push) for row, push in zip(over, parts.push, strict=True)), (0,) * (n + 1))
-        left = left_by_older(rows, share, ops)
+        left = left_by_older(driven(over, parts.push), share, ops)
         return applied(added(rounded, scaled(over, -0.5)), left[:-1])
 
-    return Sample(_times_inertia(rounded, parts, at), older)
+    return Sample(parts.rates, _times_inertia(rounded, parts, at), parts.push, older)
+
+
+def _let_go(parts: Mechanism, ops: Arithmetic) -> Sample:
+    """Return the sample of a mechanism that nobody holds by e^A; f(A) has a pole at multiples of the sampling rate."""
+    rows = driven(parts.rates, parts.push)
+    change = exponential_less_one(rows, ops)[:-1]
+    rates = tuple(row[:-1] for row in change)
+    step = added(identity(len(rates)), scaled(rates, 0.5))
+    return Sample(rates, step, column(change, -1), lambda share: left_by_older(rows, share, ops)[:-1])
+
+
+def driven(rates: Matrix, push: Vector) -> Matrix:
+    """Return the matrix of the states and of a constant force."""
+    return (*((*row, force) for row, force in zip(rates, push, strict=True)), (0,) * (len(push) + 1))
 
 
 def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
     """Return the equations of a device in a hand. The hand's force on the handle is -(M a + B v + K x)."""
     T, m, sensor = device.sample_time, device.mass, device.sensing
     one = 0 * T + 1  # a number of the arithmetic, so that the code encloses the quotient below
-    carried, held, grip = hand.mass / m, hand.damping * T / m, hand.stiffness * (T * T) / m
+    carried, held, grip = (
+        times(x, unit) for x, unit in ((hand.mass, 1 / m), (hand.damping, T / m), (hand.stiffness, T * T / m))
+    )
     own = device.damping * T / m
     names = ["position", "velocity"]
     names += ["bend", "handle"] if device.structure is not None else []
@@ -205,17 +237,17 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
     rows["position"]["velocity"] = one
     motor = rows["velocity"]
     if device.structure is None:
-        handle, inertia = "velocity", {"velocity": 1 + carried}
+        handle, inertia = "velocity", {} if nothing(carried) else {"velocity": 1 + carried}
         felt = {"position": grip, "velocity": held}
-        motor["position"], motor["velocity"] = -grip, -(own + held)
+        motor["position"], motor["velocity"] = -grip, -add(own, held)
     else:
         parts = mechanism(device, device.structure, ops)
-        handle, inertia = "handle", {"velocity": parts.motor / m, "handle": parts.handle / m + carried}
+        handle, inertia = "handle", {"velocity": parts.motor / m, "handle": add(parts.handle / m, carried)}
         spring, loss = parts.stiffness * (T * T) / m, parts.viscosity * T / m
         felt = {"position": grip, "bend": -grip, "handle": held}
         motor["velocity"], motor["bend"], motor["handle"] = -(own + loss), -spring, loss
         rows["bend"]["velocity"], rows["bend"]["handle"] = one, -one
-        rows["handle"] = {"position": -grip, "velocity": loss, "bend": spring + grip, "handle": -(loss + held)}
+        rows["handle"] = {"position": -grip, "velocity": loss, "bend": add(spring, grip), "handle": -add(loss, held)}
     motor |= pushed(drive_rows(rows, device, ops), one)
     sensed: dict[str, Number] = {}
     if filtered:
@@ -223,16 +255,9 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         driven = ("felt", "felt rate")[sensor.order - 1]
         rows[driven] |= {name: -share for name, share in felt.items()}
         sensed[driven], felt = carried, {"felt": -corner}  # divided by the corner: A/E then lacks the corner squared
-    return Mechanism(
-        names=names,
-        inertia=inertia,
-        sensed=sensed,
-        rates=tuple(tuple(row.get(name, 0) for name in names) for row in rows.values()),
-        push=tuple(row.get(COMMAND, 0) for row in rows.values()),
-        felt=felt,
-        felt_inertia=None if filtered else carried / inertia[handle],
-        handle=handle,
-    )
+    weightless = filtered or nothing(carried)
+    felt_inertia = None if weightless else carried / inertia[handle]
+    return Mechanism.of(rows, inertia, sensed=sensed, felt=felt, felt_inertia=felt_inertia, handle=handle)
 
 
 def _over_inertia(parts: Mechanism, at: dict[str, int]) -> Matrix:

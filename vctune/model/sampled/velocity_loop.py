@@ -1,130 +1,28 @@
-"""Evaluate the exact sampled velocity loop, with any real delay (model/README.md, sections 7 and 12)."""
+"""Evaluate the exact sampled velocity loop that nobody holds, with any real delay (model/README.md, section 14)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import floor
-
-import numpy as np
+from typing import NamedTuple
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains
-from vctune.model.loop.drive import drive_states
-from vctune.model.loop.filters import low_pass_coefficients
+from vctune.model.hands import Hand, LeastOperator
+from vctune.model.loop.drive import Rows, drive_rows, drive_states, pushed
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.numbers.pair import Pair
-from vctune.model.sampled.state_space import StepResponse, sampled_states
-
-Polynomial = tuple[Number, ...]  # Coefficients c_k of d^k w^(n-k), lowest power of d first
-
-
-@dataclass(frozen=True, slots=True)
-class SampledPlant:
-    """The exact sampled model of a device with input delay, for a held input."""
-
-    open: Polynomial  # O, of degree n, without its last coefficient, which is 1
-    velocity: tuple[Polynomial, Polynomial]
-    position: tuple[Polynomial, Polynomial]  # P for the newer and the older force, m/N
-    whole_samples: Number  # N, the number of whole samples in the delay
-    fractional: bool  # whether delta > 0, so that an older force acts
-    low_pass: Number | None = None  # a of the firmware's low-passes; None without low-passes
-    order: int = 0  # r, the number of low-passes
-
-    def converted(self, number: Callable[[Number], Number]) -> SampledPlant:
-        """Return the plant with its numbers in another arithmetic."""
-
-        def each(polynomial: Polynomial) -> Polynomial:
-            return tuple(number(c) for c in polynomial)
-
-        def taps(newer: Polynomial, older: Polynomial) -> tuple[Polynomial, Polynomial]:
-            return each(newer), each(older) if self.fractional else older
-
-        low_pass = None if self.low_pass is None else number(self.low_pass)
-        return replace(
-            self,
-            open=each(self.open),
-            velocity=taps(*self.velocity),
-            position=taps(*self.position),
-            low_pass=low_pass,
-        )
-
-
-# Difference from a whole number of samples, as a share of a sample, that the code treats as a rounding error
-SNAP = 1e-12
-
-
-def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
-    """Split a delay into whole samples and the remaining fraction of a sample."""
-    if np.ndim(delay) > 0:
-        split = [split_delay(float(one), sample_time) for one in delay]
-        return np.array([whole for whole, _ in split]), np.array([fraction for _, fraction in split])
-    samples = delay / sample_time
-    nearest = round(samples)
-    if abs(samples - nearest) <= SNAP * max(1.0, samples):
-        return nearest, 0.0
-    return floor(samples), samples - floor(samples)
-
-
-def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> SampledPlant:
-    """Sample a device without a hand exactly (model/README.md, sections 7 and 12)."""
-    T = device.sample_time
-    older = device.delay - whole_samples * T if fractional else None
-    if not drive_states(device) and device.structure is None:
-        response = _rigid(device, older, ops)
-    else:
-        response = _in_si(sampled_states(device, older, ops), device)
-    plant = SampledPlant(response.open, response.velocity, response.position, whole_samples, fractional)
-    estimate = device.velocity
-    if estimate is None:
-        return plant
-    if estimate.source == "difference":
-        newer, older_force = plant.position
-        velocity = tuple(c / T for c in newer), tuple(c / T for c in older_force)
-        plant = replace(plant, velocity=velocity)
-    if estimate.filter_hz is None:
-        return plant
-    a, _ = low_pass_coefficients(estimate.filter_hz, T, ops)
-    return replace(plant, low_pass=a, order=estimate.filter_order)
-
-
-def _rigid(device: Device, older: Number | None, ops: Arithmetic) -> StepResponse:
-    """Sample 1/(m s + b) in closed form. A separate formula for 1 - e^{-bT/m} avoids cancellation."""
-    m, T = device.mass, device.sample_time
-    rate = device.damping / m
-
-    def velocity_step(t: Number) -> Number:
-        return t / m * ops.phi_1(rate * t)
-
-    def position_step(t: Number) -> Number:
-        return t * t / m * ops.phi_2(rate * t)
-
-    t_0 = T if older is None else T - older
-    drift = T * ops.phi_1(rate * T)  # distance that the device coasts in one sample if it starts with unit velocity
-    fall = rate * drift
-    beta_0, gamma_0 = velocity_step(t_0), position_step(t_0)
-    beta_1 = gamma_1 = 0
-    if older is not None:
-        v_1 = velocity_step(older)  # the velocity that the older force caused coasts on for t_0
-        beta_1 = v_1 * ops.exp(-(rate * t_0))
-        gamma_1 = position_step(older) + v_1 * (t_0 * ops.phi_1(rate * t_0))
-    return StepResponse(
-        open=(fall,),
-        velocity=((beta_0,), (beta_1,)),
-        position=((drift * beta_0 + gamma_0 * fall, gamma_0), (drift * beta_1 + gamma_1 * fall, gamma_1)),
-    )
-
-
-def _in_si(response: StepResponse, device: Device) -> StepResponse:
-    """Return a dimensionless response with its velocities and positions in m/s and m per newton."""
-    velocity = device.sample_time / device.mass
-    position = velocity * device.sample_time
-
-    def both(taps: tuple[Polynomial, Polynomial], unit: Number) -> tuple[Polynomial, Polynomial]:
-        newer, older = (tuple(c * unit for c in tap) for tap in taps)
-        return newer, older
-
-    return StepResponse(response.open, both(response.velocity, velocity), both(response.position, position))
+from vctune.model.numbers.matrices import add, nothing, times
+from vctune.model.numbers.pair import EvenOdd, Pair
+from vctune.model.parts import Structure
+from vctune.model.sampled.circle import circle
+from vctune.model.sampled.plant_in_hand import (
+    Delays,
+    Mechanism,
+    PlantInHand,
+    equations,
+    mechanism_in_hand,
+    numerators,
+    over_sample,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,56 +38,99 @@ class ReturnDifference:
         return self.open + self.velocity.scaled(gains.velocity) + self.position.scaled(gains.position)
 
 
-def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
-    """Evaluate the parts of the return difference F at z = e^{j theta} (model/README.md, section 7)."""
-    sin = ops.sin(theta)
-    half_sine = ops.sin(theta / 2)  # the form 2 sin^2(theta/2) of 1 - cos theta does not cancel
-    d, w = Pair(2 * half_sine * half_sine, sin), Pair(ops.cos(theta), -sin)
+@dataclass(frozen=True, slots=True)
+class PlantLetGo:
+    """A device without a hand over one sample."""
 
-    def delayed(steps: Number) -> Pair:
-        if isinstance(steps, int) and steps == 1:
-            return w
-        return Pair(ops.cos(theta * steps), -ops.sin(theta * steps))
+    plant: PlantInHand  # its first state is the motor's position, its second the velocity of the centre of mass
+    handle_share: Number | None = None  # handle's share of the mass; None for a rigid device
 
-    newer = delayed(plant.whole_samples + 1)
-    older = delayed(plant.whole_samples + 2) if plant.fractional else None
+    @property
+    def states(self) -> int:
+        """The number of states of device and low-passes, without the position."""
+        return len(self.plant.push) - 1 + self.plant.order
 
-    def input_path(taps: tuple[Polynomial, Polynomial]) -> Pair:
-        path = _homogeneous(taps[0], d, w, newer)
-        return path if older is None else path + _homogeneous(taps[1], d, w, older)
 
-    open_loop, velocity = _monic(plant.open, d, w), input_path(plant.velocity)
-    low_pass = None
+def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
+    """Sample a device without a hand exactly."""
+    device, delays = device.sensing_at_once, Delays(whole_samples, fractional, whole_samples, fractional)
+    if device.structure is None:
+        parts = mechanism_in_hand(device, Hand(0, 0, 0), ops)
+        return PlantLetGo(over_sample(parts, device, delays, ops, let_go=True))
+    parts, mass, handle_share = _about_centre_of_mass(device, device.structure, ops)
+    return PlantLetGo(over_sample(parts, replace(device, mass=mass), delays, ops, let_go=True), handle_share)
+
+
+class Flexible(NamedTuple):
+    """A flexible device about its centre of mass, where an uncertain mass does not move the resonance."""
+
+    parts: Mechanism
+    mass: Number  # mass with the load of the handle, and the handle's share of it
+    handle_share: Number
+
+
+def _about_centre_of_mass(device: Device, structure: Structure, ops: Arithmetic) -> Flexible:
+    T, load = device.sample_time, structure.load or LeastOperator(0, 0)
+    one = 0 * T + 1  # a number of the arithmetic, so that the code encloses the quotient below
+    mass, handle = add(device.mass, load.mass), add(structure.handle_mass, load.mass)
+    handle_share, resonance = handle / mass, 2 * ops.pi * structure.frequency_hz * T
+    motor_share, damping, held = 1 - handle_share, device.damping * T / mass, times(load.damping, T / mass)
+    stiffness, loss = resonance * resonance, 2 * structure.damping_ratio * resonance
+    if not nothing(load.mass):
+        factor = structure.handle_mass / handle * (mass / device.mass)
+        stiffness, loss = stiffness * factor, loss * factor
+    rows: Rows = {name: {} for name in ("position", "velocity", "bend", "bending", *drive_states(device))}
+    rows["position"] = {"velocity": one, "bending": handle_share}
+    rows["velocity"] = {
+        "velocity": -add(damping, held),
+        "bending": add(times(held, motor_share), -damping * handle_share),
+    }
+    rows["bend"]["bending"] = one
+    rows["bending"] = {
+        "velocity": add(times(held, 1 / handle_share), -damping / motor_share),
+        "bend": -stiffness,
+        "bending": -add(loss + damping * handle_share / motor_share, times(held, motor_share / handle_share)),
+    }
+    force = drive_rows(rows, device, ops)
+    rows["velocity"] |= pushed(force, one)
+    rows["bending"] |= pushed(force, 1 / motor_share)
+    return Flexible(Mechanism.of(rows), mass, handle_share)
+
+
+def return_difference(of: PlantLetGo, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
+    """Evaluate the parts of the return difference F at z = e^{j theta}."""
+    plant, at = of.plant, circle(theta, ops)
+    unit = plant.sample_time / plant.mass
+
+    def pair(even: Number, odd: Number) -> Pair:
+        return Pair(even, at.sin * odd)
+
+    equal = equations(plant.rates, plant.step, plant.push, plant.older, at.cos, at.square)
+    # nothing holds the position: its column is (1, 0, 0, ...) if the unknown is 2 j s times the position
+    rows = [[EvenOdd(1, 0, at.square) if row == 0 else None, *others[1:]] for row, others in enumerate(equal)]
+    solved = {state: pair(found.even, found.odd) for state, found in numerators(rows).items()}
+    delayed, back = at.late(plant.delays.loop, pair), pair(at.cos, -1)
+    open_loop, travel = solved[len(plant.push)], solved[0] * delayed * back
+    motor = solved[1] if of.handle_share is None else solved[1] + solved[3].scaled(of.handle_share)
+    velocity = travel if plant.difference else motor * delayed
     if plant.low_pass is not None:
-        once = _monic((plant.low_pass,), d, w)
-        gain = plant.low_pass if plant.order == 1 else plant.low_pass * plant.low_pass
-        low_pass, velocity = once if plant.order == 1 else once * once, velocity.scaled(gain)
-        open_loop = open_loop * low_pass
+        a = plant.low_pass  # a/(1 - (1 - a)/z), numerator and denominator times z^(1/2)
+        passed, once = pair(a * at.cos, a), pair(a * at.cos, 2 - a)
+        for _ in range(plant.order):
+            velocity = velocity * passed
+            open_loop, travel = open_loop * once, travel * once
     if not position:
-        return ReturnDifference(open_loop, velocity, Pair(0, 0))
-    travel = input_path(plant.position)
-    return ReturnDifference(open_loop * d, velocity * d, travel if low_pass is None else travel * low_pass)
+        return ReturnDifference(open_loop, velocity.scaled(unit), Pair(0, 0))
+    difference = pair(2 * at.square, 2 * at.cos)  # 1 - 1/z: the position is the travel in one sample over 1 - 1/z
+    return ReturnDifference(
+        open_loop * difference, velocity.scaled(unit) * difference, travel.scaled(unit * plant.sample_time)
+    )
 
 
-def _homogeneous(coefficients: Polynomial, d: Pair, w: Pair, delay: Pair) -> Pair:
-    """Return the sum of c_k d^k w^(n - 1 - k) over the n coefficients, k < n, times a delay."""
-    *lower, last = coefficients
-    total, power = None, w
-    for c in reversed(lower):
-        total = (d.scaled(last) if total is None else total * d) + power.scaled(c)
-        power = power * w
-    return delay.scaled(last) if total is None else total * delay
-
-
-def _monic(coefficients: Polynomial, d: Pair, w: Pair) -> Pair:
-    """Return d^n plus the sum of c_k d^k w^(n - k) over the n coefficients, k < n."""
-    *lower, last = coefficients
-    rest = 1 - last
-    total, power = Pair(last + rest * d.re, rest * d.im), w  # d + last w with w = 1 - d; theta appears once
-    for c in reversed(lower):
-        power = power * w
-        total = total * d + power.scaled(c)
-    return total
+def unturned(of: PlantLetGo, F: Pair, theta: Number, ops: Arithmetic) -> Pair:
+    """Return F z^(-n/2) with n states: a polynomial in 1/z, which makes no turn around 0 if no pole is outside."""
+    half = theta * (of.states / 2)
+    return F * Pair(ops.cos(half), -ops.sin(half))
 
 
 def sensitivity_abs2(parts: ReturnDifference, gains: Gains) -> Number:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from math import inf
 
 import numpy as np
@@ -20,9 +20,9 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
+from vctune.model.sampled.delays import split_delay
 from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
-from vctune.model.sampled.let_go import Plant, plant_let_go, prefers_this_form, return_difference
 from vctune.model.sampled.plant_in_hand import (
     AnyPlantInHand,
     Delays,
@@ -32,7 +32,7 @@ from vctune.model.sampled.plant_in_hand import (
     plant_in_hand,
 )
 from vctune.model.sampled.servo_plant import ServoPlant
-from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
+from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go, return_difference, unturned
 from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
 from vctune.model.worlds import WorldsMet
 from vctune.proof.boxes import FREQUENCY, SAMPLES_BEFORE, WHOLE_SAMPLES, Values, coupling_of, gains_of
@@ -117,8 +117,9 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         return required_resistance(loop_response(at(omega, v), gains_of(v), OPS), OPS)
 
     def sampled_curve(theta: Enclosure, v: Values) -> Pair:
-        parts = return_difference(plant(v), theta, OPS, position=not OPS.is_zero(gains_of(v).position))
-        return parts.closed(gains_of(v))
+        sampled, gains = plant(v), gains_of(v)
+        parts = return_difference(sampled, theta, OPS, position=not OPS.is_zero(gains.position))
+        return unturned(sampled, parts.closed(gains), theta, OPS)
 
     def radius_at(omega: Number) -> Number:
         known = demands.device.unmodelled
@@ -326,25 +327,24 @@ def _plant_in_hand(nominal: Device, uncertain: tuple[str, ...], delays: Delays) 
 
 def _devices(
     nominal: Device, uncertain: tuple[str, ...]
-) -> tuple[Callable[[Values], Device], Callable[[Values], Plant]]:
+) -> tuple[Callable[[Values], Device], Callable[[Values], PlantLetGo]]:
     """Return the device and its sampled plant as functions of a claim's values."""
     exact = nominal.converted(decimal)
     whole, fraction = split_delay(nominal.delay, nominal.sample_time)
 
     if not uncertain:
-        known = sampled_plant(exact, whole, OPS, fractional=fraction > 0)
-        return lambda v: exact, lambda v: known
-    sample = plant_let_go if prefers_this_form(nominal) else sampled_plant
+        known = cache(lambda: plant_let_go(exact, whole, OPS, fractional=fraction > 0))
+        return lambda v: exact, lambda v: known()
     any_delay = "delay" in uncertain
 
-    def of_numbers(whole: Number, *numbers: Number) -> Plant:
+    def of_numbers(whole: Number, *numbers: Number) -> PlantLetGo:
         one = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))
-        return sample(one, whole, OPS, fractional=any_delay or fraction > 0)
+        return plant_let_go(one, whole, OPS, fractional=any_delay or fraction > 0)
 
-    def plant(v: Values) -> Plant:
+    def plant(v: Values) -> PlantLetGo:
         rows = [v[f"device.{key}"] for key in uncertain]
         samples = [Enclosure(np.asarray(v[WHOLE_SAMPLES], float))] if any_delay else []
-        found: Plant = shared(of_numbers if any_delay else partial(of_numbers, whole), [*samples, *rows])
+        found: PlantLetGo = shared(of_numbers if any_delay else partial(of_numbers, whole), [*samples, *rows])
         return found
 
     return _uncertain_device(nominal, uncertain), plant

@@ -22,9 +22,8 @@ from vctune.model.sampled.hand_loop import (
     seen_in_hand,
     seen_in_limp_hand,
 )
-from vctune.model.sampled.let_go import Plant, return_difference
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand
-from vctune.model.sampled.velocity_loop import difference_slope
+from vctune.model.sampled.velocity_loop import PlantLetGo, difference_slope, return_difference
 from vctune.model.sampled.worlds.loop_in_walls import Strip, strip_in_walls
 from vctune.model.sampled.worlds.loop_in_worlds import (
     Disjuncts,
@@ -117,13 +116,13 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
     return 2 * (re_D + b_h) * re_Z_c + factor * (2 * b_h * re_C - excess)
 
 
-def sensitivity_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
+def sensitivity_margin(plant: PlantLetGo, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
     """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop. It is positive where |S| = |F_0/F| < limit."""
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     return limit * limit * parts.closed(gains).abs2() - parts.open.abs2()
 
 
-def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number, ops: Arithmetic) -> Number:
+def unmodelled_margin(plant: PlantLetGo, gains: Gains, theta: Number, radius: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 - radius^2 |F - F_0|^2. It is positive where |1 - S| radius < 1 (model/README.md, section 13)."""
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
@@ -243,7 +242,7 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
     return e.abs2() * along + re_conj_product(Z_2, e * Pair(drive.re, -lagging))
 
 
-def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
+def across_position(plant: PlantLetGo, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
     """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2 with P = dF/dK_p. Neither depends on K_p."""
     velocity_loop = return_difference(plant, theta, ops, position=False)
     P, slope = return_difference(plant, theta, ops, position=True).position, difference_slope(theta, ops)
@@ -251,7 +250,9 @@ def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) 
     return im_conj_product(F, P), (velocity_loop.open * slope).abs2() * P.abs2()
 
 
-def sensitivity_sufficient_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
+def sensitivity_sufficient_margin(
+    plant: PlantLetGo, gains: Gains, theta: Number, limit: Number, ops: Arithmetic
+) -> Number:
     """Return (limit Im(F conj P) - |F_0||P|)/theta. Where it is positive, |S| < limit for all K_p."""
     across, product2 = across_position(plant, gains, theta, ops)
     return limit * across - ops.sqrt(product2)

@@ -12,7 +12,8 @@ from flint import arb
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate, sinc_curvature_series
-from vctune.model.sampled.velocity_loop import SampledPlant, sampled_plant, split_delay
+from vctune.model.sampled.delays import split_delay
+from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.elementary import UNIT
 from vctune.proof.enclosures.intervals import ENCLOSURES, SWELL, TINY, Enclosure
@@ -72,10 +73,6 @@ class _BallArithmetic:
         return -(-x).expm1() / x if x != 0 else arb(1)
 
     @staticmethod
-    def phi_2(x: Number) -> Number:
-        return (x + (-x).expm1()) / (x * x) if x != 0 else arb(1) / 2
-
-    @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
         return yes() if x > 0 else no()
 
@@ -128,10 +125,10 @@ def device_ball(device: Device) -> Device:
     return device.converted(ball)
 
 
-def exact_plant(device: Device) -> SampledPlant:
+def exact_plant(device: Device) -> PlantLetGo:
     """Return the sampled plant of a device with its decimals enclosed."""
     whole, fraction = split_delay(device.delay, device.sample_time)
-    return sampled_plant(device_ball(device), whole, BALLS, fractional=fraction > 0)
+    return plant_let_go(device_ball(device), whole, BALLS, fractional=fraction > 0)
 
 
 def gains_ball(gains: Gains) -> Gains:

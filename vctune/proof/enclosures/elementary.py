@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 UNIT = 2.0**-52  # Twice the relative rounding error of an operation (IEEE 754, round to nearest)
 # Bounds on the error of sine and cosine; on the relative error of the exponential; and on the relative error of
-# phi_1, phi_2 and (1 - sinc x)/x^2
+# phi_1 and (1 - sinc x)/x^2
 SINE_ERROR, EXP_ERROR, PHI_ERROR = 3 * UNIT, 3 * UNIT, 1e-13
 LOG_ERROR = 4 * UNIT  # Bound on the error of the logarithm, relative to 1 + |log x|
 
@@ -27,7 +27,7 @@ GREATEST = 2.0**20  # Greatest argument of sine and cosine; beyond it they are n
 QUARTER, QUARTER_LOW = float.fromhex("0x1.921fb544p+0"), float.fromhex("0x1.0b4611ap-34")
 QUARTER_REST = float.fromhex("0x1.898cc51701b84p-64")
 LOG_2, LOG_2_REST = float.fromhex("0x1.62e42feep-1"), float.fromhex("0x1.a39ef35793c76p-33")
-PHI_BELOW, CURVATURE_BELOW = 1.0, 0.5  # arguments below which phi_1, phi_2 and (1 - sinc x)/x^2 are series
+PHI_BELOW, CURVATURE_BELOW = 1.0, 0.5  # arguments below which phi_1 and (1 - sinc x)/x^2 are series
 
 
 def _series(terms: Sequence[float], x: Floats) -> Floats:
@@ -42,7 +42,7 @@ def _series(terms: Sequence[float], x: Floats) -> Floats:
 SINE = [(-1) ** n / factorial(2 * n + 1) for n in range(1, 8)]
 COSINE = [(-1) ** n / factorial(2 * n) for n in range(1, 9)]
 EXPONENTIAL = [1 / factorial(n) for n in range(1, 14)]
-PHI = [[(-1) ** n / factorial(n + order) for n in range(19)] for order in (1, 2)]
+PHI_1 = [(-1) ** n / factorial(n + 1) for n in range(19)]
 CURVATURE = [(-1) ** n / factorial(2 * n + 3) for n in range(7)]
 LOGARITHM = [2 / (2 * n + 1) for n in range(1, 11)]
 
@@ -109,15 +109,7 @@ def phi_1(x: Any) -> Floats:
     x = np.asarray(x, float)
     small = np.abs(x) < PHI_BELOW
     near, far = np.where(small, x, 0.0), np.where(small, 1.0, x)
-    return np.where(small, _series(PHI[0], near), (1 - exponential(-far)) / far)
-
-
-def phi_2(x: Any) -> Floats:
-    """Return (x - 1 + e^-x)/x^2 for x >= 0, 1/2 at x = 0."""
-    x = np.asarray(x, float)
-    small = np.abs(x) < PHI_BELOW
-    near, far = np.where(small, x, 0.0), np.where(small, 1.0, x)
-    return np.where(small, _series(PHI[1], near), ((far - 1) + exponential(-far)) / far / far)
+    return np.where(small, _series(PHI_1, near), (1 - exponential(-far)) / far)
 
 
 def interpolated(x: Any, table: tuple[tuple[float, float], ...]) -> Floats:

@@ -241,10 +241,6 @@ class _EnclosureArithmetic:
         return _falling(elementary.phi_1, x)
 
     @staticmethod
-    def phi_2(x: Number) -> Number:
-        return _falling(elementary.phi_2, x)
-
-    @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
         sure = x.positive()
         return yes() if sure.all() else selected(sure, yes(), no())

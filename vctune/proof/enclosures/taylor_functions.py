@@ -225,15 +225,6 @@ class _TaylorArithmetic:
         )
 
     @staticmethod
-    def phi_2(x: Number) -> Number:
-        """Return the mean of (1 - t) e^(-t x) over 0 <= t <= 1. For x >= 0 its third derivative is at most 1/20."""
-        if not isinstance(x, Taylor):
-            return ENCLOSURES.phi_2(x)
-        return x.mapped(
-            _falling(x.coefficients[0], elementary.phi_2, lambda t: 1 - t), _times_e_of(x, 1 / 20), PHI_ERROR
-        )
-
-    @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
         sure = _ranged(x).positive()
         if sure.all():
