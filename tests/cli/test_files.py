@@ -69,7 +69,7 @@ write_together({Path("a"): "new", Path("b"): "new", Path("c"): "new"}, [Path("d"
 )
 COMMAND = """
 import vctune.cli, vctune.design.verdict.repair, vctune.design.solve
-import vctune.report.page, vctune.simulation.two_runs
+import vctune.report.page, vctune.report.templates, vctune.simulation.two_runs
 from vctune.document.reading import read_problem
 
 def once(module, name, *arguments):
@@ -82,12 +82,12 @@ judged = once(vctune.design.solve, "solve", file.problem).judgement
 if judged and file.problem.experiments:
     once(vctune.simulation.two_runs, "simulate", file.problem, judged.gains, judged.coupling,
          file.problem.experiments[0])
-Shown = vctune.report.page.Shown
+Shown = vctune.report.templates.Shown
 FIGURES = ("llewellyn", "nyquist", "transparency", "impedance")
 def named(name, problem): return Shown(name, "", "", "", problem.sha256)
-vctune.report.page.design_figures = lambda problem, record, doubt: [named(name, record.problem) for name in FIGURES]
+vctune.report.page.design_figures = lambda _problem, record, *_: [named(name, record.problem) for name in FIGURES]
 vctune.report.page.simulation_figure = lambda simulation: named("simulation", simulation.problem)
-vctune.report.page.svg = lambda digest, name: f"<svg>{digest}</svg>"
+vctune.report.page.svg = vctune.report.templates.svg = lambda digest, name: f"<svg>{digest}</svg>"
 """
 """What takes its time is done once, and a figure says of which problem it is."""
 EXPERIMENT = (

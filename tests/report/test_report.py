@@ -26,7 +26,7 @@ from vctune.document.text.errors import InputError
 from vctune.model.gains import Coupling, Gains
 from vctune.report.curves import handle_impedance, requirements, transparency
 from vctune.report.page import write_report
-from vctune.report.typography import html
+from vctune.report.style import html
 from vctune.report.verdict import LITTLE_USE
 
 LAG = 'hold = "lag"\n[stability]\ncriterion = "passive"\nband_hz = [0.0, inf]\n'
@@ -85,7 +85,6 @@ def test_report_of_every_verdict(records, tmp_path, name):
     assert {path.suffix for path in (tmp_path / "report").iterdir()} <= {".html", ".svg"}
 
 
-@pytest.mark.slow
 def test_the_same_design_gives_the_same_bytes(records, tmp_path):
     for folder in ("a", "b"):
         made(json.loads(json.dumps(records("certified"))), tmp_path / folder)
@@ -134,15 +133,16 @@ def test_curves_agree_with_the_certificate():
     gains, coupling = judgement.gains, judgement.coupling
     (curves,) = requirements(problem, gains, coupling)
     inside = (curves.hz >= 0.5) & (curves.hz <= 100)
-    assert np.nanmin(curves.ratio[inside]) >= judgement.min_ratio * (1 - 1e-9)
-    assert curves.ratio[inside] == pytest.approx((curves.offered / curves.required)[inside])
+    assert np.nanmin((curves.offered / curves.required)[inside]) >= judgement.min_ratio * (1 - 1e-9)
     assert unstable_poles(problem.device, gains) == 0
     assert np.abs(1 + Loop(problem.device, gains).L.at().values).min() >= 0.5 * (1 - 1e-9)
-    terms = transparency(problem, gains, coupling)
-    assert terms.error**2 == pytest.approx(terms.admittance**2 + terms.tracking**2 + terms.coupling**2)
+    _, terms = transparency(problem, gains, coupling)
+    assert terms["error"] ** 2 == pytest.approx(
+        sum(terms[name] ** 2 for name in ("admittance", "tracking", "coupling"))
+    )
     hz, felt = handle_impedance(problem, gains, coupling)
     free, rigid = felt["free"][0], felt["rigid"][0]
-    assert rigid == pytest.approx(problem.transparency.reference_impedance / terms.admittance)
+    assert rigid == pytest.approx(problem.transparency.reference_impedance / terms["admittance"])
     assert np.all(free[hz < 30] < rigid[hz < 30])
 
 
@@ -150,9 +150,9 @@ def test_a_rigid_environment_is_felt_as_the_loop_alone():
     """Whatever the device is made of, at its resonance too."""
     problem = parse_problem(for_passive_hands(DEVICE + PARTS), "x", "x")
     gains, coupling = Gains(60.0, 1000.0), Coupling(100.0, 0.3, 1.0)
-    terms = transparency(problem, gains, coupling)
+    _, terms = transparency(problem, gains, coupling)
     hz, felt = handle_impedance(problem, gains, coupling)
-    assert felt["rigid"][0] == pytest.approx(problem.transparency.reference_impedance / terms.admittance)
+    assert felt["rigid"][0] == pytest.approx(problem.transparency.reference_impedance / terms["admittance"])
     assert np.sum((hz > 240) & (hz < 260)) > 10
 
 

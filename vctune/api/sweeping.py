@@ -77,12 +77,12 @@ class Swept:
 
     def files(self, folder: Path) -> Files:
         """Return the table of the sweep and, for one or two axes, its picture."""
-        from vctune.report.style import figure_file
+        from vctune.report.style import svg
         from vctune.report.sweep_figure import sweep_figure
 
         figure = sweep_figure(self.table, grid=self.study.sample.kind == "grid")
-        picture = figure_file(figure, folder, Path(PICTURE).stem) if figure else {folder / PICTURE: None}
-        return {folder / TABLE: csv_text(self.table), **picture}
+        picture = svg(figure, Path(PICTURE).stem) if figure else None
+        return {folder / TABLE: csv_text(self.table), folder / PICTURE: picture}
 
     def __repr__(self) -> str:
         return f"Swept({self.table!r})"

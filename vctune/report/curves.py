@@ -16,7 +16,6 @@ from vctune.analysis.requirement import Requirement, in_any_hand, in_hands, on_b
 from vctune.analysis.resonance import round_at_resonance
 from vctune.analysis.sampled_loop import Complex
 from vctune.design.prepared import pose
-from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
 from vctune.model.hands import Hands
 from vctune.model.numbers.units import hertz
@@ -42,37 +41,31 @@ class Required:
     offered: Floats
     required: Floats  # worst hand and device at each frequency; nan where nothing positive is required
     others: dict[str, Floats]  # further requirements by name, each below `required` or without the least operator
-    least: float | None  # least ratio of the two curves, its frequency, Hz, and its hand in words
-    least_hz: float | None
+    min_ratio: float | None  # least ratio of the two curves, its frequency, Hz, and its hand in words
+    worst_hz: float | None
     where: str = ""
     band: Band | None = None  # band of the claim, rad/s; None for every frequency up to Nyquist
-
-    @property
-    def ratio(self) -> Floats:
-        """Offered / required."""
-        return self.offered / self.required
 
 
 def requirements(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Required]:
     """Return the requirement of each claim of a problem that compares the coupling with a resistance."""
-    device, found = problem.device, []
+    device, posed, found = problem.device, pose(problem), []
+    devices = [device, *(case.device for case in posed.hand_cases if case.device != device)]
     if (hands := problem.hands_met) is not None:
-        of_hands, devices = hands, [device, *_others(problem)]
-        minima = least_ratios_in_hands(device, hands, gains, coupling)
-        shown = list(dict.fromkeys(each.hand for each in minima))[:WORST]
-        alone = {
-            f"R in {hand.in_words(problem.units)}": in_hands(device, Hands(hand, hand), gains, PER_DECADE)
-            for hand in shown
-        }
-        stated = [in_hands(each, of_hands, gains, PER_DECADE) for each in devices]
-        curves = _curves(problem, coupling, stated, alone, minima[0].ratio, minima[0].omega)
-        found.append(replace(curves, where=minima[0].hand.in_words(problem.units)))
+        minima = [least_ratios_in_hands(each, hands, gains, coupling) for each in devices]
+        shown = {each.hand.in_words(problem.units): Hands(each.hand, each.hand) for each in minima[0]}
+        alone = {f"R in {name}": in_hands(device, shown[name], gains, PER_DECADE) for name in list(shown)[:WORST]}
+        stated = [in_hands(each, hands, gains, PER_DECADE) for each in devices]
+        least = min((each[0] for each in minima), key=lambda minimum: minimum.ratio)
+        curves = _curves(problem, coupling, stated, alone, least.ratio, least.omega)
+        found.append(replace(curves, where=least.hand.in_words(problem.units)))
     if problem.any_hand:
-        stated = [in_any_hand(each, gains, PER_DECADE) for each in [device, *_others(problem)]]
-        first = least_ratios_in_any_hand(device, gains, coupling)[0]
-        found.append(_curves(problem, coupling, stated, {}, first.ratio, first.omega))
+        stated = [in_any_hand(each, gains, PER_DECADE) for each in devices]
+        every = [least_ratios_in_any_hand(each, gains, coupling)[0] for each in devices]
+        lowest = min(every, key=lambda minimum: minimum.ratio)
+        found.append(_curves(problem, coupling, stated, {}, lowest.ratio, lowest.omega))
     if problem.passive:
-        omega, cases = 2 * pi * frequencies(problem), pose(problem).cases
+        omega, cases = 2 * pi * frequencies(problem), posed.cases
         stated = [on_band(case.device, gains, omega) for case in cases]
         alone = {"R of the stated device": stated[0]} if len(cases) > 1 else {}
         if device.operator is not None:
@@ -84,18 +77,10 @@ def requirements(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[
     return found
 
 
-def _others(problem: Problem) -> list[Device]:
-    return [case.device for case in pose(problem).hand_cases if case.device != problem.device]
-
-
 def _curves(
-    problem: Problem,
-    coupling: AnyCoupling,
-    of: list[Requirement],
-    others: dict[str, Requirement],
-    least: float,
+    problem: Problem, coupling: AnyCoupling, of: list[Requirement], others: dict[str, Requirement], least: float,
     at: float,
-) -> Required:
+) -> Required:  # fmt: skip
     """Return the curves of a claim for the devices of a problem, the stated one first; its least ratio is at `at`,
     rad/s."""
     first, kind = of[0], problem.device.kind
@@ -107,23 +92,17 @@ def _curves(
         R = scale * np.interp(places, each.places, each.required[0])
         return np.where(R > 0, R, np.nan)
 
-    known = (least, hertz(at)) if abs(least) < inf else (None, None)
-    turn = 2 * pi * (1.0 if first.claim == "passive" else problem.device.sample_time)
-    offered = scale * replace(first, places=places).offered(coupling) + 0 * places
-    names, alone = (f"Re {kind.couples}", kind.coupling_unit(problem.units)), {n: shown(e) for n, e in others.items()}
-    required = np.fmax.reduce([shown(each) for each in of])
-    return Required(first.claim, *names, places / turn, offered, required, alone, *known)
-
-
-@dataclass(frozen=True, slots=True)
-class Transparency:
-    """|Z_0 G_hh|, |1 - G_he|, |Z_c|/Z_0 and the error e, as functions of the frequency hz, Hz."""
-
-    hz: Floats
-    admittance: Floats
-    tracking: Floats
-    coupling: Floats
-    error: Floats
+    return Required(
+        claim=first.claim,
+        name=f"Re {kind.couples}",
+        unit=kind.coupling_unit(problem.units),
+        hz=places / (2 * pi * (1.0 if first.claim == "passive" else problem.device.sample_time)),
+        offered=scale * replace(first, places=places).offered(coupling) + 0 * places,
+        required=np.fmax.reduce([shown(each) for each in of]),
+        others={name: shown(each) for name, each in others.items()},
+        min_ratio=least if abs(least) < inf else None,
+        worst_hz=hertz(at) if max(abs(least), at) < inf else None,
+    )
 
 
 def frequencies(problem: Problem) -> Floats:
@@ -135,12 +114,14 @@ def frequencies(problem: Problem) -> Floats:
     return round_at_resonance(problem.device, omega / (2 * pi))
 
 
-def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Transparency:
-    """Return the three terms of the error, and the error: the root of the weighted sum of their squares."""
+def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[Floats, dict[str, Floats]]:
+    """Return frequencies, Hz, the three terms of the error and the error: the root of the weighted sum of their
+    squares."""
     hz = frequencies(problem)
     squares = error_terms(problem, gains, coupling, 2 * pi * hz)
-    error = weighted_square(problem.transparency.weights, squares)
-    return Transparency(hz, *(np.sqrt(each) + 0 * hz for each in (*astuple(squares), error)))
+    each = (*astuple(squares), weighted_square(problem.transparency.weights, squares))
+    names = ("admittance", "tracking", "coupling", "error")
+    return hz, {name: np.sqrt(square) + 0 * hz for name, square in zip(names, each, strict=True)}
 
 
 def handle_impedance(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import cos, degrees, inf, log10, pi, sin
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,9 +12,20 @@ from vctune.analysis.margins import loop_margins
 from vctune.analysis.responses import Loop
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.report.curves import NOTHING, Required, Transparency, handle_impedance, requirements, transparency
-from vctune.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, decades, frequency_axis, shade
-from vctune.report.typography import in_place, limit
+from vctune.report.curves import NOTHING, Required, handle_impedance, requirements, transparency
+from vctune.report.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    RED,
+    frequency_axis,
+    in_place,
+    limit,
+    logarithmic,
+    shade,
+)
 
 SHALLOW = 1e-9  # Least shown value as a share of the top of the axis; at Nyquist R may vanish
 LEAST_SPAN = 0.1  # Least span of ratios that sets the limits of the axis
@@ -34,12 +44,8 @@ def draw_required(
     ----------
     axes : Axes
         Axes of Matplotlib.
-    problem : Problem
-        The problem with the device and its hands.
-    gains : Gains
-        Gains of the design.
-    coupling : AnyCoupling
-        Coupling of the design.
+    problem, gains, coupling : Problem, Gains, AnyCoupling
+        The problem and the design.
     requirement : Required, optional
         Which requirement to draw; by default the first of the problem.
 
@@ -57,7 +63,7 @@ def draw_required(
     _frequencies(axes, drawn)
     low, high = axes.get_ylim()
     axes.set_ylim(max(low, SHALLOW * high), high)
-    decades(axes)
+    logarithmic(axes)
     return axes
 
 
@@ -70,12 +76,8 @@ def draw_ratio(
     ----------
     axes : Axes
         Axes of Matplotlib.
-    problem : Problem
-        The problem with the device and its hands.
-    gains : Gains
-        Gains of the design.
-    coupling : AnyCoupling
-        Coupling of the design.
+    problem, gains, coupling : Problem, Gains, AnyCoupling
+        The problem and the design.
     requirement : Required, optional
         Which requirement to draw; by default the first of the problem.
 
@@ -85,14 +87,15 @@ def draw_ratio(
         The given axes.
     """
     drawn, factor = requirement or requirements(problem, gains, coupling)[0], problem.stability.safety_factor
-    axes.plot(drawn.hz, drawn.ratio, color=BLUE, label=f"{drawn.name} / R")
+    axes.plot(drawn.hz, drawn.offered / drawn.required, color=BLUE, label=f"{drawn.name} / R")
     axes.axhline(1.0, color=RED, linewidth=1.2, linestyle="-.", label="1: the limit")
     axes.axhline(factor, color=INK, linewidth=1, linestyle=":", label=f"safety factor {factor:g}")
-    if drawn.least is not None:  # an extremum at 0 or for high frequencies stands at the edge of the axis
-        at = drawn.hz[-1] if drawn.least_hz is None else min(max(drawn.least_hz, drawn.hz[0]), drawn.hz[-1])
-        label = f"least: {in_place(drawn.least, drawn.least_hz)}"
-        axes.plot(at, max(drawn.least, 0.0), "o", color=RED, label=label, clip_on=False)
-    marks = (1.0, factor, 1.0 if drawn.least is None else min(max(drawn.least, 0.0), 2 * factor))
+    marks = [1.0, factor]
+    if drawn.min_ratio is not None:  # an extremum at 0 or for high frequencies stands at the edge of the axis
+        at = np.clip(inf if drawn.worst_hz is None else drawn.worst_hz, drawn.hz[0], drawn.hz[-1])
+        least, label = max(drawn.min_ratio, 0.0), f"least: {in_place(drawn.min_ratio, drawn.worst_hz)}"
+        axes.plot(at, least, "o", color=RED, label=label, clip_on=False)
+        marks.append(min(least, 2 * factor))
     low, span = min(marks), max(max(marks) - min(marks), LEAST_SPAN)
     axes.set(ylim=(max(low - 0.9 * span, 0.0), max(marks) + 2.6 * span), ylabel="coupling / required")
     _frequencies(axes, drawn)
@@ -127,8 +130,8 @@ def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
     axes.plot(curve.values.real, curve.values.imag, color=BLUE, label="L up to Nyquist")
     angle = np.linspace(0, 2 * pi, 181)
     axes.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=1, linestyle="--", label="unit circle")
-    circle: Any = {"facecolor": "none", "edgecolor": RED, "hatch": "///", "linewidth": 1}
-    axes.fill(-1 + np.cos(angle) / most, np.sin(angle) / most, label=f"|S| > {most:g}", **circle)
+    circle = axes.fill(-1 + np.cos(angle) / most, np.sin(angle) / most, label=f"|S| > {most:g}")[0]
+    circle.set(facecolor="none", edgecolor=RED, hatch="///", linewidth=1)
     axes.plot(-1, 0, "+", color=RED, markersize=10, label="-1")
     if margins.gain < inf:
         label = f"gain margin {limit(20 * log10(margins.gain), 'dB', 3)}"
@@ -151,12 +154,8 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
     ----------
     axes : Axes
         Axes of Matplotlib.
-    problem : Problem
-        The problem with the device and its band.
-    gains : Gains
-        Gains of the design.
-    coupling : AnyCoupling
-        Coupling of the design.
+    problem, gains, coupling : Problem, Gains, AnyCoupling
+        The problem and the design.
     part : str
         "error", or a term: "admittance", "tracking" or "coupling".
 
@@ -165,22 +164,21 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
     Axes
         The given axes.
     """
-    cases: list[tuple[str, Transparency, str, str]] = [("designed", transparency(problem, gains, coupling), "-", BLUE)]
+    hz, designed = transparency(problem, gains, coupling)
+    cases = [("designed", designed, "-", BLUE)]
     if problem.device.kind.banded:
-        cases.append(("no coupling", transparency(problem, gains, NOTHING), "--", GREY))
-        cases.append(("uncontrolled", transparency(problem, Gains(0.0, 0.0), NOTHING), ":", GREY))
-    hz = cases[0][1].hz
+        cases.append(("no coupling", transparency(problem, gains, NOTHING)[1], "--", GREY))
+        cases.append(("uncontrolled", transparency(problem, Gains(0.0, 0.0), NOTHING)[1], ":", GREY))
     for name, curves, dashes, colour in cases:
-        values = getattr(curves, part)
-        if values.max() > 1e-12:  # a term that is 0 has no place on a logarithmic axis
-            axes.semilogy(hz, values, dashes, color=colour, label=name, zorder=3 if colour == BLUE else 2)
+        if curves[part].max() > 1e-12:  # a term that is 0 has no place on a logarithmic axis
+            axes.semilogy(hz, curves[part], dashes, color=colour, label=name, zorder=3 if colour == BLUE else 2)
     if part == "tracking" and (miss := sensor_miss(problem.device, 2 * pi * hz)) is not None:
-        axes.semilogy(
-            hz, miss, "-.", linewidth=1.2, color=ORANGE, label=f"{problem.units.force_name} sensor, |1 - F_s|"
-        )
+        label = f"{problem.units.force_name} sensor, |1 - F_s|"
+        axes.semilogy(hz, miss, "-.", linewidth=1.2, color=ORANGE, label=label)
     frequency_axis(axes, hz[0], hz[-1])
     shade(axes, problem.transparency.band, BLUE, "transparency band")
     axes.set_ylabel("transparency error" if part == "error" else f"term of the error: {part}")
+    logarithmic(axes)
     return axes
 
 
@@ -193,12 +191,8 @@ def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoup
     ----------
     axes : Axes
         Axes of Matplotlib.
-    problem : Problem
-        The problem with the device and its bands.
-    gains : Gains
-        Gains of the design.
-    coupling : AnyCoupling
-        Coupling of the design.
+    problem, gains, coupling : Problem, Gains, AnyCoupling
+        The problem and the design.
 
     Returns
     -------
@@ -217,4 +211,5 @@ def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoup
         axes.semilogy(hz, bare, ":", color=GREY, linewidth=1.2, label="bare device")
     frequency_axis(axes, hz[0], hz[-1])
     axes.set_ylabel(f"impedance at the handle, {problem.units.damping}")
+    logarithmic(axes)
     return axes

@@ -6,35 +6,33 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from vctune.document.records.simulation_json import ExperimentRecord, RunRecord, SimulationRecord
-from vctune.report.design_figures import Shown
 from vctune.report.experiments import simulation_finding
-from vctune.report.style import BLUE, GREY, ORANGE, RED, WIDTH, canvas, round_numbers
-from vctune.report.typography import words
+from vctune.report.style import BLUE, GREY, ORANGE, RED, WIDTH
+from vctune.report.templates import Shown, words
 
 
 def simulation_figure(simulation: SimulationRecord) -> Shown:
     """Return a figure with an experiment in each row, a regular PID on the left and the design on the right."""
     count, units = len(simulation.experiments), simulation.units
-    figure = canvas(WIDTH, 2.1 * count + 0.2, left=0.72, right=0.12, top=0.3, gaps=(0.08, 0.75))
-    panels = figure.subplots(count, 2, squeeze=False, sharey="row")
+    named = {"position": f"position, {units.position}", "velocity": f"velocity, {units.speed}"}
+    figure = Figure(figsize=(WIDTH, 2.2 * count))
+    panels = figure.subplots(count, 2, squeeze=False, sharex="row", sharey="row")
     for (left, right), experiment in zip(panels, simulation.experiments, strict=True):
         _draw(left, experiment, experiment.baseline, "regular PID", ORANGE)
         _draw(right, experiment, experiment.design, "this design", BLUE)
-        left.set_ylabel(f"{units.force_name}, {units.force}")
-        ends = [axes.get_xlim() for axes in (left, right) if axes.lines] or [(0.0, 1.0)]
-        named = {"position": f"position, {units.position}", "velocity": f"velocity, {units.speed}"}
-        xlim = min(low for low, _ in ends), max(high for _, high in ends)
-        for axes in (left, right):
-            axes.set(xlim=xlim, xlabel=named[experiment.axis])
-            axes.set_xticks(round_numbers(*xlim, 3))
+        left.set(ylabel=f"{units.force_name}, {units.force}", xlabel=named[experiment.axis])
+        right.set(xlabel=named[experiment.axis])
+        left.xaxis.set_major_locator(MaxNLocator(4))
     title = "The design and a regular PID in simulated experiments"
     return Shown("simulation", title, simulation_finding(simulation), words("simulation"), figure)
 
 
 def _draw(axes: Axes, experiment: ExperimentRecord, run: RunRecord | None, title: str, colour: str) -> None:
-    axes.set_title(f"{experiment.name}: {title}", fontsize=8)
+    axes.set_title(f"{experiment.name}: {title}")
     note: dict[str, Any] = {"transform": axes.transAxes, "ha": "center", "fontsize": 8}
     if run is None:
         axes.text(0.5, 0.5, "no baseline in the file", color=GREY, **note)

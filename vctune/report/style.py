@@ -1,120 +1,167 @@
-"""The style of all figures, the scales that they share, and their files."""
+"""The look of figures, numbers and formulas: one style for a page, its tables and its pictures."""
 
 from __future__ import annotations
 
 import re
-from io import BytesIO
-from math import ceil, floor, log10, pi
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from html import escape, unescape
+from io import StringIO
+from math import floor, inf, isclose, isfinite, log10, pi
+from typing import Any, NamedTuple
 
-import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
-from vctune.analysis.extrema import Floats
+from vctune.document.records.part import NOTHING
 from vctune.model.problem import Band
-from vctune.report.typography import prefixed, svg_texts, tick
 from vctune.running import check_time
 
 INK, PAPER = "#010203", "#fefdfc"  # A page replaces both by its own text and ground
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
 WIDTH = 4.2  # Width of a figure of a page, inches
 STYLE: Any = {
+    "figure.constrained_layout.use": True,
     "svg.fonttype": "none",
-    "font.family": "sans-serif",
+    "path.simplify_threshold": 0.25,
     "font.size": 9,
-    "text.color": INK,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.facecolor": "none",
-    "axes.titlesize": 9,
-    "axes.titley": 1.0,
+    "axes.titlesize": 8,
+    "legend.fontsize": 8,
+    "lines.linewidth": 1.6,
+    "hatch.linewidth": 0.6,
+    **dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
     "figure.facecolor": PAPER,
-    "xtick.color": INK,
-    "ytick.color": INK,
+    "axes.facecolor": "none",
+    "legend.frameon": False,
+    "legend.labelcolor": INK,
     "axes.grid": True,
     "grid.color": GREY,
     "grid.alpha": 0.3,
     "grid.linewidth": 0.6,
-    "hatch.linewidth": 0.6,
-    "legend.frameon": False,
-    "legend.labelcolor": INK,
-    "legend.fontsize": 8,
-    "lines.linewidth": 1.6,
-    "path.simplify_threshold": 0.25,
 }
-# Superfluous text in Matplotlib's SVG files, and its replacement
-SUPERFLUOUS = {
-    r"<metadata>.*?</metadata>\n": "",
-    r"; font-family: [^;\"]*": "",
-    r"<svg ": '<svg font-family="sans-serif" ',
-    r'<g id="[^"]*">': "<g>",
-    r' transform="rotate\(-0 [^"]*\)"': "",
-    r"\n +": "\n",
+THIN = "\u202f"  # Thin space between a number and its unit
+DIGITS = 4  # Number of significant digits where a reader does not need to copy the number
+SAME = 1e-9  # Relative difference within which a limit equals a round number
+PLAIN = (0.1, 1e4)  # Sizes between which a number keeps its unit without a prefix
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+PREFIXED = ("N", "Hz", "m", "s", "W")  # First letters of the units that take a prefix
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SYMBOL = re.compile(r"(?<![\w.\"'])([A-Za-zτ])_([A-Za-z0-9]{1,5}\b)(?![_.])")  # A letter with a subscript
+# Patterns of plain signs, each with its typographic form; a minus between symbols has spaces around it
+SIGNS: dict[str, str | Callable[[re.Match[str]], str]] = {
+    r">=": "≥",
+    r"<=": "≤",
+    r"(?<![\w.)])-(?=\d)": "−",
+    r"(?<=\w|\|) - (?=[\w|])": " − ",
+    r"(\d)e([+-]\d+)(?!\w)": lambda found: f"{found[1]} × {power_of_ten(int(found[2]))}",
 }
 
 
-def canvas(
-    width: float, height: float, *, left: float = 0.85, right: float = 0.15, bottom: float = 0.5, top: float = 0.15,
-    gaps: tuple[float, float] = (0.0, 0.0),
-) -> Figure:  # fmt: skip
-    """Return a figure whose axes keep their position for any texts around them; all lengths in inches."""
-    figure = Figure(figsize=(width, height))
-    figure.subplots_adjust(
-        left / width, bottom / height, 1 - right / width, 1 - top / height, wspace=gaps[0], hspace=gaps[1]
-    )
-    return figure
+class Quantity(NamedTuple):
+    """A number and its unit, as texts."""
+
+    value: str
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.value}{THIN * (self.unit not in ('', '°'))}{self.unit}"
 
 
-def legend_above(axes: Axes, columns: int, **options: Any) -> None:
-    """Put the legend above the axes, where it covers no curve."""
-    close: dict[str, Any] = {"borderaxespad": 0.2, "columnspacing": 1.1, "handlelength": 1.9, "handletextpad": 0.5}
-    axes.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=columns, **close | options)
+def quantity(value: float | None, unit: str = "", digits: int = DIGITS, to: float | None = None) -> Quantity:
+    """Return a number, or a range `to` a greater one, in its unit with a prefix that suits the greatest."""
+    values = [value] if to is None else [value, to]
+    power, unit = prefixed(max((abs(each) for each in values if each is not None and each != inf), default=0.0), unit)
+    unit = {"deg": "°"}.get(unit, re.sub(r"(?<=[a-z])2\b", "²", unit).replace(" ", THIN))
+    return Quantity(" to ".join(_number(each, power, digits) for each in values), unit)
+
+
+def prefixed(size: float, unit: str) -> tuple[int, str]:
+    """Return the power of ten of a suitable prefix, and the unit with this prefix."""
+    if size == 0 or PLAIN[0] <= size < PLAIN[1] or not (unit == "kg" or unit.startswith(PREFIXED)):
+        return 0, unit
+    own, most = (3, 3) if unit == "kg" else (0, 9)
+    power = min(max(3 * floor(log10(size * (1 + 1e-12)) / 3) + own, -9), most)
+    return power - own, f"{PREFIXES[power]}{'g' if own else unit}"
+
+
+def _number(value: float | None, power: int, digits: int) -> str:
+    if value is None:
+        return "none"
+    if abs(value) == inf:
+        return "∞" if value > 0 else "−∞"
+    scaled = float(f"{value / 10.0**power:.{digits}g}") if abs(value) >= NOTHING else 0.0
+    if not scaled or 1e-3 <= abs(scaled) < 1e6:
+        return plain(f"{scaled:.10g}")
+    mantissa, _, exponent = f"{scaled:.{digits - 1}e}".partition("e")
+    return plain(f"{float(mantissa):g}e{exponent}")
+
+
+def limit(value: float | None, unit: str = "", digits: int = DIGITS, *, up: bool = False) -> Quantity:
+    """Return a limit as `quantity` does, rounded to the safe side: up if smaller ones would be better, else down."""
+    if value is None or not isfinite(value):
+        return quantity(value, unit, digits)
+    near = value + (-SAME if up else SAME) * abs(value)  # what equals a round number but for an error of floats stays
+    rounding = Context(prec=digits, rounding=ROUND_CEILING if up else ROUND_FLOOR)
+    return quantity(float(rounding.create_decimal_from_float(near)), unit, digits)
+
+
+def in_place(value: float | None, hz: float | None, *, up: bool = False) -> str:
+    """Return an extremum, rounded to the safe side, and its frequency; without one it is the limit for high ones."""
+    where = "where ω → ∞" if hz is None else f"at {quantity(hz, 'Hz')}"
+    return f"{limit(value, up=up)} {where}"
+
+
+def power_of_ten(exponent: int) -> str:
+    """Return a power of ten with superscript figures."""
+    return f"10{str(exponent).translate(SUPERSCRIPT)}"
+
+
+def tick(value: float, _place: float = 0) -> str:
+    """Return the text at a tick of an axis. Very large and very small powers of ten are written as powers."""
+    power = round(log10(value)) if value > 0 else 0
+    return power_of_ten(power) if not -3 < power < 4 and isclose(value, 10.0**power) else _number(value, 0, DIGITS)
+
+
+def plain(text: str) -> str:
+    """Return a sentence with typographic signs; its numbers keep their digits."""
+    for sign, put in SIGNS.items():
+        text = re.sub(sign, put, text)
+    return text
+
+
+def html(text: str) -> str:
+    """Return a sentence as escaped HTML, with symbols in italics and subscripts."""
+    words = SYMBOL.sub(r"<i>\1</i><sub>\2</sub>", escape(plain(text), quote=False))
+    return re.sub("`([^`]+)`", r"<code>\1</code>", words)
+
+
+def log_ticks(low: float, high: float) -> LogLocator:
+    """Return ticks at powers of ten, or at 1, 2 and 5 times these powers if there are few of them."""
+    return LogLocator(subs=(1.0,) if high > 100 * low else (1.0, 2.0, 5.0))
+
+
+def logarithmic(axes: Axes, which: str = "y") -> None:
+    """Make the axis x or y logarithmic, with plain decimals."""
+    axes.set(**{f"{which}scale": "log"})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_major_locator(log_ticks(*axis.get_view_interval()))
+    axis.set_major_formatter(tick)
+    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def frequency_axis(axes: Axes, low: float, high: float) -> None:
-    """Turn the x axis into a frequency axis with plain decimals."""
-    axes.set(xscale="log", xlim=(low, high), xlabel="frequency, Hz")
-    marked = decades_between(low, high)
-    axes.set_xticks(marked, [tick(value) for value in marked])
-    between = [step * 10.0**k for k in range(floor(log10(low)), ceil(log10(high))) for step in (2, 5)]
-    inside = [hz for hz in between if low < hz < high]
-    axes.set_xticks(inside, [""] * len(inside), minor=True)
+    """Turn the x axis into a frequency axis."""
+    axes.set(xlim=(low, high), xlabel="frequency, Hz")
+    logarithmic(axes, "x")
 
 
-def decades(axes: Axes) -> None:
-    """Make the y axis logarithmic with ticks at the powers of ten, and also between them if there are few powers."""
-    axes.set_yscale("log")
-    marked = decades_between(*axes.get_ylim())
-    axes.set_yticks(marked, [tick(value) for value in marked])
-    axes.set_yticks([], minor=True)
-
-
-def decades_between(low: float, high: float, most: int = 8) -> list[float]:
-    """Return powers of ten between two numbers, or 1, 2 and 5 times these powers if there are few of them."""
-    first, last = floor(log10(low)), ceil(log10(high))
-    every = max(ceil((log10(high) - log10(low)) / most), 1)
-    steps = (1.0,) if high > 100 * low else (1.0, 2.0, 5.0)
-    values = [step * 10.0**k for k in range(first, last + 1) if k % every == 0 for step in steps]
-    inside = [value for value in values if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)]
-    return inside if len(inside) > 1 else round_numbers(low, high, 5)
-
-
-def round_numbers(low: float, high: float, most: int = 7) -> list[float]:
-    """Return round numbers between two numbers."""
-    if not low < high:
-        return [low]
-    power = 10.0 ** floor(log10((high - low) / most))
-    step = next(each * power for each in (1.0, 2.0, 2.5, 5.0, 10.0) if (high - low) / (each * power) <= most)
-    return [step * k for k in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
-
-
-def in_prefixed(values: Floats, unit: str) -> tuple[Floats, str]:
-    """Return values in a unit whose prefix suits the greatest value, and this unit."""
-    power, named = prefixed(float(np.max(np.abs(values), initial=0.0)), unit)
-    return values / 10.0**power, named
+def legend_above(axes: Axes, columns: int) -> None:
+    """Put the legend above the axes, where it covers no curve."""
+    close: dict[str, Any] = {"borderaxespad": 0.2, "columnspacing": 1.1, "handlelength": 1.9, "handletextpad": 0.5}
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=columns, **close)
 
 
 def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> None:
@@ -124,35 +171,17 @@ def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> N
     axes.axvspan(*ends, facecolor=colour, alpha=0.13, label=label, hatch=hatch, edgecolor=colour, linewidth=0)
 
 
-def stamp(figure: Figure, words: str) -> None:
-    """Write across each pair of axes why a design is not for use. The text remains visible in print and in grey."""
-    for axes in figure.axes:
-        wide = axes.get_position().width * figure.get_figwidth() * 72
-        axes.text(
-            0.5, 0.5, words, transform=axes.transAxes, fontsize=min(21.0, 1.6 * wide / len(words)), rotation=20,
-            ha="center", va="center", color=RED, weight="bold", alpha=0.45,
-        )  # fmt: skip
-
-
 def svg(figure: Figure, name: str) -> str:
-    """Return a figure as SVG; the same figure and name give the same text."""
+    """Return a figure as SVG in the reader's font; figures made alike give the same text under the same name."""
     check_time()
-    stream = BytesIO()
+    stream = StringIO()
     with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
-        figure.savefig(stream, format="svg", dpi=150, metadata={"Date": None, "Creator": None})
-    text = stream.getvalue().decode()
-    for long, short in SUPERFLUOUS.items():
-        text = re.sub(long, short, text, flags=re.DOTALL)
-    text = re.sub(r'(?<=[ \n])(d|x|y|transform)="[^"]*"', _shortened, text)
-    return svg_texts(text)
+        figure.savefig(stream, format="svg", dpi=150, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    text = re.sub(r"; font-family: [^;\"]*", "; font-family: sans-serif", stream.getvalue())
+    text = re.sub(r'[ \n](d|x|y|transform)="[^"]*"', lambda found: re.sub(r"(?<=\.\d\d)\d+", "", found[0]), text)
+    lowered = '\\1<tspan dy=".25em" font-size="72%">\\2</tspan><tspan dy="-.18em">\u200b</tspan>'
 
+    def typeset(found: re.Match[str]) -> str:
+        return f"{found[1]}{SYMBOL.sub(lowered, escape(plain(unescape(found[2])), quote=False))}{found[3]}"
 
-def _shortened(attribute: re.Match[str]) -> str:
-    """Return an attribute with its positions rounded to a tenth of a point, which no screen resolves."""
-    text = re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.1f}".removesuffix(".0"), attribute[0])
-    return text.replace(" \n", "\n")
-
-
-def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:
-    """Return a figure as an SVG file."""
-    return {folder / f"{stem}.svg": svg(figure, stem)}
+    return re.sub(r"(<text[^>]*>)([^<]*)(</text>)", typeset, text)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
 from vctune.document.schema.number_units import heading
-from vctune.report.style import BLUE, RED, STYLE, canvas
+from vctune.report.style import BLUE, RED, STYLE
 from vctune.study.study_table import Table
 
 WIDE = 10.0  # Errors that span more than this ratio are coloured by their logarithm
@@ -29,39 +28,28 @@ def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
         return None
     certified, idle = table.certified[finite], table.idle[finite]
     error = np.where(certified, table.numbers["error"][finite], np.nan)
-    labels = [heading(key, table.units.get(key, "")) for key in varied]
+    labels = [*(heading(key, table.units.get(key, "")) for key in varied), "transparency error"]
     with rc_context(STYLE):
-        figure = canvas(8, 5, right=0.3, top=0.45)
+        figure = Figure(figsize=(8, 5))
         axes = figure.subplots()
-        if len(varied) == 1:
-            (x,) = varied.values()
-            y, none, labels = error, np.zeros(np.count_nonzero(~certified)), [*labels, "transparency error"]
-            floor = axes.get_xaxis_transform()
-            _line(axes, x, error)
-        else:
-            x, y = varied.values()
-            none, floor = y[~certified], axes.transData
+        x, *others = varied.values()
+        if others:
+            y, none, floor = others[0], others[0], axes.transData
             _map(figure, axes, (x, y), error, grid=grid)
+        else:
+            y, none, floor = error, np.zeros_like(x), axes.get_xaxis_transform()
+            order, size = np.argsort(x, kind="stable"), 4 if x.size <= FEW else 1.5
+            axes.plot(x[order], error[order], "o-", color=BLUE, markersize=size, label="certified")
         if not certified.all():
-            axes.plot(
-                x[~certified], none, "x", color=RED, markersize=4, transform=floor, clip_on=False,
-                label="no certified design",
-            )  # fmt: skip
+            without: Any = {"transform": floor, "clip_on": False, "label": "no certified design"}
+            axes.plot(x[~certified], none[~certified], "x", color=RED, markersize=4, **without)
         if idle.any():  # designs whose velocity loop has hardly any effect
             ring: Any = {"markersize": 9, "markerfacecolor": "none", "markeredgecolor": RED}
             axes.plot(x[idle], y[idle], "o", label="idle: the loop hardly works", **ring)
-        for values, spaced in zip(varied.values(), (axes.set_xscale, axes.set_yscale), strict=False):
-            _space(values, spaced)
-        axes.set(xlabel=labels[0], ylabel=labels[1])
+        axes.set(xlabel=labels[0], ylabel=labels[1], xscale=_scale(x), yscale=_scale(y) if others else "linear")
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     return figure
-
-
-def _line(axes: Axes, x: Floats, error: Floats) -> None:
-    order = np.argsort(x, kind="stable")
-    size = 4 if x.size <= FEW else 1.5
-    axes.plot(x[order], error[order], "o-", color=BLUE, markersize=size, label="certified")
 
 
 def _map(figure: Figure, axes: Axes, places: tuple[Floats, Floats], error: Floats, *, grid: bool) -> None:
@@ -82,11 +70,10 @@ def _map(figure: Figure, axes: Axes, places: tuple[Floats, Floats], error: Float
         figure.colorbar(drawn, label="transparency error")
 
 
-def _space(values: Floats, spaced: Callable[[str], None]) -> None:
-    """Space an axis as its points are: on a logarithmic scale if their ratios are more even than their differences."""
+def _scale(values: Floats) -> Literal["linear", "log"]:
+    """Return the scale on which points are evenly spaced: logarithmic if their ratios are more even."""
     steps = np.unique(values)
-    if steps[0] > 0 and _uneven(np.log(steps)) < _uneven(steps):
-        spaced("log")
+    return "log" if steps[0] > 0 and _uneven(np.log(steps)) < _uneven(steps) else "linear"
 
 
 def _uneven(values: Floats) -> float:

@@ -1,22 +1,23 @@
-"""The tables of a page: requirements, and claims with their values."""
+"""The tables of a page: requirements, and the values of claims."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import NamedTuple
 
-from vctune.analysis.demands import ratio_minima, unmodelled_maxima
-from vctune.document.records.certificate_json import InnerLoopRecord, WallsRecord
+from vctune.analysis.demands import unmodelled_maxima
+from vctune.document.records.certificate_json import HandsRecord, InnerLoopRecord, WallsRecord
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.hands import QUANTITIES
-from vctune.model.numbers.units import hertz
 from vctune.model.parts import PART_NUMBERS, PARTS
 from vctune.model.problem import Problem
-from vctune.proof.claims.registry import CLAIMS, ClaimId
-from vctune.report.typography import in_place, limit, quantity, span
+from vctune.proof.claims.registry import IN_HANDS, ClaimId
+from vctune.report.curves import Required
+from vctune.report.style import in_place, limit, quantity
 
 
 class Line(NamedTuple):
@@ -26,16 +27,6 @@ class Line(NamedTuple):
     value: str
     unit: str = ""
     note: str = ""
-
-
-class ClaimLine(NamedTuple):
-    """A claim: its label, its sentence, its verdict, the computed value and the limit of this value."""
-
-    label: str
-    claim: str
-    verdict: str
-    found: str
-    asked: str
 
 
 def asked(problem: Problem) -> dict[str, list[Line]]:
@@ -50,9 +41,9 @@ def _device(problem: Problem) -> list[Line]:
     if device.kind is not ADMITTANCE:
         lines.append(Line("display", device.kind.name, "", device.kind.makes.format(force=units.force_name)))
     for key, number in device.numbers().items():
-        unit = unit_of(tuple(key.split(".")), units)
+        value = quantity(float(number), unit_of(tuple(key.split(".")), units))
         known = f"± {100 * widths[key]:.4g} %" if widths.get(key) else ""
-        lines.append(Line(units.translated(PART_NUMBERS[key].label), *quantity(float(number), unit), known))
+        lines.append(Line(units.translated(PART_NUMBERS[key].label), *value, known))
     if (servo := device.servo) is not None:
         held = {"velocity": "held over a sample", "position": "interpolated over a sample"}[servo.command]
         lines += [Line("servo: order", str(servo.order)), Line("command", servo.command, "", held)]
@@ -61,7 +52,7 @@ def _device(problem: Problem) -> list[Line]:
         lines += [Line("velocity", "measured" if measured else "from the position"), Line("hold", device.hold)]
     if uncertain is not None and uncertain.unmodelled:
         radii = [radius for _, radius in uncertain.unmodelled]
-        lines.append(Line("unmodelled, radius", *span(min(radii), max(radii))))
+        lines.append(Line("unmodelled, radius", *quantity(min(radii), to=max(radii))))
     return lines
 
 
@@ -69,27 +60,30 @@ def _demands(problem: Problem) -> list[Line]:
     wanted, stable, kind = problem.transparency, problem.stability, problem.device.kind
     lines = [Line(kind.ratio, f"≥ {stable.safety_factor:g}", "", "the safety factor")]
     if kind.own_loop:
-        lines.append(
-            Line("|S| of the sampled loop", f"≤ {stable.max_sensitivity:g}", "", "up to the Nyquist frequency")
-        )
+        most = f"≤ {stable.max_sensitivity:g}"
+        lines.append(Line("|S| of the sampled loop", most, "", "up to the Nyquist frequency"))
     if problem.passive:
-        lines.append(Line("stability band", *span(*stable.band.hz, "Hz"), "for any passive hand"))
-    norm = {"rms": "mean", "peak": "greatest"}[wanted.norm]
+        lines.append(_band("stability band", stable.band.hz, "for any passive hand"))
     weights = ", ".join(f"{getattr(wanted.weights, term):g}" for term in kind.terms)
+    norm = {"rms": "mean", "peak": "greatest"}[wanted.norm]
     return [
         *lines,
-        Line("transparency band", *span(*wanted.band.hz, "Hz"), f"{norm} error"),
+        _band("transparency band", wanted.band.hz, f"{norm} error"),
         Line("reference impedance Z_0", *quantity(wanted.reference_impedance, problem.units.damping)),
         Line("weights", weights, "", ", ".join(kind.terms)),
     ]
+
+
+def _band(label: str, ends: tuple[float, float], note: str) -> Line:
+    return Line(label, *quantity(ends[0], "Hz", to=ends[1]), note)
 
 
 def _hands(problem: Problem) -> list[Line]:
     lines, least, units = [], problem.device.operator, problem.units
     if problem.hands_met is not None:
         lines.append(Line("every hand", "", "", "of this box, at every frequency"))
-        for name, ends in problem.hands.ranges.items():
-            lines.append(Line(units.translated(name), *span(*ends, units.of(QUANTITIES[name]))))
+        for name, (low, high) in problem.hands.ranges.items():
+            lines.append(Line(units.translated(name), *quantity(low, units.of(QUANTITIES[name]), to=high)))
     if problem.worlds is not None:
         lines.append(Line(f"with {problem.worlds.in_words(units)}", ""))
     if problem.any_hand:
@@ -101,48 +95,28 @@ def _hands(problem: Problem) -> list[Line]:
     return lines
 
 
-def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
-    """Return each claim of a design with its computed value and limit; an empty list without a design."""
-    return [
-        ClaimLine(CLAIMS[claim.id].label, claim.claim, claim.verdict, *_value_and_limit(claim.id, record, problem))
-        for claim in (record.certificate.claims if record.certificate is not None else [])
-    ]
-
-
-def _value_and_limit(claim: ClaimId, record: DesignRecord, problem: Problem) -> tuple[str, str]:
+def found(claim: ClaimId, record: DesignRecord, problem: Problem, required: Sequence[Required]) -> tuple[str, str]:
     """Return the computed value of a claim, rounded to the safe side, and its limit, as texts."""
-    loop, design = record.inner_loop, record.design
-    if claim == "unmodelled" and design is not None:
-        return f"peak {limit(float(-unmodelled_maxima(problem, design[0]).value[0]), up=True)}", "< 1"
+    loop, proof, units, stability = record.inner_loop, record.certificate, record.units, problem.stability
+    if claim == "unmodelled" and record.design is not None:
+        return f"peak {limit(float(-unmodelled_maxima(problem, record.design[0]).value[0]), up=True)}", "< 1"
     if claim == "sensitivity" and loop is not None:
-        return f"peak {peak_in_words(loop)}", f"≤ {problem.stability.max_sensitivity:g}"
+        return f"peak {peak_in_words(loop)}", f"≤ {stability.max_sensitivity:g}"
     if claim == "stable" and loop is not None:
         return "; ".join([str(limit(loop.spectral_radius, up=True)), *margins_in_words(loop)]), "< 1"
-    found = _least_ratio(claim, record, problem)
-    return (f"least ratio {found}", f"≥ {problem.stability.safety_factor:g}") if found else ("", "")
-
-
-def _least_ratio(claim: ClaimId, record: DesignRecord, problem: Problem) -> str:
-    """Return the least ratio that a claim bounds, in words; "" for other claims."""
-    proof, units = record.certificate, problem.units
-    assert proof is not None and record.design is not None, "a claim is about a design"
-    hands = proof.hands
-    if claim == "any_hand" and proof.any_hand is not None:
-        return in_place(proof.any_hand.min_ratio, proof.any_hand.worst_hz)
-    if claim == "passive":
-        if hands is None or hands.min_ratio != proof.min_ratio:
-            return in_place(proof.min_ratio, proof.worst_hz)
-        least = ratio_minima(problem, *record.design)
-        found = in_place(float(least.value[0]), hertz(float(least.omega[0])))
-        return found + ("" if problem.uncertainty is None else ", of the nominal device")
-    part = hands.walls if hands is not None and claim == "walls" else hands if claim in ("hands", "worlds") else None
-    if part is None:
-        return ""
-    found = f"{in_place(part.min_ratio, part.worst_hz)}, in the hand of {part.worst_hand.in_words(units)}"
-    if isinstance(part, WallsRecord):
-        return f"{found}; multiplier with its corner at {quantity(part.corner_hz, 'Hz')}"
-    world = part.worst_world and part.worst_world.row(None, units)
-    return f"{found}, with {world.value} {world.unit}" if world else found
+    hands, where = proof.hands if proof is not None else None, ""
+    least: Required | HandsRecord | WallsRecord | None = next((each for each in required if each.claim == claim), None)
+    if hands is not None and claim in IN_HANDS:
+        least = hands.walls if claim == "walls" and hands.walls is not None else hands
+        where = f", in the hand of {least.worst_hand.in_words(units)}"
+        if isinstance(least, WallsRecord):
+            where += f"; multiplier with its corner at {quantity(least.corner_hz, 'Hz')}"
+        elif least.worst_world is not None:
+            world = least.worst_world.row(None, units)
+            where += f", with {world.value} {world.unit}"
+    if least is None:
+        return "", ""
+    return f"least ratio {in_place(least.min_ratio, least.worst_hz)}{where}", f"≥ {stability.safety_factor:g}"
 
 
 def peak_in_words(loop: InnerLoopRecord) -> str:
@@ -152,12 +126,9 @@ def peak_in_words(loop: InnerLoopRecord) -> str:
 
 def margins_in_words(loop: InnerLoopRecord) -> list[str]:
     """Return the finite margins of a velocity loop."""
-    sizes = {
-        "gain": limit(loop.gain_margin_db, "dB", 3),
-        "phase": limit(loop.phase_margin_deg, "deg", 3),
-        "delay": limit(loop.delay_margin_s, "s", 3),
-    }
-    return [f"{name} margin {size}" for name, size in sizes.items() if size.value != "none"]
+    sizes = {"gain": (loop.gain_margin_db, "dB"), "phase": (loop.phase_margin_deg, "deg")}
+    sizes["delay"] = loop.delay_margin_s, "s"
+    return [f"{name} margin {limit(*size, 3)}" for name, size in sizes.items() if size[0] is not None]
 
 
 def dynamics(device: Device) -> str:

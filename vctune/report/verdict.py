@@ -1,10 +1,10 @@
-"""The head of a page: the verdict as a word and a sign, one sentence, the quality of the design, and what limits it."""
+"""The head of a page: the verdict, one sentence, the quality of the design, and what limits it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from vctune.analysis.demands import transparency_error
 from vctune.document.records.certificate_json import CertificateRecord
@@ -15,7 +15,7 @@ from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import CLAIMS
 from vctune.report.curves import NOTHING
-from vctune.report.typography import words
+from vctune.report.templates import words
 
 LITTLE_USE = 0.75  # Share of the error without a loop at or above which a design is of little use
 MOST = 3  # Greatest number of active constraints on the first screen
@@ -27,9 +27,7 @@ NAMES = {
     "in a hand": "Stability in the stated hands",
     " R": "Stability in any passive hand",
 }
-
 Kind = Literal["good", "doubtful", "bad"]
-SIGNS: dict[Kind, str] = {"good": "✓", "doubtful": "!", "bad": "✗"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,84 +35,60 @@ class Summary:
     """The verdict on a design for the first screen."""
 
     kind: Kind
-    sign: str  # the kind as one character
     word: str  # the verdict
     sentence: str  # the proved claim, or the reason why nothing is proved
     measure: str  # quality of the design; "" without a design
     next: str  # advice on the next step
-
-
-class Limit(NamedTuple):
-    """A limit of a design: in words, with its formula and frequencies, and with the effect of weakening it."""
-
-    words: str
-    formula: str
-    worth: str = ""
+    doubt: str  # text across each figure; "" for a design that is certified and useful
 
 
 def summary(record: DesignRecord, problem: Problem) -> Summary:
-    """Return the verdict on a design."""
-    kind, word, sentence = _verdict(record, problem)
-    measure = words("measure", record, problem, _without_loop(problem))
-    return Summary(kind, SIGNS[kind], word, sentence, measure, words("next", record, problem, kind))
+    """Return the verdict on a design. A design is of little use if it is idle, has no error, or hardly reduces the
+    error of the device without a loop."""
+    proof, error = record.certificate, record.transparency.error if record.transparency is not None else None
+    # the error of an admittance display without a velocity loop and without a coupling
+    alone = transparency_error(problem, Gains(0.0, 0.0), NOTHING).error if problem.device.kind.banded else inf
+    kind: Kind = "bad" if record.status in ("infeasible", "violated") else "doubtful"
+    word: str = record.status
+    doubt = f"{record.status}: not for use"
+    if proof is None:
+        reason = record.reason or ("no design meets the constraints" if kind == "bad" else "no design was found")
+        sentence = f"{reason[0].upper()}{reason[1:]}."
+    elif record.status == "violated":
+        sentence = f"Not for use: {_failed(proof, 'refuted', record.units)}."
+    elif record.status == "undecided":
+        sentence = f"Not proved, so not for use: {_failed(proof, 'undecided', record.units)}."
+    else:
+        useless = record.idle or error is None or error >= LITTLE_USE * alone
+        kind, doubt = ("doubtful", "of little use") if useless else ("good", "")
+        word = f"certified, {doubt}" if useless else "certified"
+        widths = problem.uncertainty.half_widths if problem.uncertainty is not None else ()
+        known = [f"{key} ± {100 * width:.3g} %".replace("_hz", "").replace("_", " ") for key, width in widths if width]
+        devices = f"; for every device within {', '.join(known)}" if known else ""
+        sentence = f"Proved {record.promise}{devices}."
+    measure = words("measure", record, problem, alone)
+    return Summary(kind, word, sentence, measure, words("next", record, problem, kind), doubt)
 
 
-def doubt(record: DesignRecord, problem: Problem) -> str:
-    """Return the text across each figure of a design; empty for a design that is certified and useful."""
-    if record.status != "certified":
-        return f"{record.status}: not for use"
-    return "of little use" if _little_use(record, problem) else ""
-
-
-def limits(record: DesignRecord) -> list[Limit]:
+def limits(record: DesignRecord) -> list[tuple[str, str, str]]:
     """Return the active constraints, the most expensive first, then the worst hand and the best change of the
-    device."""
+    device: each in words, with its formula and frequencies, and with the effect of weakening it."""
     prices: dict[str, float] = {}
     for each in record.active:
         prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
-    dearest, found = sorted(prices, key=lambda demand: -prices[demand]), list[Limit]()
+    dearest, found = sorted(prices, key=lambda demand: -prices[demand]), list[tuple[str, str, str]]()
     for formula, demand in zip(record.limits[:MOST], dearest, strict=False):
         name = next((name for part, name in NAMES.items() if part in demand), "Constraint")
-        found.append(Limit(name, formula, f"with this limit 1 % weaker: error {-prices[demand]:+.2g} %"))
+        found.append((name, formula, f"with this limit 1 % weaker: error {-prices[demand]:+.2g} %"))
     hands = record.certificate.hands if record.certificate is not None else None
     if found and hands is not None:
         world = hands.worst_world.row(None, record.units) if hands.worst_world else None
         beyond = f", with {'a ' * world.unit.endswith('spring')}{world.value} {world.unit}" if world else ""
-        found.append(Limit("Worst hand", hands.worst_hand.in_words(record.units) + beyond))
+        found.append(("Worst hand", hands.worst_hand.in_words(record.units) + beyond, ""))
     best = min(record.prices or [], key=lambda price: price.change, default=None)
     if best is not None and best.worth != "no difference":
-        found.append(Limit("Best change of the device", f"{best.key} better by 1 %: error {best.worth}"))
+        found.append(("Best change of the device", f"{best.key} better by 1 %: error {best.worth}", ""))
     return found
-
-
-def _little_use(record: DesignRecord, problem: Problem) -> bool:
-    """Return whether a design is idle, has no error, or hardly reduces the error of the device without a loop."""
-    error = record.transparency.error if record.transparency is not None else None
-    return record.idle or error is None or error >= LITTLE_USE * _without_loop(problem)
-
-
-def _without_loop(problem: Problem) -> float:
-    """Return the error of an admittance display without a velocity loop and without a coupling; inf for others."""
-    return transparency_error(problem, Gains(0.0, 0.0), NOTHING).error if problem.device.kind.banded else inf
-
-
-def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
-    """Return kind, verdict and sentence, as in `Summary`."""
-    proof = record.certificate
-    if proof is None:
-        kind: Kind = "bad" if record.status == "infeasible" else "doubtful"
-        reason = record.reason or ("no design meets the constraints" if kind == "bad" else "no design was found")
-        return kind, record.status, f"{reason[0].upper()}{reason[1:]}."
-    if record.status == "violated":
-        return "bad", "violated", f"Not for use: {_failed(proof, 'refuted', record.units)}."
-    if record.status == "undecided":
-        return "doubtful", "undecided", f"Not proved, so not for use: {_failed(proof, 'undecided', record.units)}."
-    widths = problem.uncertainty.half_widths if problem.uncertainty is not None else ()
-    known = [f"{key} ± {100 * width:.3g} %".replace("_hz", "").replace("_", " ") for key, width in widths if width]
-    devices = f"; for every device within {', '.join(known)}" if known else ""
-    useless = _little_use(record, problem)
-    word = "certified, of little use" if useless else "certified"
-    return "doubtful" if useless else "good", word, f"Proved {record.promise}{devices}."
 
 
 def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
