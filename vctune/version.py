@@ -15,5 +15,4 @@ def versions(ipopt: str | None) -> dict[str, str | None]:
         "casadi": version("casadi"),
         "ipopt": ipopt,
         "numpy": version("numpy"),
-        "python-flint": version("python-flint"),
     }

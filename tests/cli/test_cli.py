@@ -264,7 +264,7 @@ def test_names_become_one_folder(tmp_path):
 def test_version_names_everything_that_determines_a_result(tmp_path):
     done = run("--version", cwd=tmp_path)
     assert done.returncode == 0
-    for name in ("vctune", "casadi", "ipopt", "numpy", "python-flint"):
+    for name in ("vctune", "casadi", "ipopt", "numpy"):
         assert re.search(rf"^{name} \d+\.\d+", done.stdout, re.MULTILINE)
 
 

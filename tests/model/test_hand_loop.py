@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from agreement import all_to_all_digits, to_all_digits
 from arithmetic import DIGITS, Digits
+from balls import BALLS, ball, box, device_ball, gains_ball
 from conftest import DRAWS, WHOLE
 from device_pairs import device_of, tables_of
 from flint import arb, ctx
@@ -34,7 +35,6 @@ from vctune.model.sampled.hand_loop import (
 )
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.claims.margins_of_claims import Design, hand_margin
-from vctune.proof.enclosures.arb_balls import BALLS, ball, box, device_ball, gains_ball
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, between, decimal
 
 WHEEL = device_of({"mass": 0.4, "damping": 2.0, "sample_time": 1e-3})

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from arithmetic import Digits
+from balls import BALLS, ball, box
 from conftest import drawn
 from device_cases import NUM, Case, cases
 from flint import arb, ctx
@@ -36,7 +37,6 @@ from vctune.proof.claims.margins_of_claims import (
     model_curve,
 )
 from vctune.proof.enclosures import elementary
-from vctune.proof.enclosures.arb_balls import BALLS, ball, box
 from vctune.proof.enclosures.elementary import PHI_ERROR
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, between, decimal
 from vctune.proof.enclosures.taylor import Taylor, variables

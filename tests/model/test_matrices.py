@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from balls import BALLS
 from flint import arb, ctx
 from mpmath.ctx_mp import MPContext
 
@@ -20,7 +21,6 @@ from vctune.model.numbers.matrices import (
     inverse,
     norm_of,
 )
-from vctune.proof.enclosures.arb_balls import BALLS
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, matmul
 
 NUM = MPContext()

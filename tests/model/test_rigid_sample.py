@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from balls import BALLS, PRECISION, ball
 from flint import ctx
 
 from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.sampled.plant_in_hand import Delays, PlantInHand, plant_in_hand
-from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, ball
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, between
 from vctune.proof.enclosures.taylor import Taylor
 from vctune.proof.enclosures.taylor import variables as polynomials

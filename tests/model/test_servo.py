@@ -7,6 +7,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from balls import BALLS, PRECISION, ball
 from conftest import mostly_slow
 from device_pairs import device_of, tables_of
 from flint import arb, ctx
@@ -23,7 +24,6 @@ from vctune.model.sampled.servo_in_hand import blur_of, demand_of, seen_of_servo
 from vctune.model.sampled.servo_plant import sensed_delay, servo_plant
 from vctune.model.servo import latency
 from vctune.proof.claims.delays import sensed_force_jumps
-from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, ball
 
 HERTZ = (1e-3, 0.1, 1, 5, 10, 20, 60)
 

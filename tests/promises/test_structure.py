@@ -44,7 +44,7 @@ def test_help_loads_nothing_heavy():
     code = (
         "import sys; sys.argv = ['vctune', '--help']\nimport vctune.cli\n"
         "try: vctune.cli.run()\nexcept SystemExit: pass\n"
-        "assert not {'casadi', 'numpy', 'flint', 'pydantic', 'rich', 'matplotlib'} & set(sys.modules)\n"
+        "assert not {'casadi', 'numpy', 'pydantic', 'rich', 'matplotlib'} & set(sys.modules)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
 

@@ -7,6 +7,7 @@ from math import inf, pi
 
 import numpy as np
 import pytest
+from balls import BALLS, PRECISION, design_ball
 from conftest import mostly_slow
 from flint import arb, ctx
 from hypothesis import given
@@ -24,7 +25,6 @@ from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
 from vctune.proof.claims.loop_claims import Covered, prove_conditions, prove_sensitivity, turns
 from vctune.proof.claims.margins_of_claims import Design, conditions_margin
-from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, design_ball
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.outcome import Verdict
 
@@ -171,7 +171,7 @@ def test_an_unstable_loop_is_refuted_although_its_sensitivity_is_small():
 
 def test_proof_is_about_the_decimals():
     """0.1 + 0.2 as written is not 0.3: a margin of exactly 0 is not proved, one of 1e-20 is."""
-    from vctune.proof.enclosures.arb_balls import ball
+    from balls import ball
 
     with ctx.workprec(PRECISION):
         assert not ball(0.1) + ball(0.2) - ball(0.3) > 0

@@ -9,6 +9,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
+from balls import BALLS, ball, device_ball
 from command import run
 from conftest import DEVICE, ROOT, drawn, mostly_slow
 from flint import arb, ctx
@@ -36,7 +37,6 @@ from vctune.proof.boxes import Cells
 from vctune.proof.certificate import certify
 from vctune.proof.claims.cells import admissible_damping, proved_cells
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.enclosures.arb_balls import BALLS, ball, device_ball
 from vctune.proof.outcome import Verdict
 from vctune.study.plane import plane
 from vctune.study.region import Kind, easiest, free_damping, region

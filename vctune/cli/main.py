@@ -53,7 +53,7 @@ def _print_version(context: click.Context, parameter: click.Parameter, wanted: b
     is_eager=True,
     expose_value=False,
     callback=_print_version,
-    help="Show the versions of vctune, casadi, IPOPT, numpy and python-flint.",
+    help="Show the versions of vctune, casadi, IPOPT and numpy.",
 )
 def main() -> None:
     """Design gains for haptic devices: as transparent as possible, and proved stable."""

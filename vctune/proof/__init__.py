@@ -1,1 +1,1 @@
-"""Prove a design in ball arithmetic. The package does not import the search."""
+"""Prove a design in interval arithmetic. The package does not import the search."""

@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 
-from flint import ctx
-
 from vctune.model.device import Device
 from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
@@ -25,7 +23,6 @@ from vctune.proof.claims.loop_claims import (
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked
 from vctune.proof.device_box import DeviceBox
-from vctune.proof.enclosures.arb_balls import PRECISION
 from vctune.proof.outcome import Outcome, Verdict, worst_verdict
 from vctune.running import OutOfTimeError, check_time, report_progress, reporting_progress
 
@@ -188,7 +185,7 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
 def _certificate(question: Question) -> Certificate:
     design, demands, box = question.design, question.demands, question.box
     outcomes: dict[ClaimId, Outcome] = {}
-    with ctx.workprec(PRECISION), reporting_progress():
+    with reporting_progress():
         asked = claims_asked(demands, box)
         for number, claim in enumerate(asked, 1):
             report_progress(partial("claim {} of {}".format, number, len(asked)))

@@ -18,7 +18,7 @@ from vctune.model.problem import Problem
 from vctune.running import time_limit as limited
 from vctune.study.rows import FAILED
 
-# Only one thread at a time solves, because the threads of a process share solvers and ball arithmetic
+# Only one thread at a time solves, because the threads of a process share solvers
 _ONE_AT_A_TIME = threading.Lock()
 
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, log
+from math import log
 
 import numpy as np
-from flint import acb, arb, ctx
 
 from vctune.design.bound.conditions import loop_at, repeated
 from vctune.design.bound.quadratics import B_0, GUARD, TAU_C, Quotient, concatenated, products, quadratic
-from vctune.interrupt import interrupt_deferred
 from vctune.model.device import Device
 from vctune.model.loop.device_response import device_response
 from vctune.model.loop.loop import Affine, LoopConstants, loop_constants
@@ -21,11 +19,12 @@ from vctune.model.problem import Band, Problem
 from vctune.model.sampled.impedance_display import spring_forms
 from vctune.model.transparency import quotient_terms
 from vctune.proof.boxes import Cells
-from vctune.proof.enclosures.arb_balls import BALLS, ball, device_ball
-from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, stacked
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, between, decimal, stacked
+from vctune.proof.enclosures.taylor import Taylor, variables
+from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.running import check_time
 
-PRECISION = 2.0**-44  # Relative precision of the integrals, 6e-14, about the size of `GUARD`
+PARTS = 256  # Parts of an interval of log frequency, in each of which a polynomial of order two encloses a term
 
 # A term |X|^2/|Y|^2 of the squared error, prepared for the inequality of Cauchy and Schwarz: Re and Im of the three
 # coefficients of X conj X_0, where X_0 is the value of X if both gains are 0, and the six of |X_0|^2 |Y|^2
@@ -122,39 +121,21 @@ def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
 def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Enclosure]:
     """Return the means of the terms over log frequency, each an enclosure of shape (`TERM_LENGTH`, intervals), with the
     inequality of Cauchy and Schwarz on each of several equal intervals."""
-    exact, first = device_ball(device.bare), ball(band.min).log()
-    length = ball(band.max).log() - first
-    edges = [first + length * k / intervals for k in range(intervals + 1)]
+    check_time()
+    edges = np.linspace(log(band.min), log(band.max), intervals * PARTS + 1)
+    (at,) = variables([between(edges[:-1], edges[1:])], [True])
+    exact, omega = device.bare.converted(decimal), TAYLOR.exp(at)
 
-    def of_loop(x: acb) -> list[Term]:
-        return _loop_terms(loop_constants(device_response(exact, x.exp(), BALLS)), device)
+    def mean(x: Number) -> Enclosure:
+        """Return the share of each interval in the mean of a number, c_0 + c_1 e + c_2 e^2 over a part, |e| <= 1."""
+        if not isinstance(x, Taylor):
+            return Enclosure(np.full(intervals, float(x) / intervals))
+        mid, rad = x.coefficients[0] + x.coefficients[2] / 3, x.radii.sum(axis=0)
+        parts = mid, rad + GUARD * np.abs(x.coefficients).sum(axis=0)
+        return Enclosure(*(each.reshape(intervals, PARTS).sum(axis=1) / (intervals * PARTS) for each in parts))
 
-    terms: list[Callable[[acb], Term]] = [
-        lambda x: of_loop(x)[0],
-        lambda x: of_loop(x)[1],
-        lambda x: _compliance(exact, x.exp(), BALLS),
-    ]
-
-    def integral(integrand: Callable[[acb, bool], acb], k: int) -> arb:
-        low, high = edges[k], edges[k + 1]
-        throughout = integrand(acb(low.union(high)), True)
-        if throughout == 0:
-            return arb(0)
-        check_time()
-        # an absolute tolerance, because the integral may be 0
-        size = float(throughout.abs_upper())
-        tolerance = size * float(high - low) * PRECISION if size < inf else 0.0
-        return acb.integral(integrand, low, high, rel_tol=PRECISION, abs_tol=tolerance).real / length
-
-    def row_of(term: Callable[[acb], Term], row: int) -> Callable[[acb, bool], acb]:
-        return lambda x, _analytic: acb(term(x)[row])
-
-    def integrated(term: Callable[[acb], Term], counts: bool) -> Enclosure:
-        if not counts:
-            return Enclosure(np.ones((TERM_LENGTH, intervals)), np.zeros((TERM_LENGTH, intervals)))
-        found = [[integral(row_of(term, row), k) for k in range(intervals)] for row in range(TERM_LENGTH)]
-        mid, rad = (np.array([[float(f(x)) for x in row] for row in found]) for f in (arb.mid, arb.rad))
-        return Enclosure(mid, rad)
-
-    with ctx.workprec(64), interrupt_deferred():  # Arb would replace an exception of the integrand by another one
-        return [integrated(term, counts) for term, counts in zip(terms, wanted, strict=False)]
+    terms = _loop_terms(loop_constants(device_response(exact, omega, TAYLOR)), device)
+    if device.kind.inverse:
+        terms.append(_compliance(exact, omega, TAYLOR))
+    one = Enclosure(np.ones((TERM_LENGTH, intervals)), np.zeros((TERM_LENGTH, intervals)))
+    return [stacked([mean(x) for x in term]) if counts else one for term, counts in zip(terms, wanted, strict=True)]

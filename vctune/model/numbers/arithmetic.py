@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Number = Any  # A float, a fraction, a NumPy array, a CasADi symbol, an Arb ball or series, an `Enclosure` or a `Taylor`
+Number = Any  # A float, a fraction, a NumPy array, a CasADi symbol, an `Enclosure` or a `Taylor`
 Floats = NDArray[np.float64]  # An array of floats of any shape
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import exp
 
@@ -48,25 +47,6 @@ class ServoPlant:
     sample_time: Number  # T, s
     pull: Pull | None = None  # the firmware's own spring; None without one
     radii: tuple[tuple[float, float], ...] = ()  # points (Hz, r) of a disc of responses, `Servo.radii`
-
-    def converted(self, number: Callable[[Number], Number]) -> ServoPlant:
-        """Return the plant with its numbers in another arithmetic."""
-
-        def entries(vector: Vector) -> Vector:
-            return tuple(x if isinstance(x, int) else number(x) for x in vector)
-
-        pull = self.pull
-        return replace(
-            self,
-            below=tuple(map(entries, self.below)),
-            held=entries(self.held),
-            lags=entries(self.lags),
-            driven=entries(self.driven),
-            older=entries((self.older,))[0],
-            share=None if self.share is None else number(self.share),
-            sample_time=number(self.sample_time),
-            pull=pull and Pull(pull.plant.converted(number), number(pull.stiffness)),
-        )
 
 
 @dataclass(frozen=True, slots=True)

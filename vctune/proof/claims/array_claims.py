@@ -8,7 +8,6 @@ from functools import cache, lru_cache, partial
 from math import inf
 
 import numpy as np
-from flint import ctx
 
 from vctune.model.device import Device
 from vctune.model.gains import Coupling
@@ -61,7 +60,6 @@ from vctune.proof.claims.margins_of_claims import (
     unmodelled_margin,
 )
 from vctune.proof.claims.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
-from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
 from vctune.proof.enclosures.intervals import Enclosure, decimal
 from vctune.proof.enclosures.sharing import shared
 from vctune.proof.enclosures.taylor_functions import TAYLOR as OPS
@@ -294,13 +292,6 @@ def _plant_in_hand(nominal: Device, uncertain: tuple[str, ...], delays: Delays) 
     """Return the device in a hand as a function of values. Boxes with equal hands and devices share one computation."""
     exact, rows = nominal.converted(decimal), HAND + tuple(f"device.{key}" for key in uncertain)
 
-    if nominal.servo is not None and not uncertain:  # sampled once, in balls; their enclosures are half a digit wide
-        with ctx.workprec(PRECISION):
-            known = plant_in_hand(device_ball(nominal), NO_HAND, delays, BALLS)
-        assert isinstance(known, ServoInHand)
-        servo = known.plant.converted(enclosure_of)
-        return lambda v: ServoInHand(servo, Hand.of(v))
-
     if nominal.servo is not None:  # the hand does not affect the servo's motion
 
         def servo_of(*numbers: Number) -> ServoPlant:
@@ -308,7 +299,8 @@ def _plant_in_hand(nominal: Device, uncertain: tuple[str, ...], delays: Delays) 
             assert isinstance(found, ServoInHand)
             return found.plant
 
-        return lambda v: ServoInHand(shared(servo_of, [v[name] for name in rows[len(HAND) :]]), Hand.of(v))
+        alone, known = rows[len(HAND) :], cache(servo_of)
+        return lambda v: ServoInHand(shared(servo_of, [v[name] for name in alone]) if alone else known(), Hand.of(v))
 
     def plant(*numbers: Number) -> AnyPlantInHand:
         values = dict(zip(rows, numbers, strict=True))

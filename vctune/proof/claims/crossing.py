@@ -8,7 +8,6 @@ from itertools import product
 from math import pi
 
 import numpy as np
-from flint import arb
 from numpy.typing import NDArray
 
 from vctune.model.device import Device
@@ -20,8 +19,7 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.sampled.worlds.loop_in_worlds import Disjuncts, sum_of
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.margins_of_claims import Design, margins_in_worlds
-from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
-from vctune.proof.enclosures.intervals import Floats
+from vctune.proof.enclosures.intervals import ENCLOSURES, Floats, between, decimal, surely_negative
 from vctune.proof.outcome import Outcome, Verdict
 
 ZOOMS = 14  # rounds of hands that are tried, each around the worst of the last and half as far apart
@@ -86,20 +84,20 @@ def _margins(found: Disjuncts) -> tuple[Number, Number, Number]:
 
 
 def _crossing(design: Design, demands: Demands, hand: Hand, low: float, high: float) -> float | None:
-    """Return an angle next to which a pole is proved on the circle, in ball arithmetic; None if it cannot be proved."""
+    """Return an angle next to which a pole is proved on the circle; None if it cannot be proved."""
     assert demands.worlds is not None
-    exact, delays = design_ball(design), delays_of(design.device)
-    plant = plant_in_hand(exact.device, hand.mapped(ball), delays, BALLS)
-    met = WorldsMet(demands.worlds.converted(ball), arb(1))
+    exact, delays = design.converted(decimal), delays_of(design.device)
+    plant = plant_in_hand(exact.device, hand.mapped(decimal), delays, ENCLOSURES)
+    met = WorldsMet(demands.worlds.converted(decimal), 1.0)
 
     def at(first: float, last: float) -> tuple[Number, Number, Number]:
-        return _margins(margins_in_worlds(plant, exact, arb(first).union(arb(last)), met, BALLS))
+        return _margins(margins_in_worlds(plant, exact, between(first, last), met, ENCLOSURES))
 
     def is_above(theta: float) -> bool:
-        return bool(at(theta, theta)[1] < 0)
+        return surely_negative(at(theta, theta)[1])
 
     def is_below(theta: float) -> bool:
-        return bool(at(theta, theta)[2] < 0)
+        return surely_negative(at(theta, theta)[2])
 
     rising = is_above(low) and is_below(high)
     if not rising and not (is_below(low) and is_above(high)):
@@ -116,7 +114,7 @@ def _crossing(design: Design, demands: Demands, hand: Hand, low: float, high: fl
             break
     parts = [(low, high)]
     for _ in range(HALVINGS):
-        parts = [part for part in parts if not at(*part)[0] < 0]
+        parts = [part for part in parts if not surely_negative(at(*part)[0])]
         if not parts:
             return 0.5 * (low + high)
         parts = [half for a, b in parts for half in ((a, 0.5 * (a + b)), (0.5 * (a + b), b))]

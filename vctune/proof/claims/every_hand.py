@@ -7,7 +7,6 @@ from dataclasses import astuple, dataclass, replace
 from math import isnan, nextafter, pi
 
 import numpy as np
-from flint import arb
 
 from vctune.model.hand_arrays import stacked
 from vctune.model.hands import MASS, STIFFNESS, Hand, Hands
@@ -41,8 +40,7 @@ from vctune.proof.device_box import (
     MOST_AT_ONCE,
     DeviceBox,
 )
-from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
-from vctune.proof.enclosures.intervals import Floats, decimal_or_inf
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, decimal_or_inf, surely_negative
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.proof.prover import Effort, Test, positive, prove
 
@@ -201,7 +199,7 @@ def _in_doubt(
     point: Floats,
     boxes: int,
 ) -> Outcome:
-    """Decide in ball arithmetic at a point where array arithmetic did not prove the claim."""
+    """Decide at a point where boxes did not prove the claim."""
     for row, name in enumerate(part.names):
         if name in DELAY_ROWS:  # at the ends of this row the number of whole samples changes
             inwards = np.minimum(NEXT_TO * design.device.sample_time, (part.high[row] - part.low[row]) / 2)
@@ -229,18 +227,23 @@ def _in_doubt(
 
 
 def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float, share: float = 1.0) -> bool:
-    """Return whether every margin in a hand, or in any hand, is negative at one angle, in ball arithmetic."""
+    """Return whether every margin in a hand, or in any hand, is certainly negative at one angle."""
     if hand is not None and demands.walls_met is not None:
         return 0 < theta < pi and fails_with_a_wall(design, demands, hand, theta, share)
-    exact, delays, at, factor = design_ball(design), delays_of(design.device), arb(theta), ball(demands.factor)
+    exact, delays, at, factor = (
+        design.converted(decimal),
+        delays_of(design.device),
+        Enclosure(theta),
+        decimal(demands.factor),
+    )
     if hand is None:
         delay = LoopDelay(delays.loop, delays.loop_fractional)
-        return bool(any_hand_margin(exact, delay, at, factor, BALLS)[0] < 0)
-    plant = plant_in_hand(exact.device, hand.mapped(ball), delays, BALLS)
+        return surely_negative(any_hand_margin(exact, delay, at, factor, ENCLOSURES)[0])
+    plant = plant_in_hand(exact.device, hand.mapped(decimal), delays, ENCLOSURES)
     if demands.worlds is None:
-        return bool(hand_margin(plant, exact, at, factor, BALLS) < 0)
-    found = margins_in_worlds(plant, exact, at, WorldsMet(demands.worlds.converted(ball), factor), BALLS)
-    return all(bool(sum_of(getattr(found, name)) < 0) for name in posed(demands.worlds, demands.factor))
+        return surely_negative(hand_margin(plant, exact, at, factor, ENCLOSURES))
+    found = margins_in_worlds(plant, exact, at, WorldsMet(demands.worlds.converted(decimal), factor), ENCLOSURES)
+    return all(surely_negative(sum_of(getattr(found, name))) for name in posed(demands.worlds, demands.factor))
 
 
 def _ends(

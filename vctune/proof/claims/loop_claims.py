@@ -13,7 +13,6 @@ from math import floor, inf, pi, sqrt
 from operator import attrgetter
 
 import numpy as np
-from flint import arb
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains
@@ -22,6 +21,8 @@ from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.keys import KEYS, keys_of
 from vctune.model.problem import Demands
+from vctune.model.sampled.delays import split_delay
+from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go
 from vctune.proof.boxes import Boxes, Cells, Integers, Values, band_of, joined, over_band
 from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.margins_of_claims import (
@@ -35,8 +36,16 @@ from vctune.proof.claims.margins_of_claims import (
     unmodelled_margin,
 )
 from vctune.proof.device_box import DeviceBox
-from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, exact_plant, gains_ball
-from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, between, decimal, decimal_or_inf
+from vctune.proof.enclosures.intervals import (
+    ENCLOSURES,
+    Enclosure,
+    Flags,
+    Floats,
+    between,
+    decimal,
+    decimal_or_inf,
+    surely_negative,
+)
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.proof.prover import Curve, Effort, Margin, Test, misses_zero, positive, prove, turned_angles
 
@@ -332,9 +341,9 @@ def prove_sensitivity(design: Design, demands: Demands, box: DeviceBox | None) -
     covered = of_design(design, demands, box)
 
     def failure(device: Device, theta: float) -> float | None:
-        limit = ball(demands.max_sensitivity)
-        margin = sensitivity_margin(exact_plant(device), gains_ball(design.gains), arb(theta), limit, BALLS)
-        return theta if margin < 0 else None
+        limit, exact = decimal(demands.max_sensitivity), design.converted(decimal)
+        margin = sensitivity_margin(_exact_plant(device), exact.gains, Enclosure(theta), limit, ENCLOSURES)
+        return theta if surely_negative(margin) else None
 
     return in_rad_per_s(_outcome(covered, sensitivity(covered), failure), design.device)
 
@@ -346,9 +355,10 @@ def prove_unmodelled(design: Design, demands: Demands, box: DeviceBox) -> Outcom
     claims = claims_of(replace(demands, device=box.nominal), box.modelled.uncertain)
 
     def failure(device: Device, theta: float) -> float | None:
-        radius = BALLS.interpolated(arb(theta / (2 * pi * device.sample_time)), radii)
-        margin = unmodelled_margin(exact_plant(device), gains_ball(design.gains), arb(theta), radius, BALLS)
-        return theta if margin < 0 else None
+        hertz, exact = Enclosure(theta) / (2 * ENCLOSURES.pi * decimal(device.sample_time)), design.converted(decimal)
+        radius = ENCLOSURES.interpolated(hertz, radii)
+        margin = unmodelled_margin(_exact_plant(device), exact.gains, Enclosure(theta), radius, ENCLOSURES)
+        return theta if surely_negative(margin) else None
 
     found = held(covered, DESIGN, [(positive(claims.unmodelled, covered.fixed), covered.around_circle())])
     return in_rad_per_s(_outcome(covered, found, failure), design.device)
@@ -386,7 +396,7 @@ def _poles(design: Design, demands: Demands, box: DeviceBox | None, counted: Cal
 
 
 def _outcome(covered: Covered, found: Held, failure: Failure) -> Outcome:
-    """Return the outcome of a claim about one design: where it is open, ball arithmetic decides at that place."""
+    """Return the outcome of a claim about one design: where it is open, the margin at that place may decide."""
     boxes, box = int(found.boxes[0]), covered.box
     if found.proved[0]:
         return Outcome(Verdict.PROVED, boxes)
@@ -407,6 +417,11 @@ def _device(covered: Covered, point: Floats) -> Device:
     return covered.box.device(dict(zip(covered.box.uncertain, within, strict=True)))
 
 
+def _exact_plant(device: Device) -> PlantLetGo:
+    whole, fraction = split_delay(device.delay, device.sample_time)
+    return plant_let_go(device.converted(decimal), whole, ENCLOSURES, fractional=fraction > 0)
+
+
 def _without_loop(design: Design, low: float) -> Outcome:
     """Return the outcome of the conditions without feedback, where R = 0: damping and Re Z_c must be positive."""
     coupling = design.series
@@ -417,12 +432,12 @@ def _without_loop(design: Design, low: float) -> Outcome:
 
 def _conditions_fail(design: Design, demands: Demands, device: Device, omega: float) -> float | None:
     """Return where the conditions certainly fail: at a frequency or towards an endless end of the band; else None."""
-    exact, factor = design_ball(replace(design, device=device)), arb(repr(demands.factor))
+    exact, factor = replace(design, device=device).converted(decimal), decimal(demands.factor)
 
     def fails(omega: float) -> bool:
-        if conditions_margin(exact, arb(omega), factor, BALLS) < 0:
+        if surely_negative(conditions_margin(exact, Enclosure(omega), factor, ENCLOSURES)):
             return True
-        return bool(resistance_apart(device) and resistance_margin(exact, arb(omega), BALLS) < 0)
+        return resistance_apart(device) and surely_negative(resistance_margin(exact, Enclosure(omega), ENCLOSURES))
 
     (low, high), tried = demands.band, [omega]
     if low == 0 and omega < 1 / device.sample_time:

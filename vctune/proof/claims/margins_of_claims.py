@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
 from math import inf, nextafter, pi
 
 from vctune.model.device import Device
@@ -53,6 +54,11 @@ class Design:
     device: Device
     gains: Gains
     coupling: AnyCoupling
+
+    def converted(self, number: Callable[[Number], Number]) -> Design:
+        """Return the design with its numbers in another arithmetic; inf stays a float."""
+        coupling = type(self.coupling)(*(x if x == inf else number(x) for x in astuple(self.coupling)))
+        return Design(self.device.converted(number), Gains(*map(number, astuple(self.gains))), coupling)
 
     @property
     def series(self) -> Coupling:

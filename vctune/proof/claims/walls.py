@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from flint import arb
 
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number
@@ -26,8 +25,7 @@ from vctune.model.sampled.worlds.loop_in_walls import (
 from vctune.model.sampled.worlds.loop_in_worlds import sum_of
 from vctune.model.worlds import Worlds, WorldsMet
 from vctune.proof.claims.margins_of_claims import Design, strip_of_walls
-from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
-from vctune.proof.enclosures.intervals import Enclosure, Floats
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, surely_negative
 from vctune.proof.enclosures.taylor import Taylor
 
 # The name of the row with the share y of the coupling, from 1/safety_factor to 1
@@ -63,22 +61,22 @@ def limp_walls_margin(
 
 
 def fails_with_a_wall(design: Design, demands: Demands, hand: Hand, theta: float, share: float) -> bool:
-    """Return whether E is negative, in ball arithmetic, at the mass and damping of the box where E is about least."""
-    plain, exact, at = demands.worlds, design_ball(design), arb(theta)
+    """Return whether E is negative at the mass and damping of the box where E is about least."""
+    plain, exact, at = demands.worlds, design.converted(decimal), Enclosure(theta)
     assert plain is not None
-    plant = plant_in_hand(exact.device, hand.mapped(ball), delays_of(design.device), BALLS)
+    plant = plant_in_hand(exact.device, hand.mapped(decimal), delays_of(design.device), ENCLOSURES)
 
     def of(worlds: Worlds) -> tuple[Worlds, Strip]:
-        met = WorldsMet(worlds.converted(ball), ball(demands.factor))
-        return met.worlds, strip_of_walls(plant, exact, at, ball(share), met, BALLS)
+        met = WorldsMet(worlds.converted(decimal), decimal(demands.factor))
+        return met.worlds, strip_of_walls(plant, exact, at, decimal(share), met, ENCLOSURES)
 
     def fails(lead: float) -> bool:
         one = _worst_member(plain, lead, of(plain)[1], design.device.sample_time, theta)
         worlds, strip = of(one)
         T = exact.device.sample_time
-        tangent = tangent_of_one(strip, worlds, lead, T, at, BALLS)
-        found = shares_of(strip, tangent, worlds, lead, T, at, BALLS)
-        return bool(found.flat + (at / 2).cos() ** 2 * found.rest < 0)
+        tangent = tangent_of_one(strip, worlds, lead, T, at, ENCLOSURES)
+        found = shares_of(strip, tangent, worlds, lead, T, at, ENCLOSURES)
+        return surely_negative(found.flat + ENCLOSURES.cos(at / 2) * ENCLOSURES.cos(at / 2) * found.rest)
 
     return any(map(fails, LEADS))
 
@@ -88,7 +86,7 @@ def _worst_member(worlds: Worlds, lead: float, strip: Strip, sample_time: float,
     assert worlds.corner is not None
     low, high, h, width = worlds.low, worlds.high, 2 / sample_time, width_of(worlds)
     t2 = float(np.tan(theta / 2)) ** 2
-    p, r = (float(x / strip.size) for x in (sum_of(strip.high), sum_of(strip.excess)))
+    p, r = (float(_middle(x) / _middle(strip.size)) for x in (sum_of(strip.high), sum_of(strip.excess)))
     p *= 1 + t2
     least = -width / 2 * (1 - lead * worlds.corner / h)
     slope = worlds.corner + lead * h * t2 * (1 + 2 * low.stiffness / width)

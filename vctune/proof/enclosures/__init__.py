@@ -1,1 +1,1 @@
-"""Arithmetics that enclose exact results: balls, intervals, and polynomials over boxes."""
+"""Arithmetics that enclose exact results: intervals, and polynomials over boxes."""

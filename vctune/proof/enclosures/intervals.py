@@ -132,6 +132,11 @@ def decimal_or_inf(x: float) -> Number:
     return x if x == inf else decimal(x)
 
 
+def surely_negative(x: Number) -> bool:
+    """Return whether a single number is certainly negative."""
+    return bool(x.negative()) if isinstance(x, Enclosure) else bool(x < 0)
+
+
 def stacked(numbers: Sequence[Any]) -> Enclosure:
     """Return one enclosure whose new first axis runs over the given numbers."""
     found = [x if isinstance(x, Enclosure) else Enclosure(float(x)) for x in numbers]

@@ -1,5 +1,5 @@
 """Single numbers as Arb balls of 128 bits. Every ball contains the true value; if it excludes 0, the sign is proved.
-See proof/README.md, section 7."""
+The tests hold formulas against them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,9 @@ from flint import arb
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate, sinc_curvature_series
-from vctune.model.sampled.delays import split_delay
-from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.elementary import UNIT
-from vctune.proof.enclosures.intervals import ENCLOSURES, SWELL, TINY, Enclosure
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure
 
 PRECISION = 128  # Working precision, bits
 SMALL = 0.1  # Argument below which the code computes (1 - sinc x)/x^2 by its series with an enclosed remainder
@@ -107,14 +105,6 @@ def ball_or_inf(decimal: float) -> Number:
     return decimal if decimal == inf else ball(decimal)
 
 
-def enclosure_of(x: arb | int) -> Number:
-    """Return a ball as an enclosure in double precision. An integer stays an integer."""
-    if isinstance(x, int):
-        return x
-    mid = float(x.mid())
-    return Enclosure(mid, (float(x.rad()) + UNIT * abs(mid)) * SWELL + TINY)
-
-
 def box(low: float, high: float) -> arb:
     """Return a ball that contains the interval [low, high]."""
     return arb(low).union(arb(high))
@@ -123,12 +113,6 @@ def box(low: float, high: float) -> arb:
 def device_ball(device: Device) -> Device:
     """Return the device with its decimals enclosed."""
     return device.converted(ball)
-
-
-def exact_plant(device: Device) -> PlantLetGo:
-    """Return the sampled plant of a device with its decimals enclosed."""
-    whole, fraction = split_delay(device.delay, device.sample_time)
-    return plant_let_go(device_ball(device), whole, BALLS, fractional=fraction > 0)
 
 
 def gains_ball(gains: Gains) -> Gains:
