@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
+import digits
 import numpy as np
+from scipy.integrate import simpson
+from scipy.linalg import expm
 
-from vctune.bench import digits
 from vctune.bench.evaluator import (
     Case,
-    by_kind,
     cases,
     coupling_impedance,
-    error,
     impedances,
     required,
+    samples,
     sensitivity,
-    spectral_radius,
     stability_ratio,
 )
 from vctune.model.problem import Problem
@@ -36,6 +37,80 @@ STEEP = 2.0
 FINEST = 512
 """How many times as many frequencies a curve is counted on at most that passes close to 0."""
 NAMES = ("velocity", "position", "damping", "mass", "drag")
+
+
+def part(case: Case, index: Any) -> Case:
+    """Return some of the cases, by a NumPy index."""
+    arrays = {f.name: getattr(case, f.name) for f in fields(case)}
+    return replace(case, **{name: x[index] for name, x in arrays.items() if np.ndim(x)})
+
+
+def error(problem: Problem, case: Case, points: int = 20_001) -> Any:
+    """Return the transparency error of each case on a dense grid (model/README.md, section 8)."""
+    band = problem.transparency.band
+    square = squared_error(problem, case, np.geomspace(band.min, band.max, points))
+    if problem.transparency.norm == "peak":
+        return np.sqrt(square.max(axis=-1))
+    return np.sqrt(simpson(square, dx=1 / (points - 1), axis=-1))
+
+
+def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
+    """Return the square of the transparency error at frequencies (paper eq. 21), without the least operator."""
+    objective, (Z_d, C) = problem.transparency, impedances(case, 1j * omega)
+    D, Z_0, weights = Z_d + C, objective.reference_impedance, objective.weights
+    square = (weights.admittance * Z_0 / np.abs(D)) ** 2 + (weights.tracking * np.abs(Z_d / D)) ** 2
+    return square + (weights.coupling * np.abs(coupling_impedance(case, 1j * omega)) / Z_0) ** 2
+
+
+def loops(case: Case) -> tuple[Case, ...]:
+    """Return the loops that must be stable on their own: without a hand, and with the least operator."""
+    bare = replace(case, m_h=0.0, b_h=0.0)
+    held = replace(bare, mass=case.mass + case.m_h, damping=case.damping + case.b_h)
+    return (bare,) if case.m_h == case.b_h == 0 else (bare, held)
+
+
+def spectral_radius(case: Case) -> np.ndarray | float:
+    """Return the spectral radius of each sampled loop without a hand: one number, or shape (n,) for n cases."""
+    return by_kind(case, lambda some: np.abs(np.linalg.eigvals(loop_matrices(some))).max(axis=1))
+
+
+def by_kind(case: Case, evaluate: Callable[[Case], np.ndarray]) -> np.ndarray | float:
+    """Evaluate a function of loops without a hand and a coupling, on groups of loops with the same number of states."""
+    names = ("mass", "damping", "delay", "K_v", "K_p")
+    arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(getattr(case, name), float)) for name in names))
+    each = dict(zip(names, arrays, strict=True))
+    flat, results = replace(case, b_c=1.0, m_c=1.0, b_0=0.0, **each), np.empty(arrays[0].size)
+    kinds = np.stack((samples(flat)[0], flat.K_p > 0))
+    for kind in np.unique(kinds, axis=1).T:
+        members = np.flatnonzero((kinds == kind[:, None]).all(axis=0))
+        results[members] = evaluate(part(flat, members))
+    return results if any(np.ndim(getattr(case, name)) for name in names) else float(results[0])
+
+
+def loop_matrices(case: Case) -> np.ndarray:
+    """Return the matrices that advance v, x and the earlier commands by one sample, of shape (n, size, size)."""
+    order, whole = 2 if case.K_p[0] > 0 else 1, int(samples(case)[0][0])
+    A, full = _motion(case, np.full(len(case.K_v), case.sample_time), order)
+    newest = _motion(case, case.sample_time - samples(case)[1], order)[1]
+    size = order + whole + 1
+    # rows: the force commanded now, the force commanded one sample ago, ...
+    commands = np.zeros((len(case.K_v), whole + 2, size))
+    commands[:, 0, :order] = -np.stack((case.K_v, case.K_p)[:order], axis=1)
+    commands[:, 1:, order:] = np.eye(whole + 1)
+    matrices = np.zeros((len(case.K_v), size, size))
+    matrices[:, :order, :order] = A
+    matrices[:, :order] += newest[:, :, None] * commands[:, None, whole]
+    matrices[:, :order] += (full - newest)[:, :, None] * commands[:, None, whole + 1]
+    matrices[:, order:] = commands[:, : whole + 1]
+    return matrices
+
+
+def _motion(case: Case, t: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the matrix of the motion over a time t, and the effect of a constant unit force."""
+    rates = np.zeros((len(t), order + 1, order + 1))
+    rates[:, 0, 0], rates[:, 0, order], rates[:, 1:order, 0] = -case.damping / case.mass, 1 / case.mass, 1.0
+    whole = expm(rates * t[:, None, None])
+    return whole[:, :order, :order], whole[:, :order, order]
 
 
 def band(problem: Problem) -> tuple[float, float]:
@@ -72,13 +147,13 @@ def surpluses(problem: Problem, case: Case) -> np.ndarray:
     less the frequency model's unstable poles, nan where they cannot be counted, 0.5 where another demand is missed.
     """
     count = np.broadcast(case.mass, case.K_v).size
-    parts = [case.at(slice(i, i + TOGETHER)) for i in range(0, count, TOGETHER)]
+    parts = [part(case, slice(i, i + TOGETHER)) for i in range(0, count, TOGETHER)]
     found = np.full((4, count), 0.5)
     for k, row in enumerate((conditions_surplus, sensitivity_surplus, sampled_surplus)):
         found[k] = np.concatenate([row(problem, part) for part in parts])
     good = np.flatnonzero((found[:3] >= 0).all(axis=0))
     if good.size:
-        found[3, good] -= np.max([unstable_model_poles(loop.at(good)) for loop in case.loops], axis=0)
+        found[3, good] -= np.max([unstable_model_poles(part(loop, good)) for loop in loops(case)], axis=0)
     return found
 
 
@@ -96,10 +171,10 @@ def sensitivity_surplus(problem: Problem, case: Case) -> np.ndarray:
 
 def sampled_surplus(problem: Problem, case: Case) -> np.ndarray:
     rows = []
-    for loop in case.loops:
+    for loop in loops(case):
         rows.append(1 - spectral_radius(loop))
         for i in np.flatnonzero(np.abs(rows[-1]) < NEXT_TO_1):
-            rows[-1][i] = NEXT_TO_1 if digits.stable(loop.at(i)) else -NEXT_TO_1
+            rows[-1][i] = NEXT_TO_1 if digits.stable(part(loop, i)) else -NEXT_TO_1
     return np.min(rows, axis=0)
 
 
@@ -109,9 +184,9 @@ def unstable_model_poles(case: Case) -> np.ndarray:
     s D/(m (s + a)^2), or D/(m (s + a)) without K_p, is real at 0 and at infinity and turns by -2 pi for each of them.
     """
 
-    def counted(loops: Case) -> np.ndarray:
-        parts = range(0, len(loops.K_v), TOGETHER // 10)
-        return np.concatenate([_turns(loops.at(slice(i, i + TOGETHER // 10)), 1) for i in parts])
+    def counted(some: Case) -> np.ndarray:
+        parts = range(0, len(some.K_v), TOGETHER // 10)
+        return np.concatenate([_turns(part(some, slice(i, i + TOGETHER // 10)), 1) for i in parts])
 
     return by_kind(case, counted)
 
@@ -129,7 +204,7 @@ def _turns(case: Case, density: int) -> np.ndarray:
     poles = 2 * np.round((angle[:, 0] - angle[:, -1]) / (2 * np.pi))
     steep = np.abs(np.diff(angle, axis=1)).max(axis=1) > STEEP
     if steep.any():
-        poles[steep] = np.nan if density >= FINEST else _turns(case.at(steep), 8 * density)
+        poles[steep] = np.nan if density >= FINEST else _turns(part(case, steep), 8 * density)
     return poles
 
 

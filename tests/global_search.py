@@ -10,8 +10,9 @@ from dataclasses import replace
 from math import inf, pi
 
 import numpy as np
+from dense import spectral_radius, squared_error
 
-from vctune.bench.evaluator import cases, impedances, required, sensitivity, spectral_radius, squared_error
+from vctune.bench.evaluator import cases, impedances, required, sensitivity
 
 SIZE, COARSE_ROUNDS, FINE_ROUNDS = 36, 110, 40
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vctune.bench import devices
+from vctune.bench import stress
 from vctune.document.reading import pose
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
@@ -73,7 +73,7 @@ def operator(rng: np.random.Generator, ideal: dict[str, Any], share: float) -> d
 def far_apart(seed: int, number: int) -> tuple[Device, Gains, Coupling]:
     """Return the number-th device of a seed over the decades of `vctune bench`, with gains and a coupling."""
     rng = np.random.default_rng((seed, number, 2))
-    ideal = dict(devices.device(seed, number)[0]["device"])
+    ideal = dict(stress.device(seed, number)[0]["device"])
     document = {"device": ideal | parts(rng, ideal, (-5.5, 2.5), 0.6)}
     if hand := operator(rng, ideal, 0.4):
         document["operator"] = hand

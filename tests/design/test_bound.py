@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import DEVICE, drawn, for_passive_hands
-from dense import NAMES, band, below, least_damping, within_bounds
+from dense import NAMES, band, below, error, least_damping, within_bounds
 from random_problems import random_designs, random_texts
 
-from vctune.bench.evaluator import cases, error, required, sensitivity
+from vctune.bench.evaluator import cases, required, sensitivity
 from vctune.design.bound.objective import objective_of
 from vctune.design.bound.relaxation import Places, least_coupling, lower_bounds, relaxation
 from vctune.design.bound.search import Optimality, bound

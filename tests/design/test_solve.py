@@ -9,9 +9,10 @@ from math import inf, pi
 import numpy as np
 import pytest
 from conftest import ROOT, for_passive_hands
+from dense import error, spectral_radius
 
 from vctune.analysis.sampled_loop import spectral_radius as proved_radius
-from vctune.bench.evaluator import Case, case_of, error, required, sensitivity, spectral_radius, stability_ratio
+from vctune.bench.evaluator import Case, case_of, required, sensitivity, stability_ratio
 from vctune.design.search import optimum as solving
 from vctune.design.search.rounding import rounded
 from vctune.design.solve import solve

@@ -13,12 +13,11 @@ import numpy as np
 import pytest
 from command import run
 from conftest import ROOT, drawn, for_passive_hands, mostly_slow
-from dense import conditions_surplus, surpluses
+from dense import conditions_surplus, error, loops, spectral_radius, surpluses
 from hypothesis import given
 from hypothesis import strategies as st
 from random_problems import corners, on_devices, random_devices
 
-from vctune.bench.evaluator import error, spectral_radius
 from vctune.design.bound.search import bound
 from vctune.design.prepared import pose
 from vctune.design.solve import solve
@@ -216,7 +215,7 @@ def test_loops_in_the_hand_are_proved_on_every_device():
     device = "[device]\nmass = 0.4\ndamping = 0.0001\nsample_time = 1e-3\n"
     given = parse_problem(device + "[operator]\nmass = 40.0\n[uncertainty]\nmass = 0.2\n", "x", "x")
     design = np.array([5.0, 20000.0, 1e3, 1e2, 0.0])
-    in_hand = on_devices(given, design, corners(given)).loops[1]
+    in_hand = loops(on_devices(given, design, corners(given)))[1]
     outcome = judge(given, Gains(*design[:2]), Coupling(*design[2:])).certificate.outcomes["stable"]
     unstable = spectral_radius(in_hand).max() >= 1
     assert (outcome.verdict is Verdict.REFUTED) is bool(unstable)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import inf, pi
 
+import digits
 import numpy as np
 import pytest
 from balls import BALLS, PRECISION, design_ball
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 
 from vctune.analysis.demands import stability_ratio
 from vctune.analysis.extrema import frequency_grid, local_minima
-from vctune.bench import digits, evaluator
+from vctune.bench import evaluator
 from vctune.bench.evaluator import Case
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains

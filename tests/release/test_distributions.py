@@ -29,14 +29,14 @@ ALONE = [
 BUILT = ("__pycache__", ".egg-info")
 
 
-def ran(*command, cwd, code=0):
+def ran(*command, cwd):
     """Run a command and return what it says."""
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = subprocess.run(
         [str(part) for part in command], cwd=cwd, env=env, text=True, check=False,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
-    assert done.returncode == code, done.stdout
+    assert done.returncode == 0, done.stdout
     return done.stdout
 
 
@@ -114,16 +114,6 @@ def test_the_wheel_passes_tests_of_the_sdist(built, empty):
     installed(tools, "pytest", "hypothesis", cwd=folder)
     said = ran(tools / "python", "-P", "-m", "pytest", "-q", "-p", "no:cacheprovider", *ALONE, cwd=tree)
     assert re.search(r"\d+ passed", said)
-
-
-def test_the_remedy_for_a_missing_package_works_with_a_wheel(empty):
-    """The hint names packages, not an extra of a name that no index has."""
-    tools, folder = empty
-    hint = ran(tools / "vctune", "bench", "stress", cwd=folder, code=2)
-    assert hint.endswith("[missing-package]\n")
-    remedy = re.search(r"pip (install .*) \[missing-package\]", hint)[1]
-    ran(tools / "python", "-m", "pip", "-q", "--disable-pip-version-check", *remedy.split(), cwd=folder)
-    ran(tools / "python", "-c", "import mpmath", cwd=folder)
 
 
 def test_every_extra_that_a_guide_names_is_one_of_the_wheel_and_of_a_checkout(built):

@@ -1,11 +1,11 @@
-"""List the reference problems, for any passive hand on a band."""
+"""List the reference problems."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from vctune.document.reading import pose
-from vctune.model.problem import Problem
+from vctune.model.problem import Criterion, Problem
 
 WHEEL = {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}
 LIMITS = {"velocity": {"min": 0.1, "max": 1000.0}, "position": {"min": 0.0, "max": 1e5}}
@@ -58,6 +58,7 @@ def posed(name: str, document: dict[str, Any]) -> Problem:
     return problem
 
 
-def reference_problems(count: int | None = None) -> dict[str, Problem]:
-    """Return the first `count` reference problems, or all of them, by name."""
-    return {name: posed(name, document) for name, document in list(DOCUMENTS.items())[:count]}
+def reference_problems(criterion: Criterion = "passive", count: int | None = None) -> dict[str, Problem]:
+    """Return the first `count` reference problems, or all of them, under a criterion, by name."""
+    some = list(DOCUMENTS.items())[:count]
+    return {name: posed(name, x | {"stability": x["stability"] | {"criterion": criterion}}) for name, x in some}

@@ -11,7 +11,7 @@ Code = Literal[
     "ambiguous-files", "bad-option", "cannot-write", "contradiction", "damaged-document", "file-exists",
     "internal-error", "interrupted", "limit-band", "limit-differ", "limit-floor", "limit-friction", "limit-handle",
     "limit-jitter", "limit-latency", "limit-residuals", "limit-stated", "limit-zero", "log-columns", "log-samples",
-    "log-signal", "log-text", "log-unexplained", "missing-key", "missing-package", "more-mistakes", "no-design",
+    "log-signal", "log-text", "log-unexplained", "missing-key", "more-mistakes", "no-design",
     "no-experiment", "no-plane", "no-workers", "not-certified", "not-fixed", "not-json", "not-toml", "not-yaml",
     "nothing-free", "nothing-proved", "other-document", "other-kind", "other-version", "out-of-range",
     "remark-actuator-lag", "remark-assumed-sensor", "remark-assumed-velocity", "remark-handle-damping",

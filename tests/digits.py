@@ -22,7 +22,6 @@ class ExactValues:
     required: Any
     ratio: Any
     resistance: Any  # Re h11, m/(N s)
-    rollett: Any  # Rollett's stability factor of the two-port with Z_c; inf if q = 0
     admittance: Any  # |G_hh|, |1 - G_he| and |Z_c|, without the least operator
     tracking: Any
     coupling: Any
@@ -40,8 +39,7 @@ def exact(case: Case, omega: Any) -> ExactValues:
         Z_c = b_0 + b_c * m_c * s / (b_c + m_c * s)
         R = (abs(q) - mp.re(q)) / (2 * mp.re(h11)) - mp.re(h22) if mp.re(h11) else mp.inf
         ratio = mp.re(Z_c) / R if R > 0 else mp.inf
-        rollett = (2 * mp.re(h11) * mp.re(Z_c + h22) + mp.re(q)) / abs(q) if q else mp.inf
-        return ExactValues(mp.re(Z_c), R, ratio, mp.re(h11), rollett, abs(1 / D), abs(Z_d / D), abs(Z_c))
+        return ExactValues(mp.re(Z_c), R, ratio, mp.re(h11), abs(1 / D), abs(Z_d / D), abs(Z_c))
 
 
 def sensitivity(case: Case, omega: Any) -> Any:
