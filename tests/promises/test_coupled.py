@@ -94,7 +94,7 @@ def outside(design: Certified, modes: list[Mode]) -> bool:
 
 
 @pytest.mark.parametrize("name", ["friction-wheel", "friction-wheel-held", "fixed-gains"])
-def test_growing_modes_lie_outside_the_proved_band(name):
+def test_growing_modes_lie_outside_the_band(name):
     design = certified(name)
     loops = scenes(design, 40)
     coupled, bare = growing(loops), growing([uncoupled(scene) for scene in loops])

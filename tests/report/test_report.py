@@ -100,7 +100,7 @@ def test_no_figure_of_an_earlier_design_stays(records, tmp_path):
     assert {path.name for path in (tmp_path / "report").iterdir()} == {"report.html", "mine.png"}
 
 
-def test_a_report_promises_nothing_outside_the_proved_band(pages):
+def test_a_report_promises_nothing_outside_the_band(pages):
     html = pages("certified")
     assert "outside it nothing is claimed of the ratio" in html
     assert "no passive hand and no passive environment can make the handle unstable" in html

@@ -416,7 +416,7 @@ def test_noise_is_of_what_is_read():
     assert not np.array_equal(noisy, run(scene_of(EVERYTHING, sensors=Sensors(0.0, 0.1, 2))).motor)
 
 
-def test_growing_modes_of_a_real_device_lie_outside_the_proved_band():
+def test_growing_modes_of_a_real_device_lie_outside_the_band():
     """A certified design with every part in 60 passive hands and environments: some grow, none within the band."""
     document = {
         "device": {
