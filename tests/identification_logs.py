@@ -17,7 +17,6 @@ from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, Structure, VelocityEstimate
 from vctune.simulation.controller import Law
-from vctune.simulation.motion import intended_motion
 from vctune.simulation.sample import (
     INPUT_NAMES,
     INTENDED,
@@ -29,7 +28,7 @@ from vctune.simulation.sample import (
     build,
     columns,
 )
-from vctune.simulation.scene import Scene
+from vctune.simulation.scene import Scene, intended_motion
 
 OPEN = 1e-9
 """K_v of an open loop, N s/m: what it takes from the motion is nothing."""

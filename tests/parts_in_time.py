@@ -20,10 +20,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from vctune.model.device import Device
 from vctune.model.experiment import Friction, Operator
-from vctune.simulation.controller import Measurement, at_rest, control, controller_of
-from vctune.simulation.motion import intended_motion
-from vctune.simulation.operations import FLOATS
-from vctune.simulation.scene import Scene, equilibrium
+from vctune.simulation.controller import FLOATS, Measurement, at_rest, control, controller_of
+from vctune.simulation.scene import Scene, equilibrium, intended_motion
 
 SIZE = 9
 """Motor x and v, bend, handle's v, drive and its rate, sensed and its rate, bristles: all of them always there."""

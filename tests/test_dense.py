@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from vctune.bench.evaluator import Case, case_of, stable
-from vctune.bench.problems import reference_problems
+from vctune.bench.solvers import reference_problems
 from vctune.model.gains import Coupling, Gains
 from vctune.model.transparency import Terms
 

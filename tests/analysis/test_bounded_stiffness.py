@@ -21,8 +21,8 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand
+from vctune.model.sampled.loop_in_worlds import disjuncts, offered_at, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.sampled.worlds.loop_in_worlds import disjuncts, offered_at, sum_of
 from vctune.model.worlds import World, Worlds
 
 MASS, DAMPING, DELAY = 0.4, 2.0, 6e-3

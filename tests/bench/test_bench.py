@@ -14,7 +14,7 @@ from conftest import ROOT, for_passive_hands
 from vctune.bench import evaluator, peers, solvers, stress
 from vctune.bench.benchmark import Measured, csv_of, record_of
 from vctune.bench.evaluator import case_of
-from vctune.bench.problems import reference_problems
+from vctune.bench.solvers import reference_problems
 from vctune.cli.commands.bench import bench
 from vctune.design.prepared import prepare
 from vctune.design.search.scan import scan

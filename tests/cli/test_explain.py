@@ -10,7 +10,7 @@ import pytest
 from command import run
 
 from vctune.api.explaining import entries, explain
-from vctune.document.text.codes import Code
+from vctune.document.text.errors import Code
 
 
 def test_every_code_has_one_row_and_every_row_a_code():

@@ -10,7 +10,7 @@ from command import run
 from conftest import DEVICE, FIXED
 
 import vctune
-from vctune.report.sweep_figure import sweep_figure
+from vctune.report.study_figures import sweep_figure
 
 WALLS = "[environment]\nmass = { min = 0.05, max = 5.0 }\nstiffness = { max = 2000.0 }\nwalls = true\n"
 LAW = "[gains]\nvelocity = 115.0\nposition = {}\n[coupling]\ndamping = 40.0\nmass = 0.3\ndrag = 0.1\n"

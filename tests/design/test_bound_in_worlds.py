@@ -15,8 +15,7 @@ from vctune.design.bound.objective import objective_of
 from vctune.design.bound.relaxation import Places, lower_bounds, relaxation
 from vctune.document.reading import read_problem
 from vctune.model.gains import AnyCoupling, Coupling, Gains
-from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.hands import Hand
+from vctune.model.hands import Hand, PlacesInHands
 from vctune.model.problem import Problem
 from vctune.proof.boxes import Cells
 

@@ -47,7 +47,7 @@ from vctune.proof.device_box import device_box
 from vctune.proof.outcome import Verdict
 from vctune.report.page import report_files
 from vctune.simulation.scene import designed_scene
-from vctune.simulation.stability import fastest_mode
+from vctune.simulation.two_runs import fastest_mode
 
 B, T = 0.8, 1e-3
 

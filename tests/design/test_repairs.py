@@ -28,7 +28,7 @@ from vctune.design.verdict.repair import find_repairs, with_repairs
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
-from vctune.model.numbers.keys import KEYS
+from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
 
 LAG = '[device]\nmass = 0.5\ndamping = {}\nsample_time = 1e-3\nhold = "lag"\n'
@@ -413,7 +413,7 @@ def test_the_command_lists_repairs_in_table_record_and_report(tmp_path):
 
 
 def test_a_sweep_looks_for_no_repairs(tmp_path, monkeypatch):
-    from vctune.study.row import solve_point
+    from vctune.study.sweep import solve_point
 
     monkeypatch.setattr(repairing, "parameter_changes", None)
     assert solve_point(parsed(QUICK["gains too high"]))["status"] == "infeasible"

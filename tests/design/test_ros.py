@@ -15,11 +15,11 @@ from device_pairs import tables_of
 from loop import Loop, port
 
 from vctune.design.ros import admittance_check
-from vctune.design.ros.admittance_problem import corner_hz, coupling_of_admittance
+from vctune.design.ros.admittance import corner_hz, coupling_of_admittance
 from vctune.document.reading import read_problem
 from vctune.document.ros import Admittance, read_admittances
 from vctune.exit_codes import ExitCode
-from vctune.simulation.coefficients import coupling_coefficients
+from vctune.simulation.controller import coupling_coefficients
 
 ARM = """[device]
 mass = 10.0

@@ -14,8 +14,8 @@ from command import strict
 from ros_controller import Arm, Rule, World, asked, radius
 
 from vctune.design.ros import admittance_check
+from vctune.design.ros.admittance import as_problem, coupling_of_admittance, document_of_both
 from vctune.design.ros.admittance_check import check_admittance
-from vctune.design.ros.admittance_problem import as_problem, coupling_of_admittance, document_of_both
 from vctune.design.verdict.check import CheckVerdict
 from vctune.document.reading import pose, problem_file, read_problem
 from vctune.document.ros import read_admittances

@@ -11,7 +11,7 @@ import pytest
 from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
 from vctune.analysis.extrema import frequency_grid, local_minima
 from vctune.bench.evaluator import case_of, sensitivity
-from vctune.bench.problems import reference_problems
+from vctune.bench.solvers import reference_problems
 from vctune.bench.stress import device
 from vctune.design.solve import solve
 from vctune.model.gains import Coupling, Gains

@@ -12,15 +12,15 @@ from command import run
 from test_solved_worlds import EXPECTED, REFERENCE, WHEEL, fixed, reference
 
 from vctune import Coupling, Gains, solve
-from vctune.analysis.in_walls import corner_of
+from vctune.analysis.in_worlds import corner_of
 from vctune.design.verdict.judge import judge
 from vctune.design.verdict.parameter_changes import parameter_changes
 from vctune.design.verdict.repair import find_repairs
 from vctune.document.building import problem
 from vctune.document.doubts import doubts
 from vctune.document.schema.statement import statement
-from vctune.document.text.digest import problem_digest
 from vctune.document.text.errors import InputError
+from vctune.document.text.json import problem_digest
 from vctune.exit_codes import ExitCode
 from vctune.model.problem import Problem
 from vctune.model.worlds import World, Worlds

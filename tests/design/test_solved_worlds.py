@@ -11,15 +11,15 @@ from pathlib import Path
 import pytest
 from command import run
 
-from vctune.analysis.worlds.binding import binding_world, reaction
+from vctune.analysis.in_worlds import binding_world, reaction
 from vctune.api.solving import solve
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem
 from vctune.document.doubts import doubts, file_doubts
 from vctune.document.reading import read_problem
 from vctune.document.schema.statement import statement
-from vctune.document.text.digest import problem_digest
 from vctune.document.text.errors import InputError
+from vctune.document.text.json import problem_digest
 from vctune.exit_codes import ExitCode
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
@@ -217,7 +217,7 @@ def test_the_binding_environment_cancels_the_reactance() -> None:
     law, hand, omega = (Gains(K_v, K_p), Coupling(*of_coupling)), Hand(0.0, 0.0, 3000.0), 334.0
     theta = omega * posed.device.sample_time
     u = 2 / posed.device.sample_time * tan(theta / 2)
-    met = -reaction(posed.device, *law, hand, theta, 1.05).imag
+    met = -reaction(posed.device, *law, hand, 1.05)(theta).imag
     free = binding_world(posed.device, *law, hand, omega, 1.05)
     assert free is not None
     assert free.mass * u - free.stiffness / u == pytest.approx(met)

@@ -6,7 +6,7 @@ import pytest
 from command import run
 from conftest import DEVICE, FIXED
 
-from vctune.document.text.codes import ENDING
+from vctune.document.text.errors import ENDING
 from vctune.exit_codes import ExitCode
 
 PASSIVE = '[stability]\ncriterion = "passive"\n'

@@ -15,8 +15,7 @@ from jsonschema import Draft202012Validator
 from vctune import identify
 from vctune.document.log import read_log, read_log_map
 from vctune.document.records.json_schemas import SCHEMAS
-from vctune.document.text.codes import ENDING
-from vctune.document.text.errors import InputError
+from vctune.document.text.errors import ENDING, InputError
 from vctune.model.device import Device
 from vctune.model.experiment import USUAL_MASS, Friction
 

@@ -19,9 +19,15 @@ from vctune.exit_codes import ExitCode
 from vctune.firmware.firmware import NOTHING, certified, firmware, rounded
 from vctune.firmware.vectors import commands, replays
 from vctune.model.gains import Coupling, Gains
-from vctune.simulation.coefficients import coupling_coefficients, coupling_of
-from vctune.simulation.controller import Measurement, at_rest, control, controller_of
-from vctune.simulation.operations import FLOATS
+from vctune.simulation.controller import (
+    FLOATS,
+    Measurement,
+    at_rest,
+    control,
+    controller_of,
+    coupling_coefficients,
+    coupling_of,
+)
 from vctune.simulation.scene import designed_law
 
 EXPERIMENTS = """

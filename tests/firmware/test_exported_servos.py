@@ -18,7 +18,7 @@ from vctune import export, write_export
 from vctune.document.text.toml import toml_text
 from vctune.firmware.vectors import default_experiments
 from vctune.model.gains import Coupling
-from vctune.simulation.coefficients import coupling_coefficients, coupling_of
+from vctune.simulation.controller import coupling_coefficients, coupling_of
 
 EXPERIMENTS = [
     {

@@ -25,7 +25,7 @@ FAULTS = {
     "the hold is a constant": (
         "model/loop/device_response.py", "modulus = ops.sinc(omega * half)", "modulus = ops.sinc(0 * omega)"),
     "the fraction of a sample is lost": (
-        "model/sampled/delays.py", "return floor(samples), samples - floor(samples)",
+        "model/sampled/circle.py", "return floor(samples), samples - floor(samples)",
         "return floor(samples), 0.0"),
     "a delay just below a whole sample is not looked at": (
         "proof/certificate.py", "    for device in beside_whole_sample(design.device, hands):",
@@ -78,12 +78,12 @@ FAULTS = {
         "document/schema/defaults.py", "    if isinstance(value, float):\n        return Range(value, value)",
         "    if isinstance(value, float):\n        return Range(value, max(value, high))"),
     "the environments' stiffest spring is not seen": (
-        "model/sampled/worlds/loop_in_worlds.py", "factor * (soft * size)", "0 * (soft * size)"),
+        "model/sampled/loop_in_worlds.py", "factor * (soft * size)", "0 * (soft * size)"),
     "the environments' lightest mass is the heaviest": (
-        "model/sampled/worlds/loop_in_worlds.py", "light, soft = low.mass * inertia",
+        "model/sampled/loop_in_worlds.py", "light, soft = low.mass * inertia",
         "light, soft = high.mass * inertia"),
     "an actuator lags a tenth of what it does": (
-        "model/loop/drive.py", "actuator.bandwidth_hz * device.sample_time",
+        "model/loop/filters.py", "actuator.bandwidth_hz * device.sample_time",
         "10 * actuator.bandwidth_hz * device.sample_time"),
     "the limit of |S| is twice as high": (
         "model/problem.py", "max_sensitivity=stability.max_sensitivity,",
@@ -96,7 +96,7 @@ FAULTS = {
     "a torn row of a sweep stays": (
         "study/rows.py", "    os.ftruncate(handle, os.fstat(handle).st_size - len(torn))\n", ""),
     "the exported velocity gain is rounded": (
-        "firmware/c_text.py", 'repr(number) if precision == "double"', '"%.6g" % number if precision == "double"'),
+        "firmware/preamble.py", 'repr(number) if precision == "double"', '"%.6g" % number if precision == "double"'),
     "a repair that was not proved is listed": (
         "design/verdict/repair.py", "judgement.status is Status.CERTIFIED else None", "True else None"),
     "the delay of a log is that of its force": (

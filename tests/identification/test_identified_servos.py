@@ -16,8 +16,7 @@ from servo_logs import moved, servo_case
 from vctune import check, identify, problem, solve
 from vctune.design.verdict.check import CheckVerdict
 from vctune.document.records.json_schemas import SCHEMAS
-from vctune.document.text.codes import ENDING
-from vctune.document.text.errors import InputError
+from vctune.document.text.errors import ENDING, InputError
 from vctune.identification.servo import interpolating_velocity, positions, sampled_response
 
 SERVO = {"T": 4e-3, "late": 3.4, "order": 1, "bandwidth": 12.0, "command": "velocity", "jitter": 0.0}

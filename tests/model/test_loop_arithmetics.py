@@ -20,7 +20,7 @@ from vctune.model.loop.device_response import device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import G_hh_abs2, loop_response, tracking_abs2
 from vctune.model.numbers.arithmetic import CURVATURE_BELOW, FLOATS, Arithmetic, Number
-from vctune.model.sampled.delays import split_delay
+from vctune.model.sampled.circle import split_delay
 from vctune.model.sampled.velocity_loop import (
     PlantLetGo,
     ReturnDifference,

@@ -14,7 +14,7 @@ from vctune.bench.evaluator import Case
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Demands
-from vctune.model.sampled.delays import split_delay
+from vctune.model.sampled.circle import split_delay
 from vctune.proof.claims.loop_claims import model_turns, of_design, stable_loop
 from vctune.proof.claims.margins_of_claims import Design
 

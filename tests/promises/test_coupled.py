@@ -19,7 +19,7 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Problem
 from vctune.simulation.run import run
 from vctune.simulation.scene import Scene, designed_scene
-from vctune.simulation.stability import Mode, fastest_mode
+from vctune.simulation.two_runs import Mode, fastest_mode
 
 DESIGNS = (
     "friction-wheel",

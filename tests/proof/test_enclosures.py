@@ -16,7 +16,7 @@ from mpmath import mp, mpf
 from vctune.document.reading import read_gains, read_problem
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
-from vctune.model.numbers.keys import KEYS
+from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
 from vctune.proof.boxes import Cells, band_of, over_cells
 from vctune.proof.certificate import certify

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 from test_counted_roundings import curvature, phi_1
 
-from vctune.proof.enclosures.box_minimum import least_over_boxes
 from vctune.proof.enclosures.intervals import Enclosure
-from vctune.proof.enclosures.taylor import Taylor, variables
+from vctune.proof.enclosures.taylor import Taylor, least_over_boxes, variables
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 
 ROWS = 3

@@ -18,7 +18,7 @@ import pytest
 from conftest import ROOT
 
 from vctune.document.reading import parse_problem
-from vctune.document.text.digest import problem_digest
+from vctune.document.text.json import problem_digest
 from vctune.version import __version__
 
 pytestmark = pytest.mark.slow

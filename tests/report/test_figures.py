@@ -19,12 +19,12 @@ from vctune.document.records.design_json import design_of
 from vctune.model.gains import Coupling, Gains
 from vctune.report.curves import requirements
 from vctune.report.design_figures import design_figures
+from vctune.report.experiments import simulation_figure
+from vctune.report.page import summary
 from vctune.report.paths import DESIGN_FIGURES
-from vctune.report.region_figure import BAD, GOOD, OPEN
-from vctune.report.simulation_figure import simulation_figure
+from vctune.report.study_figures import BAD, GOOD, OPEN
 from vctune.report.style import GREY, PAPER, svg
-from vctune.report.verdict import summary
-from vctune.simulation.motion import stroke_time
+from vctune.simulation.scene import stroke_time
 from vctune.simulation.simulation_record import CURVE_POINTS, simulation_record
 from vctune.simulation.two_runs import simulate
 

@@ -25,9 +25,8 @@ from vctune.document.records.design_json import design_of, read_design
 from vctune.document.text.errors import InputError
 from vctune.model.gains import Coupling, Gains
 from vctune.report.curves import handle_impedance, requirements, transparency
-from vctune.report.page import write_report
+from vctune.report.page import LITTLE_USE, write_report
 from vctune.report.style import html
-from vctune.report.verdict import LITTLE_USE
 
 LAG = 'hold = "lag"\n[stability]\ncriterion = "passive"\nband_hz = [0.0, inf]\n'
 HELD = "[coupling]\ndrag = { min = 0.0, max = 50.0 }\n[operator]\ndamping = 0.5\n"

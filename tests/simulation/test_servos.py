@@ -29,11 +29,10 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.parts import ForceSensor, Servo
 from vctune.model.problem import Problem
 from vctune.report.experiments import HEADINGS, measured_rows
-from vctune.simulation.motion import intended_motion
 from vctune.simulation.run import run
 from vctune.simulation.sample import INPUT_NAMES, SAMPLES_PER_CALL, build
-from vctune.simulation.scene import Scene, designed_scene, equilibrium
-from vctune.simulation.stability import STANDING, fastest_mode, loop_matrix
+from vctune.simulation.scene import Scene, designed_scene, equilibrium, intended_motion
+from vctune.simulation.two_runs import STANDING, fastest_mode, loop_matrix
 
 NO_GAINS = Gains(0.0, 0.0)
 HAND = Operator("sine", 0.0, 0.02, 0.05, 1, 0.5, 5.0, 600.0)

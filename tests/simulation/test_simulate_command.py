@@ -16,8 +16,8 @@ from conftest import ROOT, drawn, for_passive_hands, mostly_slow
 from vctune.exit_codes import ExitCode
 from vctune.model.experiment import Environment, Operator
 from vctune.simulation.metrics import metrics
-from vctune.simulation.motion import intended_motion, sample_count
 from vctune.simulation.run import Traces
+from vctune.simulation.scene import intended_motion, sample_count
 
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 160.0\nmass = 0.37\n"

@@ -23,7 +23,7 @@ from scipy.integrate import trapezoid
 from test_coupled import Certified, growing, outside, scenes
 
 from vctune.analysis.sampled_loop import spectral_radius
-from vctune.bench.problems import posed
+from vctune.bench.solvers import posed
 from vctune.design.verdict.judge import Status, judge
 from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
@@ -33,15 +33,13 @@ from vctune.model.numbers.arithmetic import FLOATS as FLOATS_OF_THE_MODEL
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 from vctune.proof.claims.loop_claims import stable_loop
 from vctune.simulation import sample
-from vctune.simulation.controller import Measurement, at_rest, control, controller_of
-from vctune.simulation.friction import Sliding, friction_step, slide
+from vctune.simulation.controller import FLOATS, Measurement, at_rest, control, controller_of
 from vctune.simulation.metrics import metrics
-from vctune.simulation.operations import FLOATS
 from vctune.simulation.plant import GIVEN, plant
 from vctune.simulation.run import run
-from vctune.simulation.sample import COLUMNS, INPUT_NAMES, SAMPLES_PER_CALL, build
+from vctune.simulation.sample import COLUMNS, INPUT_NAMES, SAMPLES_PER_CALL, Sliding, build, friction_step, slide
 from vctune.simulation.scene import Scene, baseline_scene, designed_scene
-from vctune.simulation.stability import STANDING, fastest_mode, loop_matrix
+from vctune.simulation.two_runs import STANDING, fastest_mode, loop_matrix
 
 IDEAL = Device(0.4, 2.0, 1e-3)
 EVERYTHING = Device(

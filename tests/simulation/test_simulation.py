@@ -18,10 +18,7 @@ from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.parts import Structure, VelocityEstimate
-from vctune.simulation.controller import Measurement, at_rest, control, controller_of
-from vctune.simulation.friction import Sliding, friction_force, friction_step, slide
-from vctune.simulation.motion import intended_motion, push_matrix, sample_count, stroke_time
-from vctune.simulation.operations import FLOATS
+from vctune.simulation.controller import FLOATS, Measurement, at_rest, control, controller_of
 from vctune.simulation.plant import GIVEN, exponential_less_one, plant
 from vctune.simulation.run import run
 from vctune.simulation.sample import (
@@ -31,11 +28,22 @@ from vctune.simulation.sample import (
     MOST_STEPS,
     SAMPLES_PER_CALL,
     STEPS_PER_RADIAN,
+    Sliding,
     build,
+    friction_force,
+    friction_step,
+    slide,
     steps_per_sample,
 )
-from vctune.simulation.scene import baseline_scene, designed_scene
-from vctune.simulation.stability import fastest_mode, loop_matrix
+from vctune.simulation.scene import (
+    baseline_scene,
+    designed_scene,
+    intended_motion,
+    push_matrix,
+    sample_count,
+    stroke_time,
+)
+from vctune.simulation.two_runs import fastest_mode, loop_matrix
 
 DEVICE = Device(0.4, 2.0, 1e-3, 0.0, "zoh")
 GAINS = Gains(150.0, 6000.0)

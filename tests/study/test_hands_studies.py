@@ -27,8 +27,7 @@ from vctune.design.verdict import repair as repairing
 from vctune.document.reading import parse_problem, read_problem
 from vctune.exit_codes import ExitCode
 from vctune.model.gains import Coupling, Gains
-from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.hands import Hand
+from vctune.model.hands import Hand, PlacesInHands
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand

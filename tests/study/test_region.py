@@ -16,7 +16,7 @@ from vctune.design.prepared import pose
 from vctune.design.variables import ranges
 from vctune.document.reading import problem_file
 from vctune.model.gains import Coupling, Gains
-from vctune.model.numbers.keys import KEYS
+from vctune.model.numbers.units import KEYS
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.outcome import Verdict

@@ -25,10 +25,9 @@ from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 from vctune.study import sweep as sweeping
 from vctune.study.executors import worker_pool
-from vctune.study.row import solve_point
 from vctune.study.rows import key_of, open_rows
 from vctune.study.study_table import csv_text, table_of
-from vctune.study.sweep import sweep
+from vctune.study.sweep import solve_point, sweep
 
 FREE = (
     "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"

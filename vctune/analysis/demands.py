@@ -8,8 +8,7 @@ from math import inf, pi
 
 import numpy as np
 
-from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
-from vctune.analysis.resonance import with_resonance
+from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima, with_resonance
 from vctune.analysis.sampled_loop import loop_gain, sensitivity_of
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, series_coupling

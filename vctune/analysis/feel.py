@@ -8,8 +8,7 @@ from math import inf, pi, sqrt
 import numpy as np
 
 from vctune.analysis.demands import response
-from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.analysis.resonance import with_resonance
+from vctune.analysis.extrema import Floats, frequency_grid, with_resonance
 from vctune.analysis.sampled_loop import Complex
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper, coupling_impedance

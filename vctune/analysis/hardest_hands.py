@@ -16,8 +16,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.loops_in_hands import PER_DECADE
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand, Hands, PlacesInHands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import (
     AnyLoopInHand,
@@ -26,10 +25,17 @@ from vctune.model.sampled.hand_loop import (
     offered,
     required_in_hand,
 )
-from vctune.model.sampled.plant_in_hand import AnyPlantInHand, ServoInHand, delays_of, plant_in_hand
-from vctune.model.sampled.several_devices import as_one
-from vctune.model.sampled.worlds.loop_in_walls import LEADS, disjuncts_in_walls, strip_in_walls
-from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen, disjuncts, posed, room_of
+from vctune.model.sampled.loop_in_worlds import (
+    LEADS,
+    Offered,
+    Seen,
+    disjuncts,
+    disjuncts_in_walls,
+    posed,
+    room_of,
+    strip_in_walls,
+)
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, ServoInHand, as_one, delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 
 FIRST_STEP = 0.2  # First step of the search for the worst hand, in the square roots of the shares of a hand's ranges

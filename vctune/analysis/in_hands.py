@@ -17,13 +17,11 @@ from vctune.analysis.hardest_hands import hardest_near, needs_in_hands, needs_in
 from vctune.analysis.loops_in_hands import PER_DECADE, angles, answers, loops_at_rest, loops_in_hands
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand, Hands, PlacesInHands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import loop_in_hand, offered
-from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.sampled.several_devices import alike
+from vctune.model.sampled.plant_in_hand import alike, delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 
 SEARCHED = 6  # Number of local minima over the angle that the code refines

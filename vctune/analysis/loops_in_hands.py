@@ -8,16 +8,15 @@ from math import inf
 
 import numpy as np
 
-from vctune.analysis.extrema import Floats
-from vctune.analysis.resonance import with_resonance
+from vctune.analysis.extrema import Floats, with_resonance
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.any_hand import AnyHand, any_hand
 from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, required_in_hand, seen_in_hand
+from vctune.model.sampled.loop_in_worlds import Seen
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.sampled.worlds.loop_in_worlds import Seen
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)  # Shares of each range of hands that the search evaluates first
 LOWEST, PER_DECADE = 1e-4, 24  # Least angle omega T above 0, and number of angles per decade

@@ -8,8 +8,7 @@ from math import inf, pi
 
 import numpy as np
 
-from vctune.analysis.extrema import Floats, frequency_grid, local_minima
-from vctune.analysis.resonance import with_resonance
+from vctune.analysis.extrema import Floats, frequency_grid, local_minima, with_resonance
 from vctune.analysis.sampled_loop import Complex, loop_gain, return_difference_at
 from vctune.analysis.stability import makes_no_turn, unit_circle
 from vctune.model.device import Device

@@ -14,8 +14,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.loops_in_hands import PER_DECADE, LoopsInHands, loops_in_any_hand, loops_in_hands
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_coupling
-from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand, Hands, PlacesInHands
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem

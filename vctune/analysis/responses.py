@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vctune.analysis.extrema import Floats
-from vctune.analysis.resonance import round_at_resonance
+from vctune.analysis.extrema import Floats, round_at_resonance
 from vctune.analysis.sampled_loop import Complex, loop_gain
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
@@ -20,8 +19,8 @@ from vctune.model.numbers.pair import EvenOdd
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.sampled.hand_loop import AnyLoopInHand, CommandInHand, LoopInHand, loop_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import ForceInHand, firmware_filter, spring_damper_admittance
+from vctune.model.sampled.loop_in_worlds import offered_at
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.sampled.worlds.loop_in_worlds import offered_at
 
 if TYPE_CHECKING:
     import control

@@ -12,7 +12,7 @@ from vctune.analysis.extrema import Floats
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.sampled.delays import split_delay
+from vctune.model.sampled.circle import split_delay
 from vctune.model.sampled.velocity_loop import (
     PlantLetGo,
     ReturnDifference,

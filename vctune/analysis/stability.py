@@ -10,8 +10,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.analysis.extrema import Floats, local_minima
-from vctune.analysis.resonance import with_resonance
+from vctune.analysis.extrema import Floats, local_minima, with_resonance
 from vctune.analysis.sampled_loop import Complex, plant_of
 from vctune.model.device import Device
 from vctune.model.gains import Gains

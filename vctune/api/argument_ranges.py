@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from vctune.document.text.toml import STDIN as STDIN
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS
+from vctune.model.numbers.units import KEYS, SPRING_KEYS
 
 Format = Literal["c", "ros2"]  # Formats of an exported design
 GAPS = (1e-4, 10.0)  # Least and greatest permitted gap

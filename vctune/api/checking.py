@@ -126,7 +126,7 @@ def record_lost(checked: Checked, folder: Path) -> str:
             path.unlink()
         removed = ", ".join(path.name for path in gone)
         return f"everything is proved again: removed {removed} from {folder}" if gone else ""
-    from vctune.report.region_figure import lost_figure
+    from vctune.report.study_figures import lost_figure
     from vctune.report.style import svg
 
     make_folder(folder)

@@ -11,7 +11,7 @@ from typing import Any, get_args
 from vctune.api.argument_ranges import Format
 from vctune.api.result import RefusedError, code_of
 from vctune.api.solving import known_record
-from vctune.design.ros.admittance_design import problems_of_axes
+from vctune.design.ros.admittance import problems_of_axes
 from vctune.design.search.optimum import Progress
 from vctune.design.verdict.judge import Status
 from vctune.document.building import DesignSource, ProblemSource, design_for
@@ -23,8 +23,8 @@ from vctune.document.text import toml
 from vctune.document.text.errors import InputError, printable
 from vctune.document.text.json import printed
 from vctune.document.text.output_files import Content, make_folder, write_together
-from vctune.firmware.c_text import Precision as Precision
 from vctune.firmware.firmware import Firmware, certified, firmware
+from vctune.firmware.firmware import Precision as Precision
 from vctune.firmware.preamble import statement
 from vctune.firmware.ros2 import RosAxis, ros2_files, ros2_firmware
 from vctune.model.gains import AnyCoupling, Gains

@@ -90,7 +90,7 @@ class AdmissibleGains:
 
     def files(self, folder: Path) -> Files:
         """Return region.json and its picture, also of a search that the time limit has ended."""
-        from vctune.report.region_figure import region_figure
+        from vctune.report.study_figures import region_figure
         from vctune.report.style import svg
 
         with unlimited():

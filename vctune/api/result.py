@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from vctune.document.reading import ProblemFile
-from vctune.document.text.codes import Code
-from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.errors import Code, InputError, Mistake
 from vctune.document.text.output_files import Content, make_folder, write_together
 from vctune.document.text.output_files import folder_name as folder_name
 from vctune.exit_codes import ExitCode

@@ -26,8 +26,7 @@ from vctune.document.reading import ProblemFile
 from vctune.document.records.design_json import DesignRecord, Repair, design_of, read_design
 from vctune.document.records.part import text
 from vctune.document.records.simulation_json import simulation_beside
-from vctune.document.text.codes import has_code
-from vctune.document.text.errors import InputError, printable
+from vctune.document.text.errors import InputError, has_code, printable
 from vctune.document.text.output_files import make_folder, today
 from vctune.document.text.toml import called
 from vctune.exit_codes import ExitCode

@@ -16,8 +16,7 @@ from vctune.document.building import problem as problem_of
 from vctune.document.records.part import text
 from vctune.document.study_file import Study, build_study
 from vctune.document.study_file import read_study as read_study
-from vctune.document.text.codes import has_code
-from vctune.document.text.errors import InputError, printable
+from vctune.document.text.errors import InputError, has_code, printable
 from vctune.document.text.output_files import make_folder
 from vctune.exit_codes import ExitCode
 from vctune.study.executors import available_cores, worker_pool
@@ -77,8 +76,8 @@ class Swept:
 
     def files(self, folder: Path) -> Files:
         """Return the table of the sweep and, for one or two axes, its picture."""
+        from vctune.report.study_figures import sweep_figure
         from vctune.report.style import svg
-        from vctune.report.sweep_figure import sweep_figure
 
         figure = sweep_figure(self.table, grid=self.study.sample.kind == "grid")
         picture = svg(figure, Path(PICTURE).stem) if figure else None

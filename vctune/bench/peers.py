@@ -21,10 +21,8 @@ from vctune.design.nlp.nlp import OPTIONS, Nlp, assembled, stated
 from vctune.design.prepared import Prepared
 from vctune.design.result import NlpStructure
 from vctune.design.search.optimum import WORTH_POLISHING
-from vctune.design.search.rounding import rounded
-from vctune.design.search.start import Start
-from vctune.design.search.working_set import ConstraintPoint, WorkingSet, constraint_points
-from vctune.design.variables import Coordinate, coordinates, design_of, point
+from vctune.design.search.working_set import ConstraintPoint, Start, WorkingSet, constraint_points
+from vctune.design.variables import Coordinate, coordinates, design_of, point, rounded
 from vctune.interrupt import interrupt_deferred
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands

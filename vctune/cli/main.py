@@ -7,8 +7,7 @@ from importlib import import_module
 
 import click
 
-from vctune.document.text.codes import coded
-from vctune.document.text.errors import InputError
+from vctune.document.text.errors import InputError, coded
 from vctune.exit_codes import ExitCode
 from vctune.interrupt import RECEIVED
 

@@ -22,7 +22,7 @@ from vctune.running import OutOfTimeError, check_time, progress_sent_to, time_li
 if TYPE_CHECKING:
     from vctune import Problem, ProblemFile
     from vctune.api.result import Result, Rows
-    from vctune.document.text.codes import Code
+    from vctune.document.text.errors import Code
 
 Progress = Callable[[str], None]  # Type of a function that receives the current stage
 PAUSE = 0.2  # Time between two checks of a watched file, s
@@ -38,8 +38,7 @@ class Run:
 
     def warn(self, code: Code, text: str) -> None:
         """Print a warning on stderr."""
-        from vctune.document.text.codes import coded
-        from vctune.document.text.errors import printable
+        from vctune.document.text.errors import coded, printable
 
         click.echo(coded(printable(text), code), err=True)
 

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 from vctune.analysis.extrema import Floats
 from vctune.analysis.responses import Loop
 from vctune.design.search.scan import ScanResult
-from vctune.design.search.start import Start
-from vctune.design.search.working_set import WorkingSet
+from vctune.design.search.working_set import Start, WorkingSet
 from vctune.design.variables import Point
 from vctune.design.verdict.infeasible import Infeasibility
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.records.design_json import Price, Repair
-from vctune.document.text.codes import Note
+from vctune.document.text.errors import Note
 from vctune.model.display import Display
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem

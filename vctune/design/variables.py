@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields, replace
 from math import exp, expm1, inf, log, log1p
 
-from vctune.analysis.in_walls import HIGHEST, LOWEST
+from vctune.analysis.in_worlds import HIGHEST, LOWEST, in_decimals
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Problem, Range
@@ -80,3 +80,26 @@ def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]
         least, most = (2 * share / device.sample_time for share in (LOWEST, HIGHEST))
         found.append(Coordinate(CORNER, "corner", 0.0, log(least), log(most)))
     return tuple(found)
+
+
+DIGITS = 8  # Number of significant digits in `gains.toml`
+
+
+def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
+    """Return the variables of a design, rounded to a given number of digits. A value that is near a bound becomes the
+    bound."""
+    known = tuple(_rounded(value, bounds, digits) for value, bounds in zip(values, ranges(problem), strict=False))
+    return (*known, *map(in_decimals, values[len(known) :]))
+
+
+def _rounded(value: float, bounds: Range, digits: int) -> float:
+    for bound in (bounds.min, bounds.max):
+        if near(value, bound, bounds, digits):
+            return bound
+    return min(max(float(f"{value:.{digits}g}"), bounds.min), bounds.max)
+
+
+def near(value: float, bound: float, bounds: Range, digits: int = DIGITS) -> bool:
+    """Return whether a value equals a bound to `digits` digits or, for the bound 0, is negligible beside the upper
+    bound."""
+    return abs(value - bound) <= (10.0 ** (1 - digits) * abs(bound) if bound else 10.0 ** (-1 - digits) * bounds.max)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from vctune.document.reading import ProblemFile
 from vctune.document.schema.validation import dotted
-from vctune.document.text.codes import Note
+from vctune.document.text.errors import Note
 from vctune.document.text.hints import in_finer_unit
 from vctune.document.text.output_files import RESERVED, folder_name
 from vctune.model.experiment import Environment

@@ -9,8 +9,7 @@ from dataclasses import astuple
 from vctune.document.text.toml import quoted
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.keys import labelled
-from vctune.model.numbers.units import UNITS, UnitSystem
+from vctune.model.numbers.units import UNITS, UnitSystem, labelled
 
 
 def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, float]:

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from vctune.document.log_table import read_table
-from vctune.document.recording import ROLES, SERVO_COMMANDS, SERVO_ROLES, Channel, Floats, Recording
+from vctune.document.recording import ROLES, SERVO_COMMANDS, SERVO_ROLES, Channel, Floats, Recording, read_table
 from vctune.document.schema.log_schema import UNITS, ColumnTable, LogDocument
 from vctune.document.schema.validation import Contradiction, shown, validated
 from vctune.document.text import toml

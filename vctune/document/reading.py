@@ -21,8 +21,8 @@ from vctune.document.schema.problem_schema import (
 from vctune.document.schema.rules import contradictions
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, examined, refusal, validated
 from vctune.document.text import toml
-from vctune.document.text.digest import problem_digest
 from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.json import problem_digest
 from vctune.model.display import ADMITTANCE, DISPLAYS, IMPEDANCE, SERVO, Display, DisplayName, stated_display
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import UNITS, Units, UnitSystem

@@ -1,14 +1,22 @@
-"""Define a recording of a device: columns of equal length in SI units, each with its header, resolution and limit."""
+"""Define a recording of a device, columns of equal length in SI units, and read it from the table of a log."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+import zlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from hashlib import sha256
+from io import BytesIO, TextIOWrapper
+from itertools import islice
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.document.schema.validation import MAX_MISTAKES, shown
+from vctune.document.text.errors import InputError, Mistake
 from vctune.model.numbers.units import UNITS, Units
 
 Floats = NDArray[np.float64]
@@ -56,3 +64,167 @@ class Recording:
     def values(self, role: str) -> Floats | None:
         """Return a column by its role; None if the log lacks it."""
         return self.channels[role].values if role in self.channels else None
+
+
+MAX_BYTES = 400_000_000  # Greatest size of a log, bytes
+# First bytes of gzipped files, of new workbooks, and of old workbooks
+GZIP, ZIP, OLE = b"\x1f\x8b", b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
+SEPARATORS = (",", ";", "\t")
+LOOKED_AT = 10  # Number of rows in which the reader looks for decimal commas
+# A whole number, and a number with a decimal comma, both also in quotes
+WHOLE, COMMA = (re.compile(rf'"?[+-]?\d+{more}(e[+-]?\d+)?"?', re.IGNORECASE) for more in ("", r",\d+"))
+
+
+@dataclass(frozen=True, slots=True)
+class LogTable:
+    """The table of a log, before its columns have roles."""
+
+    headers: list[str]
+    numbers: Floats  # finite numbers, shape (rows, columns)
+    first_line: int  # line of the file that contains the first row of numbers, from 1
+    sha256: str  # SHA-256 digest of the file, in hexadecimal
+
+
+def read_table(path: Path) -> LogTable:
+    """Read a table of numbers."""
+    try:
+        with path.open("rb") as file:
+            packed = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise _unreadable(path, f"cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise _unreadable(path, "is no path: it contains a null character") from None
+    data = _text_of(path, packed)
+    try:
+        headers, separator, first_line = _headers(path, data)
+        numbers = _numbers(path, data, separator, headers, first_line)
+    except UnicodeDecodeError:
+        line, byte = next(_undecodable(data))
+        raise _unreadable(path, f"is not UTF-8 text (byte 0x{byte:02x}); export the log as CSV", line) from None
+    return LogTable(headers, numbers, first_line, sha256(packed).hexdigest())
+
+
+def _unreadable(path: Path, message: str, line: int | None = None) -> InputError:
+    return InputError.of(str(path), "unreadable-file", message, line=line)
+
+
+def _text_of(path: Path, data: bytes) -> bytes:
+    """Return the text of a file, unpacked if gzipped. The limit stops a small file that unpacks to a huge one too."""
+    how = "is longer than"
+    if data.startswith((ZIP, OLE)):
+        what = "an Excel workbook" if data.startswith(OLE) or b"xl/workbook" in data else "a zip archive"
+        raise InputError.of(str(path), "log-text", f"is {what} and not text; save it as CSV")
+    if data.startswith(GZIP) and len(data) <= MAX_BYTES:
+        how, unpacker = "unpacks to more than", zlib.decompressobj(wbits=31)
+        try:
+            data = unpacker.decompress(data, MAX_BYTES + 1)
+        except zlib.error:
+            data = b""
+        if not unpacker.eof and len(data) <= MAX_BYTES:
+            raise _unreadable(path, "is a damaged gzip file; copy it again")
+    if len(data) > MAX_BYTES:
+        raise _unreadable(path, f"{how} {MAX_BYTES} bytes; split the log")
+    return data
+
+
+def _stream(data: bytes) -> TextIOWrapper:
+    return TextIOWrapper(BytesIO(data), encoding="utf-8-sig")
+
+
+def _headers(path: Path, data: bytes) -> tuple[list[str], str, int]:
+    """Return the headers, their separator, and the line of the first row."""
+    try:
+        number, line = next(
+            (number, line)
+            for number, line in enumerate(_stream(data), 1)
+            if line.strip() and not line.startswith("#")
+        )  # fmt: skip
+    except StopIteration:
+        message = "is empty; a log is a line of headers and a line for each sample"
+        raise InputError.of(str(path), "log-text", message) from None
+    separator = next((candidate for candidate in SEPARATORS if candidate in line), SEPARATORS[0])
+    headers = [header.strip().strip('"') for header in line.split(separator)]
+    if numbers := [header for header in headers if _is_number(header)]:
+        message = f"{shown(numbers[0])} is a number where a header should be; give the columns a line of names"
+        raise InputError.of(str(path), "log-text", message, line=number)
+    if twice := sorted({header for header in headers if headers.count(header) > 1}):
+        message = "two columns have this header; rename one"
+        raise InputError.of(str(path), "log-text", message, key=twice[0], line=number)
+    return headers, separator, number + 1
+
+
+def _undecodable(data: bytes) -> Iterator[tuple[int, int]]:
+    """Yield line and value of the first byte that is not UTF-8."""
+    try:
+        data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        yield data.count(b"\n", 0, error.start) + 1, data[error.start]
+
+
+def _numbers(path: Path, data: bytes, separator: str, headers: list[str], first_line: int) -> Floats:
+    """Return the rows of numbers, or refuse them with their faults."""
+    data, gaps = data.rstrip(), list[int]()
+
+    def rows() -> Iterator[str]:
+        for number, line in enumerate(islice(_stream(data), first_line - 1, None), first_line):
+            if not line.strip():  # which loadtxt would skip
+                gaps.append(number)
+            yield line
+
+    if next(rows(), None) is None:
+        raise InputError.of(str(path), "log-text", "has headers and no samples", line=first_line)
+    try:
+        numbers = np.loadtxt(rows(), delimiter=separator, ndmin=2, comments=None)
+    except UnicodeDecodeError:
+        raise
+    except ValueError:
+        raise _faulty(path, data, separator, headers, first_line) from None
+    if gaps or numbers.shape[1] != len(headers) or not np.isfinite(numbers).all():
+        raise _faulty(path, data, separator, headers, first_line)
+    return np.asarray(numbers)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return text.isascii() and "_" not in text  # Python reads more than a table of numbers may have
+
+
+def _faulty(path: Path, data: bytes, separator: str, headers: list[str], first_line: int) -> InputError:
+    """Return the faults of the rows: decimal commas, a wrong number of cells, and cells without a finite number."""
+    lines = islice(_stream(data), first_line - 1, None)
+    rows = ([cell.strip() for cell in line.split(separator)] for line in lines)
+    first = list(islice(rows, LOOKED_AT))
+    if comma := _decimal_comma(first, separator, len(headers)):
+        message = f"has a decimal comma in {shown(comma[1])}; export the log with decimal points"
+        return InputError.of(str(path), "log-text", message, line=first_line + comma[0])
+
+    def faults() -> Iterator[Mistake]:
+        for number, cells in enumerate((*first, *rows), first_line):
+            if len(cells) != len(headers):
+                message = f"has {len(cells)} columns, not {len(headers)}; repair or remove the row"
+                yield Mistake("log-text", "", message, number)
+                continue
+            for header, cell in zip(headers, cells, strict=True):
+                if not _is_number(cell):
+                    message = f"{shown(cell)} is not a number; repair or remove the row"
+                    yield Mistake("log-text", header, message, number)
+                elif not isfinite(float(cell)):
+                    message = f"{cell} is no finite number: the sample is missing; record again"
+                    yield Mistake("log-text", header, message, number)
+
+    return InputError(str(path), list(islice(faults(), MAX_MISTAKES)))
+
+
+def _decimal_comma(rows: list[list[str]], separator: str, columns: int) -> tuple[int, str] | None:
+    """Return the first row with a decimal comma, counted from 0, and the number there; None without one."""
+    whole = separator == "," and all(WHOLE.fullmatch(cell) for cells in rows for cell in cells)
+    torn = whole and 2 * sum(columns < len(cells) <= 2 * columns for cells in rows) > len(rows)
+    for number, cells in enumerate(rows):
+        if torn and len(cells) > columns:
+            return number, ",".join(cells[:2])
+        if comma := next((cell for cell in cells if COMMA.fullmatch(cell)), None):
+            return number, comma
+    return None

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from vctune.document.text import toml
-from vctune.document.text.codes import Note
-from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.errors import InputError, Mistake, Note
 
 # Axes in the order of the lists of the file: three translations, then three rotations
 AXES = ("x", "y", "z", "rx", "ry", "rz")

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import astuple
 from typing import Any
 
-from vctune.firmware.c_text import comment, literal
-from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.firmware import Firmware, certified, comment, literal
 from vctune.firmware.preamble import statement
-from vctune.model.numbers.keys import QUANTITIES, SYMBOLS
+from vctune.model.numbers.units import OF_KEYS, SYMBOLS
 
 # Symbol and quantity of each coefficient that is a constant of the C code
 CONSTANTS = {
@@ -110,7 +109,7 @@ def _stated(firmware: Firmware) -> list[str]:
     """Return the decimals of the design as comments. The gains of a servo, which are 0, are not stated."""
     keys = [key for part in ("coupling", "gains") for key in firmware.device.kind.stated if key.startswith(part)]
     numbers = (*astuple(firmware.coupling), *astuple(firmware.gains))[: len(keys)]
-    rows = [(SYMBOLS[k], number, firmware.units.of(QUANTITIES[k])) for k, number in zip(keys, numbers, strict=True)]
+    rows = [(SYMBOLS[k], number, firmware.units.of(OF_KEYS[k])) for k, number in zip(keys, numbers, strict=True)]
     return [
         f"/* {name} = {number!r} {unit} */" for name, number, unit in [*rows, ("T", firmware.device.sample_time, "s")]
     ]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from math import log, pi
-from typing import Any
+from math import inf, log, pi
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,17 +13,17 @@ from vctune.design.verdict.design_record import record_of
 from vctune.design.verdict.judge import Judgement, Status, judge_all
 from vctune.document.reading import ProblemFile
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.text.digest import digest
-from vctune.firmware.c_text import Precision
+from vctune.document.text.errors import printable
+from vctune.document.text.json import digest
 from vctune.model.device import Device
 from vctune.model.experiment import Environment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.problem import Problem
-from vctune.simulation.coefficients import coupling_of
-from vctune.simulation.controller import Controller, controller_of
+from vctune.simulation.controller import Controller, controller_of, coupling_of
 from vctune.simulation.scene import designed_law
 
+Precision = Literal["double", "single"]
 # An environment without mass, damping and stiffness, because the constants of a firmware do not depend on it
 NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
 
@@ -127,3 +127,25 @@ def certified(firmware: Firmware) -> bool:
 
 def _place(hz: float | None) -> str:
     return "" if hz is None else f" at {hz:.6g} Hz"
+
+
+def literal(number: float, precision: Precision) -> str:
+    """Return the shortest C constant that a compiler reads as exactly the given number."""
+    if number in (inf, -inf):
+        return "VCTUNE_NONE" if number > 0 else "-VCTUNE_NONE"
+    text = repr(number) if precision == "double" else str(np.float32(number))
+    if not set(text) & set(".en"):
+        text += ".0"
+    return text if precision == "double" else f"{text}f"
+
+
+def comment(text: str, width: int = 110) -> list[str]:
+    """Return a text as lines for a comment in C, in ASCII. The text cannot begin or end a comment."""
+    lines, line = [], ""
+    plain_text = printable(text).encode("ascii", "replace").decode()
+    for word in plain_text.replace("/", " / ").split() if "*" in text else plain_text.split():
+        if line and len(line) + 1 + len(word) > width:
+            lines.append(line)
+            line = ""
+        line = f"{line} {word}" if line else word
+    return [*lines, line] if line else lines

@@ -8,12 +8,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from shlex import quote
 
-from vctune.design.ros.admittance_design import RenderedAxis, parameters_of
-from vctune.design.ros.admittance_problem import as_problem, device_tables, document_of_both
+from vctune.design.ros.admittance import RenderedAxis, as_problem, device_tables, document_of_both, parameters_of
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.ros import AXES, AdmittanceFile
-from vctune.document.text.digest import digest
 from vctune.document.text.errors import InputError
+from vctune.document.text.json import digest
 from vctune.document.text.toml import toml_text
 from vctune.firmware.firmware import Firmware, firmware
 from vctune.firmware.preamble import LEFT_TO_CALLER, statement

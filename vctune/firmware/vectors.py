@@ -11,17 +11,23 @@ import numpy as np
 
 from vctune.document.reading import ProblemFile
 from vctune.firmware.c_source import COMMANDED, rendered_template, variables
-from vctune.firmware.c_text import comment
-from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.firmware import Firmware, certified, comment
 from vctune.firmware.preamble import not_proved, statement
 from vctune.model.device import Commanded
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors, usual_share
 from vctune.model.numbers.arithmetic import Floats
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
-from vctune.simulation.coefficients import rendering
-from vctune.simulation.controller import Controller, Measurement, at_rest, control, controller_of, encoded
-from vctune.simulation.operations import FLOATS
+from vctune.simulation.controller import (
+    FLOATS,
+    Controller,
+    Measurement,
+    at_rest,
+    control,
+    controller_of,
+    encoded,
+    rendering,
+)
 from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
 

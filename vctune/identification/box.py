@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from vctune.document.recording import Floats, Recording
 from vctune.document.records.identification_json import Bounded, Estimate, bounded
 from vctune.document.schema.rules import MAX_DELAY_SAMPLES
-from vctune.document.text.codes import coded
-from vctune.document.text.errors import InputError
+from vctune.document.text.errors import InputError, coded
 from vctune.model.numbers.units import UNITS, Units
 
 TOGETHER = 0.95  # Probability with which all intervals of a box hold at the same time

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from vctune.document.recording import SERVO_COMMANDS, Channel, Floats, Recording
-from vctune.document.text.codes import Note
-from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.errors import InputError, Mistake, Note
 
 LEAST_SAMPLES = 500  # Least number of samples
 SAMPLE_TIMES = (1e-6, 0.05)  # Range of sample times that a haptic loop can have, s

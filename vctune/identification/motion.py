@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from vctune.document.recording import Floats, Recording
 from vctune.document.records.identification_json import Estimate
-from vctune.document.text.codes import coded
+from vctune.document.text.errors import coded
 from vctune.identification.box import COULOMB_SHARE, jackknife, sizes, unexplained
 from vctune.identification.checks import position_noise
-from vctune.identification.physics import drive
+from vctune.identification.response import drive
 from vctune.identification.study import Complex, Curves, Study, number, record_of
 from vctune.model.device import Device
 from vctune.model.parts import Actuator

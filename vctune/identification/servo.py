@@ -11,7 +11,7 @@ import numpy as np
 from vctune.document.recording import Floats, Recording
 from vctune.document.records.identification_json import Bounded, CandidateRecord, Estimate, NumberRecord
 from vctune.document.schema.rules import MAX_DELAY_SAMPLES
-from vctune.document.text.codes import Note, coded
+from vctune.document.text.errors import Note, coded
 from vctune.identification.box import jackknife, joint_factor, unexplained
 from vctune.identification.checks import position_noise
 from vctune.identification.study import Complex, Curves, Lines, Study, number, record_of

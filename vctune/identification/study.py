@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vctune.document.recording import Floats, Recording
 from vctune.document.records.identification_json import Bounded, Estimate, NumberRecord, RecordingRecord
-from vctune.document.text.codes import Note
+from vctune.document.text.errors import Note
 from vctune.model.device import Device
 
 Complex = NDArray[np.complex128]

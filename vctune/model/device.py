@@ -230,10 +230,12 @@ class Device:
         return self.delay if self.servo is None else self.servo.delay
 
 
-def stacked(devices: Sequence[Device]) -> Device:
+def stacked(devices: Sequence[Device], shape: tuple[int, ...] = (-1,)) -> Device:
     """Return several devices as one device. Its numbers are arrays of shape (n,), or floats where all devices agree."""
     first, *others = devices
     if not others:
         return first
     columns = {key: [device.number(key) for device in devices] for key in first._varying()}
-    return first.with_numbers({key: np.array(each) for key, each in columns.items() if len(set(each)) > 1})
+    return first.with_numbers(
+        {key: np.reshape(np.array(each, float), shape) for key, each in columns.items() if len(set(each)) > 1}
+    )

@@ -8,8 +8,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from vctune.model.gains import Coupling, SpringDamper
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS
-from vctune.model.numbers.units import Units
+from vctune.model.numbers.units import KEYS, SPRING_KEYS, Units
 
 DisplayName = Literal["admittance", "impedance", "servo"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from math import inf
 from typing import Any
 
@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
-from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.hands import HAND, Hands
+from vctune.model.hands import HAND, Hands, PlacesInHands
 from vctune.model.numbers.arithmetic import Number
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS, keys_of
+from vctune.model.numbers.units import KEYS, SPRING_KEYS, keys_of
 from vctune.proof.enclosures.elementary import UNIT
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, between
+from vctune.proof.enclosures.taylor import Taylor
 
 Integers = NDArray[np.intp]
 
@@ -210,3 +210,45 @@ def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
     """Evaluate a function on all boxes, `CHUNK` boxes at a time, so that the arrays fit into the processor's cache."""
     starts = range(0, max(len(boxes), 1), CHUNK)
     return np.concatenate([f(boxes.subset(slice(i, i + CHUNK))) for i in starts], axis=-1)
+
+
+def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
+    """Evaluate f on the rows of boxes, once for each set of boxes that have equal rows."""
+    plain = [_values(row) for row in rows]
+    n = max(np.size(row.mid) for row in plain)
+    columns = np.stack([np.broadcast_to(part, n) for row in plain for part in (row.mid, row.rad)], axis=1)
+    as_bytes = np.ascontiguousarray(columns).view(np.dtype((np.void, columns.itemsize * columns.shape[1]))).ravel()
+    _, first, inverse = np.unique(as_bytes, return_index=True, return_inverse=True)
+    found = f(*(_selected(row, first) for row in rows))
+    return _mapped(lambda number: _selected(number, inverse), found)
+
+
+def _values(row: Number) -> Enclosure:
+    """Return an enclosure of all values of a row."""
+    if isinstance(row, Taylor):
+        return row.enclosed()
+    return row
+
+
+def _selected(number: Number, at: Any) -> Number:
+    """Return some of a number's elements. A number with a single element stays as it is."""
+    if isinstance(number, Taylor):
+        return number.subset(at)
+    if np.size(number.mid) > 1:
+        return number.subset(at)
+    return (
+        number
+        if np.size(number.rad) == 1
+        else Enclosure(np.broadcast_to(number.mid, number.rad.shape), number.rad).subset(at)
+    )
+
+
+def _mapped(f: Callable[[Number], Number], tree: Any) -> Any:
+    """Apply f to the numbers of a tree."""
+    if isinstance(tree, Enclosure | Taylor):
+        return f(tree)
+    if isinstance(tree, tuple):
+        return tuple(_mapped(f, part) for part in tree)
+    if is_dataclass(tree) and not isinstance(tree, type):
+        return replace(tree, **{field.name: _mapped(f, getattr(tree, field.name)) for field in fields(tree)})
+    return tree

@@ -15,9 +15,8 @@ import numpy as np
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 from vctune.proof.boxes import CHUNK, FREQUENCY, Boxes, Integers, Values, in_chunks
-from vctune.proof.enclosures.box_minimum import LowerBound, least_over_boxes
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, selected
-from vctune.proof.enclosures.taylor import Taylor, stacked, variables
+from vctune.proof.enclosures.taylor import LowerBound, Taylor, least_over_boxes, stacked, variables
 from vctune.running import check_time, report_progress
 
 # Functions of a frequency and of numbers by name

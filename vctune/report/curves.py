@@ -9,11 +9,10 @@ from math import inf, pi, sqrt
 import numpy as np
 
 from vctune.analysis.demands import error_terms, ratio_minima, response, weighted_square
-from vctune.analysis.extrema import Floats
+from vctune.analysis.extrema import Floats, round_at_resonance
 from vctune.analysis.feel import felt_impedance
 from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.analysis.requirement import Requirement, in_any_hand, in_hands, on_band
-from vctune.analysis.resonance import round_at_resonance
 from vctune.analysis.sampled_loop import Complex
 from vctune.design.prepared import pose
 from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling

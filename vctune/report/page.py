@@ -3,24 +3,116 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
+from math import inf
 from pathlib import Path
+from typing import Literal
 
 from matplotlib import rc_context
 
+from vctune.analysis.demands import transparency_error
 from vctune.document.reading import parse_problem
+from vctune.document.records.certificate_json import CertificateRecord
 from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.part import text
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.document.text.output_files import write_together
+from vctune.model.gains import Gains
+from vctune.model.numbers.units import Units
+from vctune.model.problem import Problem
 from vctune.proof.claims.registry import CLAIMS
-from vctune.report.curves import requirements
+from vctune.report.curves import NOTHING, requirements
 from vctune.report.design_figures import IN_WORDS, design_figures
-from vctune.report.experiments import HEADINGS, measured_rows
+from vctune.report.experiments import HEADINGS, measured_rows, simulation_figure
 from vctune.report.paths import report_paths
-from vctune.report.simulation_figure import simulation_figure
 from vctune.report.style import STYLE, svg
 from vctune.report.tables import asked, dynamics, found
-from vctune.report.templates import page_files
-from vctune.report.verdict import limits, summary
+from vctune.report.templates import page_files, words
+
+LITTLE_USE = 0.75  # Share of the error without a loop at or above which a design is of little use
+MOST = 3  # Greatest number of active constraints on the first screen
+# Names of active constraints, by a part of the formula
+NAMES = {
+    "|S|": "Robustness of the velocity loop",
+    "|1 - S|": "Robustness against unmodelled dynamics",
+    "walls in a hand": "Stability at walls",
+    "in a hand": "Stability in the stated hands",
+    " R": "Stability in any passive hand",
+}
+Kind = Literal["good", "doubtful", "bad"]
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The verdict on a design for the first screen."""
+
+    kind: Kind
+    word: str  # the verdict
+    sentence: str  # the proved claim, or the reason why nothing is proved
+    measure: str  # quality of the design; "" without a design
+    next: str  # advice on the next step
+    doubt: str  # text across each figure; "" for a design that is certified and useful
+
+
+def summary(record: DesignRecord, problem: Problem) -> Summary:
+    """Return the verdict on a design. A design is of little use if it is idle, has no error, or hardly reduces the
+    error of the device without a loop."""
+    proof, error = record.certificate, record.transparency.error if record.transparency is not None else None
+    # the error of an admittance display without a velocity loop and without a coupling
+    alone = transparency_error(problem, Gains(0.0, 0.0), NOTHING).error if problem.device.kind.banded else inf
+    kind: Kind = "bad" if record.status in ("infeasible", "violated") else "doubtful"
+    word: str = record.status
+    doubt = f"{record.status}: not for use"
+    if proof is None:
+        reason = record.reason or ("no design meets the constraints" if kind == "bad" else "no design was found")
+        sentence = f"{reason[0].upper()}{reason[1:]}."
+    elif record.status == "violated":
+        sentence = f"Not for use: {_failed(proof, 'refuted', record.units)}."
+    elif record.status == "undecided":
+        sentence = f"Not proved, so not for use: {_failed(proof, 'undecided', record.units)}."
+    else:
+        useless = record.idle or error is None or error >= LITTLE_USE * alone
+        kind, doubt = ("doubtful", "of little use") if useless else ("good", "")
+        word = f"certified, {doubt}" if useless else "certified"
+        widths = problem.uncertainty.half_widths if problem.uncertainty is not None else ()
+        known = [f"{key} ± {100 * width:.3g} %".replace("_hz", "").replace("_", " ") for key, width in widths if width]
+        devices = f"; for every device within {', '.join(known)}" if known else ""
+        sentence = f"Proved {record.promise}{devices}."
+    measure = words("measure", record, problem, alone)
+    return Summary(kind, word, sentence, measure, words("next", record, problem, kind), doubt)
+
+
+def limits(record: DesignRecord) -> list[tuple[str, str, str]]:
+    """Return the active constraints, the most expensive first, then the worst hand and the best change of the
+    device: each in words, with its formula and frequencies, and with the effect of weakening it."""
+    prices: dict[str, float] = {}
+    for each in record.active:
+        prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
+    dearest, found = sorted(prices, key=lambda demand: -prices[demand]), list[tuple[str, str, str]]()
+    for formula, demand in zip(record.limits[:MOST], dearest, strict=False):
+        name = next((name for part, name in NAMES.items() if part in demand), "Constraint")
+        found.append((name, formula, f"with this limit 1 % weaker: error {-prices[demand]:+.2g} %"))
+    hands = record.certificate.hands if record.certificate is not None else None
+    if found and hands is not None:
+        world = hands.worst_world.row(None, record.units) if hands.worst_world else None
+        beyond = f", with {'a ' * world.unit.endswith('spring')}{world.value} {world.unit}" if world else ""
+        found.append(("Worst hand", hands.worst_hand.in_words(record.units) + beyond, ""))
+    best = min(record.prices or [], key=lambda price: price.change, default=None)
+    if best is not None and best.worth != "no difference":
+        found.append(("Best change of the device", f"{best.key} better by 1 %: error {best.worth}", ""))
+    return found
+
+
+def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
+    """Return the first claim with a given verdict and where it fails; if no claim has it, the certificate's verdict."""
+    claim = next((claim for claim in proof.claims if claim.verdict == verdict), None)
+    if claim is None:
+        return f"the certificate is {proof.verdict}"
+    where = f" at {text(claim.witness_hz, 4)} Hz" if claim.witness_hz is not None else ""
+    hand = f" in the hand of {claim.witness_hand.in_words(units)}" if claim.witness_hand is not None else ""
+    one_is_proved = claim.id == "passive" and proof.proved_ratio == 1
+    safe = " (a ratio of 1 is proved, the safety factor is missed)" if one_is_proved else ""
+    return f"{CLAIMS[claim.id].label}, “{claim.claim}”, is {verdict}{where}{hand}{safe}"
 
 
 def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> None:

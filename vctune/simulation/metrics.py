@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from vctune.model.device import Commanded
 from vctune.model.experiment import Environment, Operator
 from vctune.model.numbers.arithmetic import Floats
-from vctune.simulation.motion import stroke_time
 from vctune.simulation.run import Traces
+from vctune.simulation.scene import stroke_time
 
 # Share of the travel at each end that counts as a turning point; also the share of the greatest speed that counts as
 # near zero

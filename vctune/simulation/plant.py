@@ -12,8 +12,7 @@ import numpy as np
 from vctune.model.device import Device
 from vctune.model.experiment import Operator
 from vctune.model.loop.device_response import mechanism
-from vctune.model.loop.drive import Rows, drive_rows, drive_states
-from vctune.model.loop.filters import plain_low_pass_rates
+from vctune.model.loop.filters import Rows, drive_rows, drive_states, plain_low_pass_rates
 from vctune.model.numbers.arithmetic import FLOATS, Floats, Number
 from vctune.model.parts import Servo
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from vctune.interrupt import interrupt_deferred
 from vctune.model.numbers.arithmetic import Floats
-from vctune.simulation.motion import intended_motion, sample_count
 from vctune.simulation.sample import (
     INPUT_NAMES,
     INTENDED,
@@ -21,7 +20,7 @@ from vctune.simulation.sample import (
     build,
     columns,
 )
-from vctune.simulation.scene import Scene
+from vctune.simulation.scene import Scene, intended_motion, sample_count
 
 # A run has diverged if the distance of the handle from the intended motion exceeds this multiple of the
 # hand's travel

@@ -3,26 +3,93 @@ casadi."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from math import ceil
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from vctune.model.device import Device
 from vctune.model.experiment import Friction
-from vctune.model.loop.drive import drive_at_rest
+from vctune.model.loop.filters import drive_at_rest
 from vctune.model.numbers.arithmetic import Floats, Number
-from vctune.model.sampled.delays import SNAP, split_delay
-from vctune.simulation.controller import Measurement, State, at_rest, control, controller_of, encoded
-from vctune.simulation.friction import Sliding, friction_force, friction_step, slide
-from vctune.simulation.motion import push_matrix
-from vctune.simulation.operations import FLOATS, Operations
+from vctune.model.sampled.circle import SNAP, split_delay
+from vctune.simulation.controller import (
+    FLOATS,
+    Measurement,
+    Operations,
+    State,
+    at_rest,
+    control,
+    controller_of,
+    encoded,
+)
 from vctune.simulation.plant import GIVEN, Plant, applied, plant
-from vctune.simulation.scene import Equilibrium, Scene, equilibrium
+from vctune.simulation.scene import Equilibrium, Scene, equilibrium, push_matrix
+
+SERIES_BELOW = 0.01  # Argument y at which the code changes from the series of phi_2 to its formula
+
+
+def friction_force(friction: Friction, velocity: Number, deflection: Number, ops: Operations) -> tuple[Number, Number]:
+    """Return F [N] and dz/dt [m/s]."""
+    rate, damping = _relaxation(friction, velocity, ops)
+    creep = velocity - rate * deflection
+    return friction.stiffness * deflection + damping * creep, creep
+
+
+def _relaxation(friction: Friction, velocity: Number, ops: Operations) -> tuple[Number, Number]:
+    """Return a(v) [1/s] and damping(v) [N s/m]."""
+    speed, g = ops.absolute(velocity), friction.coulomb
+    if friction.stiction > friction.coulomb:
+        ratio = velocity / friction.stribeck_velocity
+        g = g + (friction.stiction - friction.coulomb) * ops.exp(-ratio * ratio)
+    return friction.stiffness * speed / g, friction.damping / (1 + friction.damping * speed / (4 * friction.coulomb))
+
+
+class Sliding(NamedTuple):
+    """Where a step begins or ends."""
+
+    values: Sequence[Number]  # states and given inputs of the plant
+    z: Number  # deflection of the bristles, m
+    foreseen: Number  # predicted velocity of the motor in the middle of the next step, m/s
+
+
+def friction_step(change: Floats, h: float, friction: Friction, at: Sliding, ops: Operations) -> Sliding:
+    """Advance by a step h, s, in which command and friction are held and the plant changes by `change`."""
+    rate, damping = _relaxation(friction, at.foreseen, ops)
+    phi_1, phi_2 = _phi_1_and_2(rate * h, ops)
+    # the bristles' mean force over a step at the velocity w is stiffness z + slope w
+    stiffness = (friction.stiffness - damping * rate) * phi_1
+    slope = friction.stiffness * h * phi_2 + damping * phi_1
+    rubbing = len(change) - len(GIVEN) + GIVEN.index("friction")
+    compliance = -float(change[0, rubbing])  # reduction of the motor's travel per newton, m/N
+    w = (applied(change[0], at.values) - compliance * (stiffness * at.z)) / (h + compliance * slope)
+    held = [*at.values]
+    held[rubbing] = stiffness * at.z + slope * w
+    values = [value + applied(row, held) for value, row in zip(at.values, change, strict=True)]
+    # v + (v - w), where w is about the velocity at the middle of the step
+    return Sliding(values, at.z + h * phi_1 * (w - rate * at.z), 2 * values[1] - w)
+
+
+def slide(step: Callable[[Sliding], Sliding], at: Sliding, count: int) -> Sliding:
+    """Advance by several steps. A first try foresees the velocity of the first step."""
+    tried = step(at)
+    at = at._replace(foreseen=2 * tried.values[1] - tried.foreseen)
+    for _ in range(count):
+        at = step(at)
+    return at
+
+
+def _phi_1_and_2(y: Number, ops: Operations) -> tuple[Number, Number]:
+    """Return phi_1 = (1 - e^-y)/y and phi_2 = (y - 1 + e^-y)/y^2 for y >= 0."""
+    safe = ops.maximum(y, SERIES_BELOW)
+    phi_1, small = -ops.expm1(-safe) / safe, y < SERIES_BELOW
+    series = 0.5 - y * (1 / 6 - y * (1 / 24 - y * (1 / 120 - y / 720)))
+    return ops.where(small, 1 - y * series, phi_1), ops.where(small, series, (1 - phi_1) / safe)
+
 
 SYMBOLS = Operations(ca.exp, ca.expm1, ca.fabs, ca.floor, ca.fmin, ca.fmax, ca.if_else)
 SAMPLES_PER_CALL = 1024  # Number of samples per call of the compiled function, and between two checks for divergence

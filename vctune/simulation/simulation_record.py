@@ -18,12 +18,12 @@ from vctune.document.records.simulation_json import (
     SimulatedProblemRecord,
     SimulationRecord,
 )
-from vctune.document.text.digest import experiments_digest
+from vctune.document.text.json import experiments_digest
 from vctune.model.experiment import Environment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import Floats
-from vctune.simulation.motion import stroke_time
 from vctune.simulation.run import Traces
+from vctune.simulation.scene import stroke_time
 from vctune.simulation.two_runs import Run, Simulated
 from vctune.version import __version__
 

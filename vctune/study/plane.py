@@ -11,7 +11,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Units, of_one_device
 from vctune.design.variables import coordinates, keys_for, ranges
 from vctune.document.text.errors import Mistake
-from vctune.model.numbers.keys import KEYS, keys_of
+from vctune.model.numbers.units import KEYS, keys_of
 from vctune.model.problem import Problem, Range
 from vctune.proof.boxes import Cells
 from vctune.proof.enclosures.intervals import Flags

@@ -15,7 +15,7 @@ from vctune.analysis.hardest_hands import hardest_near
 from vctune.design.prepared import of_one_device, pose, problems_beside
 from vctune.design.variables import coupling_from
 from vctune.model.gains import Gains
-from vctune.model.numbers.keys import KEYS
+from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
 from vctune.proof.boxes import Cells
 from vctune.proof.claims.cells import Places, no_damping, proved_cells, refuted

@@ -24,8 +24,7 @@ from vctune.document.records.region_json import (
     read_region,
 )
 from vctune.document.text import toml
-from vctune.document.text.codes import Note
-from vctune.document.text.errors import InputError
+from vctune.document.text.errors import InputError, Note
 from vctune.document.text.json import printed
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Range

@@ -15,8 +15,8 @@ from vctune.analysis.requirement import requirements
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.variables import coupling_from
 from vctune.model.gains import Coupling, Gains
-from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.numbers.keys import KEYS
+from vctune.model.hands import PlacesInHands
+from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
 from vctune.proof.boxes import Cells
 from vctune.proof.claims.cells import Places, admissible_damping

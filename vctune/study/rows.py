@@ -15,8 +15,8 @@ from typing import Any
 
 from vctune.document.records.rows_json import RowsHeader
 from vctune.document.study_file import Study
-from vctune.document.text.digest import digest, problem_digest
 from vctune.document.text.errors import InputError
+from vctune.document.text.json import digest, problem_digest
 from vctune.document.text.output_files import write_together
 from vctune.model.problem import Problem
 from vctune.model.transparency import Terms

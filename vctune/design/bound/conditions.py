@@ -13,8 +13,7 @@ from vctune.design.bound.quadratics import B_0, GUARD, TAU_C, Quadratic, Quotien
 from vctune.model.device import Device
 from vctune.model.device import stacked as stacked_devices
 from vctune.model.gains import Gains
-from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.hands import Hand
+from vctune.model.hands import Hand, PlacesInHands
 from vctune.model.loop.device_response import device_response
 from vctune.model.loop.loop import Affine, LoopConstants, loop_constants
 from vctune.model.numbers.arithmetic import Number

@@ -20,13 +20,13 @@ from vctune.design.bound.conditions import (
 from vctune.design.bound.objective import Objective
 from vctune.design.bound.quadratics import B_0, GUARD, K_P, K_V, TAU_C, Quotient, products, quadratic
 from vctune.model.device import Device
-from vctune.model.hand_arrays import PlacesInHands
+from vctune.model.hands import PlacesInHands
 from vctune.model.loop.limits import lags
 from vctune.model.loop.loop import Affine
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import re_conj_product
 from vctune.model.problem import Problem, Range
-from vctune.model.sampled.delays import split_delay
+from vctune.model.sampled.circle import split_delay
 from vctune.model.sampled.velocity_loop import plant_let_go, return_difference
 from vctune.proof.boxes import Cells
 from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, decimal

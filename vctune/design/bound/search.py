@@ -21,7 +21,7 @@ from vctune.design.search.shapes import coupling_of
 from vctune.design.verdict.judge import Judgement
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.hand_arrays import PlacesInHands
+from vctune.model.hands import PlacesInHands
 from vctune.model.problem import Problem
 from vctune.model.transparency import TermName
 from vctune.proof.boxes import Cells

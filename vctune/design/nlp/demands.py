@@ -20,7 +20,7 @@ from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoin
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, sampled_resistance, series_coupling
-from vctune.model.hand_arrays import stacked as stacked_hands
+from vctune.model.hands import stacked as stacked_hands
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import modulus_excess
 from vctune.model.loop.loop import loop_response
@@ -34,11 +34,17 @@ from vctune.model.sampled.impedance_display import (
     offered_by_spring,
     spring_damper_admittance,
 )
-from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
-from vctune.model.sampled.several_devices import alike, as_one
+from vctune.model.sampled.loop_in_worlds import (
+    Seen,
+    disjuncts,
+    disjuncts_in_walls,
+    offered_at,
+    posed,
+    room_of,
+    strip_in_walls,
+)
+from vctune.model.sampled.plant_in_hand import Delays, alike, as_one, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import PlantLetGo, return_difference, sensitivity_abs2
-from vctune.model.sampled.worlds.loop_in_walls import disjuncts_in_walls, strip_in_walls
-from vctune.model.sampled.worlds.loop_in_worlds import Seen, disjuncts, offered_at, posed, room_of
 from vctune.model.transparency import TermName, Terms, loop_terms, squared_terms
 from vctune.model.worlds import World, Worlds
 

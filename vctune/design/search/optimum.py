@@ -17,12 +17,10 @@ from vctune.analysis.in_hands import RatioInHand, least_ratios_near
 from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.result import Polished
 from vctune.design.search.exchange import TIGHTENING, polish
-from vctune.design.search.rounding import DIGITS, rounded
 from vctune.design.search.scan import ScanResult, better_start_near, scan, start_at
-from vctune.design.search.start import Start
 from vctune.design.search.theorems import impossible
-from vctune.design.search.working_set import ConstraintPoint, WorkingSet
-from vctune.design.variables import CORNER, design_of
+from vctune.design.search.working_set import ConstraintPoint, Start, WorkingSet
+from vctune.design.variables import CORNER, DIGITS, design_of, rounded
 from vctune.design.verdict.judge import Judgement, Status, judge_posed
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains

@@ -10,12 +10,22 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Posed
-from vctune.design.search.feasibility import LoopFeasibility, loop_feasibility
-from vctune.design.search.grid import Axes, Scores, axes, evaluated, position_gain, responses
-from vctune.design.search.refine import Index, between_neighbours, lowest, minima_of, refined
-from vctune.design.search.samples import Samples, samples_of
+from vctune.design.search.grid import (
+    Axes,
+    Index,
+    Scores,
+    axes,
+    between_neighbours,
+    evaluated,
+    lowest,
+    minima_of,
+    position_gain,
+    refined,
+    responses,
+)
+from vctune.design.search.samples import LoopFeasibility, Samples, loop_feasibility, samples_of
 from vctune.design.search.shapes import shape_of
-from vctune.design.search.start import Missed, Start
+from vctune.design.search.working_set import Missed, Start
 from vctune.design.variables import point
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.loop.limits import lags

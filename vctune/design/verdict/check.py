@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from vctune.analysis.growth import growth_near
+from vctune.analysis.in_worlds import growth_near
 from vctune.design.result import Solved
 from vctune.design.variables import keys_for, ranges
 from vctune.design.verdict.design_record import record_of, warnings
@@ -25,10 +25,8 @@ from vctune.document.doubts import file_doubts
 from vctune.document.reading import GainsFile, ProblemFile, require_gains_of
 from vctune.document.records.design_json import Repair
 from vctune.document.text import toml
-from vctune.document.text.codes import Note
-from vctune.document.text.errors import InputError, Mistake
-from vctune.model.numbers.keys import SYMBOLS
-from vctune.model.numbers.units import UNITS
+from vctune.document.text.errors import InputError, Mistake, Note
+from vctune.model.numbers.units import SYMBOLS, UNITS
 from vctune.proof.certificate import certify
 from vctune.proof.outcome import Verdict
 from vctune.proof.prover import boxes_at_most

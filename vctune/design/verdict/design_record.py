@@ -12,15 +12,13 @@ import numpy as np
 
 from vctune.analysis.demands import transparency_error
 from vctune.analysis.feel import feel
+from vctune.analysis.in_worlds import binding_world
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.analysis.sampled_loop import spectral_radius
-from vctune.analysis.worlds.binding import binding_world
 from vctune.design.prepared import pose
 from vctune.design.result import Solved
-from vctune.design.search.rounding import near
-from vctune.design.variables import keys_for, point, ranges
-from vctune.design.verdict.contact_record import contact_record
-from vctune.design.verdict.in_hand_record import in_hand_record
+from vctune.design.variables import keys_for, near, point, ranges
+from vctune.design.verdict.felt_record import contact_record, in_hand_record
 from vctune.design.verdict.judge import Judgement, Margin
 from vctune.design.verdict.nlp_record import active, device_record, solver_record
 from vctune.document.doubts import file_doubts
@@ -45,7 +43,7 @@ from vctune.document.records.design_json import (
 )
 from vctune.document.records.gains_json import ProblemRecord, TransparencyRecord, stated_units
 from vctune.document.records.rows_json import FeltRecord
-from vctune.document.text.codes import Note
+from vctune.document.text.errors import Note
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains

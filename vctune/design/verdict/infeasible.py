@@ -14,8 +14,7 @@ from vctune.design.variables import design_of, point
 from vctune.design.verdict.judge import margin_on_band, margins_in_hands
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.numbers.keys import QUANTITIES
-from vctune.model.numbers.units import UNITS
+from vctune.model.numbers.units import OF_KEYS, UNITS
 from vctune.model.problem import Problem
 from vctune.model.servo import LATENCY_PARTS, latency
 
@@ -69,7 +68,7 @@ def _tried(problem: Problem, gains: Gains, coupling: AnyCoupling) -> str:
     if kind.own_loop:
         return f"velocity {gains.velocity:.4g} {units.damping}, position {gains.position:.4g} {units.stiffness}"
     values = dict(zip(kind.keys, (*astuple(gains), *astuple(coupling)), strict=True))
-    named = ((key.rpartition(".")[2], values[key], units.of(QUANTITIES[key])) for key in kind.stated)
+    named = ((key.rpartition(".")[2], values[key], units.of(OF_KEYS[key])) for key in kind.stated)
     return ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in named)
 
 

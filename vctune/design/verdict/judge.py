@@ -22,7 +22,7 @@ from vctune.analysis.in_hands import (
     least_ratios_of_devices,
     resistive_ratio_at,
 )
-from vctune.analysis.in_walls import corner_of
+from vctune.analysis.in_worlds import corner_of
 from vctune.analysis.responses import Loop
 from vctune.design.prepared import Posed, pose, with_acting_terms, with_corner
 from vctune.design.search.worst import loudest, worst_inside

@@ -11,7 +11,7 @@ from typing import Any
 from vctune.document.schema.rules import FASTEST
 from vctune.document.schema.validation import KeyPath, dotted
 from vctune.document.text.toml import number_at, placed
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS, SYMBOLS
+from vctune.model.numbers.units import KEYS, SPRING_KEYS, SYMBOLS
 from vctune.model.parts import PART_NUMBERS
 from vctune.model.problem import Problem
 

@@ -26,7 +26,7 @@ from vctune.document.gains_file import design_numbers, design_tables
 from vctune.document.reading import ProblemFile, pose
 from vctune.document.records.design_json import Repair
 from vctune.document.text import toml
-from vctune.model.numbers.keys import SYMBOLS
+from vctune.model.numbers.units import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.proof.claims.loop_claims import stable_loop
 from vctune.proof.prover import boxes_at_most

@@ -11,8 +11,7 @@ from pydantic.json_schema import SkipJsonSchema
 from vctune.document.records.part import Document, Number, Pair, Part
 from vctune.document.schema.number_units import unit_of
 from vctune.document.schema.rules import MOST_SAMPLES
-from vctune.document.text.codes import coded
-from vctune.document.text.errors import printable
+from vctune.document.text.errors import coded, printable
 from vctune.document.text.toml import toml_text
 from vctune.model.experiment import Operator, usual_share
 from vctune.model.fields import record

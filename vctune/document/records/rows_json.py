@@ -6,7 +6,7 @@ from typing import Annotated
 
 from vctune.document.records.part import Document, Number, Part, how_shown
 from vctune.model.fields import Shown
-from vctune.model.numbers.keys import SYMBOLS
+from vctune.model.numbers.units import SYMBOLS
 
 
 class RowsHeader(Document):

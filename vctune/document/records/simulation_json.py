@@ -11,9 +11,8 @@ from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.gains_json import AnyCouplingRecord
 from vctune.document.records.part import Document, Number, Part
-from vctune.document.text.digest import experiments_digest
 from vctune.document.text.errors import InputError
-from vctune.document.text.json import as_record, read_json
+from vctune.document.text.json import as_record, experiments_digest, read_json
 from vctune.model.experiment import Environment
 from vctune.model.gains import Gains
 from vctune.model.numbers.units import UNITS, Units, UnitSystem

@@ -6,8 +6,7 @@ from typing import Any
 
 from vctune.document.schema.validation import KeyPath
 from vctune.model.hands import QUANTITIES as OF_HAND
-from vctune.model.numbers.keys import QUANTITIES as OF_VARIABLES
-from vctune.model.numbers.units import UNITS, Units
+from vctune.model.numbers.units import OF_KEYS, UNITS, Units
 
 # Last parts of the keys of numbers, in any table, by their quantity (`vctune.model.numbers.units`)
 QUANTITIES = {
@@ -22,7 +21,7 @@ QUANTITIES = {
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz", "corner_hz"),
 }
 # Quantity of each number whose quantity depends on the whole key, not only on the last part of the key
-BY_KEY = OF_VARIABLES | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
+BY_KEY = OF_KEYS | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
 SHARES = ("uncertainty", "weights")  # Tables of numbers that have no unit
 
 

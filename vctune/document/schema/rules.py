@@ -15,8 +15,7 @@ from vctune.document.text.toml import number_at
 from vctune.model.experiment import Environment, Friction, Operator
 from vctune.model.fields import keys_of_table
 from vctune.model.hands import HAND
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS
-from vctune.model.numbers.units import LINEAR, ROTARY
+from vctune.model.numbers.units import KEYS, LINEAR, ROTARY, SPRING_KEYS
 from vctune.model.parts import DELAYS, LOOP_DELAYS, NUMBERS, PARTS
 from vctune.model.problem import HUMAN_HANDS
 

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from vctune.document.text import toml
-from vctune.document.text.codes import Code
-from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.errors import Code, InputError, Mistake
 from vctune.document.text.hints import CALLED, commas_meant, number_meant
 
 MAX_MISTAKES = 25  # Greatest number of mistakes that one error lists

@@ -1,10 +1,12 @@
-"""Read JSON files strictly. Numbers must be finite, and the size must be plausible."""
+"""Read JSON files strictly: numbers must be finite, and the size must be plausible. Compute digests of documents."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
 from copy import deepcopy
+from dataclasses import asdict, replace
+from hashlib import sha256
 from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,6 +17,8 @@ from pydantic_core import to_jsonable_python
 from vctune.document.records.part import Document
 from vctune.document.schema.validation import MAX_MISTAKES, dotted, untagged
 from vctune.document.text.errors import InputError, Mistake
+from vctune.model.experiment import Experiment
+from vctune.model.problem import Problem
 
 Record = TypeVar("Record", bound=Document)
 UNKNOWN = "unexpected_keyword_argument"  # pydantic's name of the fault that a dataclass has no such field
@@ -76,3 +80,34 @@ def _finite(text: str) -> float:
     if not isfinite(number):
         raise ValueError(f"{text} is no finite number")
     return number
+
+
+def problem_digest(problem: Problem) -> str:
+    """Return the digest of everything on which a design depends: the problem without name, description and
+    experiments."""
+    stated = asdict(replace(problem, name="", description="", experiments=()))
+    if problem.hands_met is None:
+        del stated["hands"]
+    velocity = stated["device"]["velocity"] or {}
+    if resolution := velocity.pop("resolution", None):
+        stated["device"]["resolution"] = resolution
+    return digest(stated)
+
+
+def experiments_digest(experiments: Sequence[Experiment]) -> str:
+    """Return the digest of a list of experiments."""
+    return digest([asdict(experiment) for experiment in experiments])
+
+
+def digest(value: Any) -> str:
+    """Return the SHA-256 of tables, lists, texts and numbers as JSON with sorted keys and shortest exact decimals."""
+    return sha256(json.dumps(_canonical(value), sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+
+def _canonical(value: Any) -> Any:
+    """Return a value with floats as texts, because JSON lacks infinity, and with 0 instead of -0."""
+    if isinstance(value, dict):
+        return {key: _canonical(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_canonical(entry) for entry in value]
+    return repr(value + 0.0) if isinstance(value, float) else value

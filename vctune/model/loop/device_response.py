@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from vctune.model.device import Device
-from vctune.model.loop.drive import drive_response
 from vctune.model.loop.filters import (
     FilterResponse,
+    drive_response,
     interpolation,
     low_pass,
     sensor_response,

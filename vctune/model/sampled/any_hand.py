@@ -7,7 +7,7 @@ from typing import NamedTuple
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.loop.device_response import mechanism
-from vctune.model.loop.drive import drive_response, drive_states
+from vctune.model.loop.filters import drive_response, drive_states
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import Required, firmware_filter

@@ -13,10 +13,10 @@ from vctune.model.numbers.matrices import Vector, nothing
 from vctune.model.numbers.pair import EvenOdd
 from vctune.model.sampled.circle import Circle, OfParts, circle
 from vctune.model.sampled.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
+from vctune.model.sampled.loop_in_worlds import Offered as OfferedBySeries
+from vctune.model.sampled.loop_in_worlds import Seen, offered_at
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand, equations, numerators
 from vctune.model.sampled.servo_in_hand import blur_of, seen_of_servo
-from vctune.model.sampled.worlds.loop_in_worlds import Offered as OfferedBySeries
-from vctune.model.sampled.worlds.loop_in_worlds import Seen, offered_at
 
 
 class LoopInHand(NamedTuple):

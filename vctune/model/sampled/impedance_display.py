@@ -82,13 +82,9 @@ def spring_forms(
 def spring_damper_admittance(
     coupling: SpringDamper, sample_time: Number, low_pass: Pair | None, theta: Number, ops: Arithmetic
 ) -> Pair:
-    """Return 1/Z_c of a spring-damper, Z_c = b_c F + k_c T/2 - j k_c (T/2) cot(theta/2) (model/README.md, section
-    15)."""
-    half, sin, cos = coupling.stiffness * sample_time / 2, ops.sin(theta / 2), ops.cos(theta / 2)
-    passed = low_pass or Pair(1, 0)
-    re, im = coupling.damping * passed.re + half, coupling.damping * passed.im - half * cos / sin
-    size = re * re + im * im
-    return Pair(re / size, -im / size)
+    """Return 1/Z_c of a spring-damper, Z_c = b_c F + k_c T/2 - j k_c (T/2) cot(theta/2)."""
+    given, s = offered_by_spring(coupling, sample_time, low_pass, theta, ops), ops.sin(theta / 2)
+    return Pair(s * s * given.above / given.below, s * given.spring / given.below)
 
 
 class Required(NamedTuple):

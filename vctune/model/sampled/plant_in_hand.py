@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeVar
 
-from vctune.model.device import Device
+import numpy as np
+
+from vctune.model.device import Device, stacked
 from vctune.model.hands import Hand
 from vctune.model.loop.device_response import mechanism
-from vctune.model.loop.drive import COMMAND, Rows, drive_rows, drive_states, pushed
-from vctune.model.loop.filters import low_pass_coefficients, low_pass_rates
+from vctune.model.loop.filters import (
+    COMMAND,
+    Rows,
+    drive_rows,
+    drive_states,
+    low_pass_coefficients,
+    low_pass_rates,
+    pushed,
+)
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     Matrix,
@@ -28,7 +37,7 @@ from vctune.model.numbers.matrices import (
     times,
 )
 from vctune.model.numbers.pair import EvenOdd, Pair
-from vctune.model.sampled.delays import left_by_older, split_delay
+from vctune.model.sampled.circle import left_by_older, split_delay
 from vctune.model.sampled.rigid_sample import half_coth_of, powers_of, share_of_older
 from vctune.model.sampled.servo_plant import SensedDelay, ServoPlant, servo_plant
 
@@ -311,3 +320,30 @@ def numerators(rows: list[list[Complex | None]]) -> dict[int, Complex]:
     n = len(rows)
     # the right-hand side, the last column, moves past n - 1 - j others to column j
     return {j: minor.scaled(-1) if (n - 1 - j) % 2 and j < n else minor for j, minor in minors(rows).items()}
+
+
+class SeveralDevices(NamedTuple):
+    """Several devices, joined into one."""
+
+    device: Device  # device whose numbers are plain where all devices agree, and arrays elsewhere
+    delays: Delays  # whole samples of the device's delays, plain where all devices agree, and arrays elsewhere
+
+
+def alike(devices: Sequence[Device]) -> list[list[int]]:
+    """Return groups of devices that `as_one` can join, by their indices."""
+    groups: dict[object, list[int]] = {}
+    for place, device in enumerate(devices):
+        delays = delays_of(device)
+        form = device.with_numbers(dict.fromkeys(device.numbers(), 0.0))
+        own = place if device.servo is not None else None
+        kind = (form, tuple(device.numbers()), delays.loop_fractional, delays.felt_fractional, own)
+        groups.setdefault(kind, []).append(place)
+    return list(groups.values())
+
+
+def as_one(devices: Sequence[Device], shape: tuple[int, ...]) -> SeveralDevices:
+    """Return similar devices (`alike`) as one device."""
+    delays = [delays_of(device) for device in devices]
+    whole = (np.reshape([float(getattr(each, name)) for each in delays], shape) for name in ("loop", "felt"))
+    loop, felt = (part if np.ptp(part) else int(part.flat[0]) for part in whole)
+    return SeveralDevices(stacked(devices, shape), replace(delays[0], loop=loop, felt=felt))

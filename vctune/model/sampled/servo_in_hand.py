@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.device import Device
-from vctune.model.hand_arrays import stacked
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand, Hands, stacked
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, add, nothing, times
 from vctune.model.numbers.pair import Pair

@@ -23,7 +23,7 @@ from vctune.model.numbers.matrices import (
     scaled,
 )
 from vctune.model.parts import Servo
-from vctune.model.sampled.delays import split_delay
+from vctune.model.sampled.circle import split_delay
 
 # Greatest product of |A| and half the width of an interval of times for which the code expands the exponential around
 # the middle of the interval

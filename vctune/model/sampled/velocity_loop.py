@@ -8,7 +8,7 @@ from typing import NamedTuple
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import Hand, LeastOperator
-from vctune.model.loop.drive import Rows, drive_rows, drive_states, pushed
+from vctune.model.loop.filters import Rows, drive_rows, drive_states, pushed
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import add, nothing, times
 from vctune.model.numbers.pair import EvenOdd, Pair

@@ -19,9 +19,10 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.delays import split_delay
+from vctune.model.sampled.circle import split_delay
 from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
+from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import (
     AnyPlantInHand,
     Delays,
@@ -32,9 +33,8 @@ from vctune.model.sampled.plant_in_hand import (
 )
 from vctune.model.sampled.servo_plant import ServoPlant
 from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go, return_difference, unturned
-from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
 from vctune.model.worlds import WorldsMet
-from vctune.proof.boxes import FREQUENCY, SAMPLES_BEFORE, WHOLE_SAMPLES, Values, coupling_of, gains_of
+from vctune.proof.boxes import FREQUENCY, SAMPLES_BEFORE, WHOLE_SAMPLES, Values, coupling_of, gains_of, shared
 from vctune.proof.claims.margins_of_claims import (
     Design,
     LoopDelay,
@@ -61,7 +61,6 @@ from vctune.proof.claims.margins_of_claims import (
 )
 from vctune.proof.claims.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
 from vctune.proof.enclosures.intervals import Enclosure, decimal
-from vctune.proof.enclosures.sharing import shared
 from vctune.proof.enclosures.taylor_functions import TAYLOR as OPS
 from vctune.proof.prover import Curve, Margin
 

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vctune.model.gains import Gains
-from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.hands import Hands
+from vctune.model.hands import Hands, PlacesInHands
 from vctune.model.problem import Demands
 from vctune.proof.boxes import Cells, Integers, over_each
 from vctune.proof.claims.array_claims import claims_of

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from vctune.model.hands import HAND
-from vctune.model.numbers.keys import KEYS
+from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
 from vctune.proof.boxes import Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands

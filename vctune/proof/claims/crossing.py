@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.device import Device
-from vctune.model.hand_arrays import stacked
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand, Hands, stacked
 from vctune.model.numbers.arithmetic import FLOATS, Number
 from vctune.model.problem import Demands
+from vctune.model.sampled.loop_in_worlds import Disjuncts, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.sampled.worlds.loop_in_worlds import Disjuncts, sum_of
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.margins_of_claims import Design, margins_in_worlds
 from vctune.proof.enclosures.intervals import ENCLOSURES, Floats, between, decimal, surely_negative

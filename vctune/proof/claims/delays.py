@@ -12,7 +12,7 @@ from vctune.model.device import Device
 from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import DELAYS
-from vctune.model.sampled.delays import SNAP
+from vctune.model.sampled.circle import SNAP
 from vctune.model.sampled.plant_in_hand import Delays, delays_of
 from vctune.model.servo import latency
 from vctune.proof.boxes import SAMPLES_BEFORE, Boxes

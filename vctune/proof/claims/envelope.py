@@ -11,7 +11,7 @@ from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.numbers.keys import KEYS
+from vctune.model.numbers.units import KEYS
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand

@@ -8,13 +8,11 @@ from math import isnan, nextafter, pi
 
 import numpy as np
 
-from vctune.model.hand_arrays import stacked
-from vctune.model.hands import MASS, STIFFNESS, Hand, Hands
-from vctune.model.numbers.keys import keys_of
+from vctune.model.hands import MASS, STIFFNESS, Hand, Hands, stacked
+from vctune.model.numbers.units import keys_of
 from vctune.model.problem import Demands
+from vctune.model.sampled.loop_in_worlds import LEADS, posed, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.sampled.worlds.loop_in_walls import LEADS
-from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
 from vctune.model.worlds import WorldsMet
 from vctune.proof.boxes import SAMPLES_BEFORE, Boxes, Values, band_of, over_band
 from vctune.proof.claims.array_claims import (

@@ -19,9 +19,9 @@ from vctune.model.gains import Gains
 from vctune.model.hands import NEGLIGIBLE
 from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
-from vctune.model.numbers.keys import KEYS, keys_of
+from vctune.model.numbers.units import KEYS, keys_of
 from vctune.model.problem import Demands
-from vctune.model.sampled.delays import split_delay
+from vctune.model.sampled.circle import split_delay
 from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go
 from vctune.proof.boxes import Boxes, Cells, Integers, Values, band_of, joined, over_band
 from vctune.proof.claims.array_claims import Claims, claims_of

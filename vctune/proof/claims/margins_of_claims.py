@@ -23,17 +23,18 @@ from vctune.model.sampled.hand_loop import (
     seen_in_hand,
     seen_in_limp_hand,
 )
-from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand
-from vctune.model.sampled.velocity_loop import PlantLetGo, difference_slope, return_difference
-from vctune.model.sampled.worlds.loop_in_walls import Strip, strip_in_walls
-from vctune.model.sampled.worlds.loop_in_worlds import (
+from vctune.model.sampled.loop_in_worlds import (
     Disjuncts,
     Offered,
     Seen,
+    Strip,
     disjuncts,
     limp_disjuncts,
     offered_at,
+    strip_in_walls,
 )
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand
+from vctune.model.sampled.velocity_loop import PlantLetGo, difference_slope, return_difference
 from vctune.model.worlds import WorldsMet
 
 HALF_TURN = nextafter(pi, inf)  # theta = omega T at the Nyquist frequency, rounded upwards

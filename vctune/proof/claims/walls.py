@@ -10,19 +10,19 @@ import numpy as np
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number
 from vctune.model.problem import Demands
-from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.sampled.worlds.loop_in_walls import (
+from vctune.model.sampled.loop_in_worlds import (
     LEADS,
     Strip,
     Tangent,
     flattest,
     shares_of,
+    sum_of,
     tangent_at,
     tangent_at_rest,
     tangent_of_one,
     width_of,
 )
-from vctune.model.sampled.worlds.loop_in_worlds import sum_of
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import Worlds, WorldsMet
 from vctune.proof.claims.margins_of_claims import Design, strip_of_walls
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, surely_negative

@@ -1,1 +1,0 @@
-"""The least scale of a coupling in a box of environments."""

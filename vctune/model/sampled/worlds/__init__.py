@@ -1,1 +1,0 @@
-"""Evaluate the sampled loop in a hand with each environment of a box: on time, late, and with walls."""
