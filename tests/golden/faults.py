@@ -96,7 +96,7 @@ FAULTS = {
     "a torn row of a sweep stays": (
         "study/rows.py", "    os.ftruncate(handle, os.fstat(handle).st_size - len(torn))\n", ""),
     "the exported velocity gain is rounded": (
-        "firmware/preamble.py", 'repr(number) if precision == "double"', '"%.6g" % number if precision == "double"'),
+        "firmware/firmware.py", 'repr(number) if precision == "double"', '"%.6g" % number if precision == "double"'),
     "a repair that was not proved is listed": (
         "design/verdict/repair.py", "judgement.status is Status.CERTIFIED else None", "True else None"),
     "the delay of a log is that of its force": (
@@ -109,6 +109,53 @@ FAULTS = {
         "nearest_miss(prepared, scanned, proved=True)"),
     "a search that ended early proves that there is no design": (
         "design/verdict/infeasible.py", "proved=False", "proved=True"),
+    "a sum of intervals is not rounded outwards": (
+        "proof/enclosures/intervals.py", "(rad + UNIT * np.abs(mid)) * SWELL", "rad * SWELL"),
+    "the product of two radii is lost": (
+        "proof/enclosures/intervals.py", "self.rad * (np.abs(other.mid) + other.rad)", "self.rad * np.abs(other.mid)"),
+    "a root has no rounding": (
+        "proof/enclosures/intervals.py", "high = np.sqrt(self.mid + self.rad)", "high = low"),
+    "a decimal is the double beside it": (
+        "proof/enclosures/intervals.py", "return Enclosure(x, UNIT * np.abs(x))", "return Enclosure(x, 0 * np.abs(x))"),
+    "a sum of products has no rounding": (
+        "proof/enclosures/intervals.py", "b.rad + len(b.mid) * UNIT * size_b", "b.rad"),
+    "half of the width of a sine's argument": (
+        "proof/enclosures/intervals.py", "Enclosure(sine, np.abs(cosine) * x.rad", "Enclosure(sine, 0.5 * x.rad"),
+    "one of two cases is taken for both": (
+        "proof/enclosures/intervals.py", "sure = x.positive()", "sure = x.mid > 0"),
+    "a sine is wrong by a hundred units in the last place": (
+        "proof/enclosures/elementary.py", "sine, cosine = r + r *", "sine, cosine = (1 + 100 * UNIT) * r + r *"),
+    "an exponential's series is too short": (
+        "proof/enclosures/elementary.py", "for n in range(1, 14)]", "for n in range(1, 11)]"),
+    "a quarter turn ends at its 65th bit": (
+        "proof/enclosures/elementary.py", "QUARTER_REST = float", "QUARTER_REST = 0 * float"),
+    "a function has no remainder": (
+        "proof/enclosures/taylor.py", "remainder = third_derivative / 6 * reach**3", "remainder = 0 * reach**3"),
+    "a function's value has no error": (
+        "proof/enclosures/taylor.py", "radii[-1] += error + (HIGHER_ERROR", "radii[-1] += (HIGHER_ERROR"),
+    "a product's terms of third order are lost": (
+        "proof/enclosures/taylor.py", "half_a, half_b = 0.5 * (A.linear + A.quadratic), 0.5 * B.quadratic",
+        "half_a, half_b = 0 * A.linear, 0 * B.quadratic"),
+    "a bound is that at the middle of a slope": (
+        "proof/enclosures/taylor.py", "lower = -np.abs(slopes + 2 * moved).sum(axis=0)", "lower = 0"),
+    "a bound forgets the remainders": (
+        "proof/enclosures/taylor.py", "bound = constant + lower - lost.sum(axis=0) - rest.sum(axis=0)",
+        "bound = constant + lower - lost.sum(axis=0)"),
+    "a box that stays open is forgotten": (
+        "proof/prover.py", "open_[:, boxes.owner[stays]] = decided.point[:, stays]", "pass"),
+    "a curve that may pass 0 has an angle": (
+        "proof/prover.py", "return np.where(sided, np.arctan2", "return np.where(True, np.arctan2"),
+    "a turn is counted twice": (
+        "proof/claims/loop_claims.py", "(goal - found.total) / turn", "2 * (goal - found.total) / turn"),
+    "the last whole sample of an uncertain delay is skipped": (
+        "proof/claims/loop_claims.py", "floor(self.high[row, 0] / T) + 1)", "floor(self.high[row, 0] / T))"),
+    "the band ends an interval early": (
+        "proof/boxes.py", "return edges[:-1], edges[1:]", "return edges[:-2], edges[1:-1]"),
+    "a half of a halved box is lost": (
+        "proof/boxes.py", "return joined(replace(self, high=left), replace(self, low=right))",
+        "return joined(replace(self, high=left))"),
+    "the hands next to the softest are not looked at": (
+        "proof/claims/every_hand.py", "low = high = list(corners)", "low = high = list(corners)[1:]"),
 }  # fmt: skip
 
 
@@ -121,14 +168,15 @@ def planted(name: str, folder: Path) -> str:
         return f"{MOVED} {path} any more"
     try:
         file.write_text(text.replace(old, new))
-        return failing(folder)
+        return failing(folder, path)
     finally:
         file.write_text(text)
 
 
-def failing(folder: Path) -> str:
-    """Return the first golden answer or claim beside its limit that a copy of the package gets wrong; "" for none."""
-    nets = ("tests/golden", "tests/test_claims.py")
+def failing(folder: Path, path: str = "") -> str:
+    """Return the first golden answer, claim beside its limit or, for a fault of the proof, enclosure that a copy of the
+    package gets wrong; "" for none."""
+    nets = (*["tests/proof"] * path.startswith("proof/"), "tests/golden", "tests/test_claims.py")
     command = (sys.executable, "-m", "pytest", "-q", "-x", "-n", "2", "-m", "slow or not slow", *nets)
     env = os.environ | {"PYTHONPATH": str(folder)}
     try:
