@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -10,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vctune.document.reading import parse_problem
+from vctune.document.reading import on_yardstick, parse_problem
 from vctune.document.schema.statement import statement
 from vctune.document.study_file import Axis, number_keys, read_study
+from vctune.document.text import toml
 from vctune.document.text.errors import InputError
 from vctune.study.study_table import latin_hypercube, points
 
@@ -114,11 +114,6 @@ def test_keys_are_those_of_the_schema():
     assert len(keys) == len(set(keys.values())) >= 62
 
 
-WORLD = PROBLEM.replace("'passive'", "'hands'") + (
-    "[environment]\nmass = { max = 0.0 }\ndamping = { max = 50.0 }\nstiffness = { max = 100.0 }\nlate = 1\n"
-)
-
-
 def test_a_point_is_the_problem_with_its_numbers_written_in(tmp_path):
     plan = study(tmp_path, '"device.damping" = [3.0]\n"stability.band_hz[1]" = [50.0]\n"coupling.mass" = [0.1]')
     here, faults = plan.at((3.0, 50.0, 0.1))
@@ -142,28 +137,27 @@ def test_both_ends_may_be_axes_where_the_problem_has_neither(tmp_path):
     ("key", "end"), [("gains.velocity", "max"), ("operator.mass", "max"), ("coupling.mass", "min")]
 )
 def test_one_end_of_a_range_at_its_default_may_be_an_axis(tmp_path, key, end):
-    """The other end is the default of the device at each point, here of another mass; the yardstick is of none."""
+    """The other end is the default of the device at each point, here of another mass."""
     plan = study(tmp_path, f'"device.mass" = [0.2, 0.8]\n"{key}.{end}" = [0.3]', BARE)
     table, name = key.split(".")
     for mass in (0.2, 0.8):
-        bare = BARE.replace("mass = 0.4", f"mass = {mass}")
-        default = statement(parse_problem(bare, "x", "x"))[table][name]
-        ends = default | {end: 0.3}
-        text = f"{bare}[{table}]\n{name} = {{ min = {ends['min']!r}, max = {ends['max']!r} }}\n"
-        here, own = plan.at((mass, 0.3))[0], parse_problem(text, "x", "study")
-        assert here == replace(own, transparency=plan.yardstick.transparency)
+        bare = on_yardstick(
+            toml.parse(BARE.replace("mass = 0.4", f"mass = {mass}"), "x"), parse_problem(BARE, "x", "x")
+        )
+        default = statement(parse_problem(toml.toml_text(bare), "x", "x"))[table][name]
+        text = toml.toml_text(bare | {table: {name: default | {end: 0.3}}})
+        assert plan.at((mass, 0.3))[0] == parse_problem(text, "x", "study")
     assert plan.at((0.2, 0.3))[0] != plan.at((0.8, 0.3))[0]
 
 
 @pytest.mark.parametrize("place", [0, 1])
 def test_one_edge_of_a_band_at_its_default_may_be_an_axis(tmp_path, place):
     plan = study(tmp_path, f'"device.sample_time" = [1e-3, 5e-4]\n"stability.band_hz[{place}]" = [3.0]', BARE)
+    edges = list(parse_problem(BARE, "x", "x").stability.band.hz)
+    edges[place] = 3.0
     for T in (1e-3, 5e-4):
-        bare = BARE.replace("1e-3", repr(T))
-        edges = list(plan.yardstick.stability.band.hz)
-        edges[place] = 3.0
-        own = parse_problem(f"{bare}[stability]\nband_hz = {edges}\n", "x", "study")
-        assert plan.at((T, 3.0))[0] == replace(own, transparency=plan.yardstick.transparency)
+        here = plan.at((T, 3.0))[0]
+        assert here.stability.band.hz == pytest.approx(edges) and here.transparency == plan.yardstick
     assert "lower edge" in str(plan.at((1e-3, 1e-3 if place else 1e4))[1])
 
 

@@ -17,6 +17,7 @@ from jsonschema import Draft202012Validator
 
 from vctune.cli.commands.schema import KINDS
 from vctune.cli.main import COMMANDS, main
+from vctune.document.reading import read_problem
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.schema.number_units import QUANTITIES, unit_of
 from vctune.document.text import toml
@@ -260,7 +261,7 @@ def test_a_comparison_shows_what_differs(folder):
     found = strict(done.stdout)
     assert {each["key"] for each in found["problem"]} == {"device.mass"}
     values = {each["key"]: each for each in found["design"]}
-    impedance = values["transparency.reference_impedance"]["a"]
+    impedance = read_problem(folder / "good.toml").problem.transparency.reference_impedance
     stated = GOOD.replace("mass = 0.4", "mass = 0.5") + f"[transparency]\nreference_impedance = {impedance!r}\n"
     (folder / "stated.toml").write_text(stated)
     for side, source in (("a", "good.toml"), ("b", "stated.toml")):

@@ -4,39 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from math import inf, isclose
+from math import inf
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from vctune.analysis.demands import transparency_error
 from vctune.api.result import Rows, Table
 from vctune.api.solving import known_record, solve
-from vctune.design.prepared import pose
 from vctune.design.search.optimum import Progress
 from vctune.design.verdict.design_record import felt_record, record_of
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.reading import on_yardstick, parse_problem
+from vctune.document.reading import on_yardstick, parse_problem, pose
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.records.gains_json import TransparencyRecord
-from vctune.document.records.part import Pair, Part, filled, how_shown, text
+from vctune.document.records.part import Part, filled, how_shown, text
 from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import dotted
 from vctune.document.text.errors import printable
 from vctune.document.text.json import printed
-from vctune.model.fields import Shown
-from vctune.model.problem import Problem, Transparency
+from vctune.model.numbers.units import Units
+from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS
 
-SAME = 1e-9  # Greatest relative difference of two numbers that count as equal
 UNCOMPARED = ("name", "description", "experiment")  # Keys of a problem that do not affect its design
-
-
-class _Measured(TransparencyRecord):
-    """The error of a design on a yardstick, with the band and the Z_0 of this yardstick."""
-
-    band_hz: Annotated[Pair, Shown("over a band of", unit="Hz")]
-    reference_impedance: Annotated[float, Shown("with Z_0", of="damping")]
 
 
 Record = dict[str, Any]
@@ -76,10 +65,8 @@ def compare(
     """Compare two designs. If an argument is a problem without a design, vctune first solves the problem. The function
     writes no files.
 
-    The function measures the errors of both designs on the yardstick of `a`: its transparency band, Z_0, norm and
-    weights. If `b` is a problem that states no band or Z_0, the function solves it with those of `a`. If the yardstick
-    of `b` differs, the result contains both errors on both yardsticks. If the designs are for different kinds of
-    display, or one is linear and one is rotary, each error is on its own yardstick.
+    If `b` is a problem that states no band or Z_0, the function solves it with those of `a`, so that the errors of both
+    can be compared.
 
     Parameters
     ----------
@@ -100,26 +87,10 @@ def compare(
     InputError
         If `a` or `b` is invalid.
     """
-    sides = [_designed(a, None, progress)]
-    sides.append(_designed(b, sides[0][1], progress))
-    problems = [problem for _, problem in sides]
-    of_a, of_b = (problem.transparency for problem in problems)
-    scales: dict[str, Transparency | None] = {"transparency": None}
-    if _alike(*problems):
-        scales = {"transparency": of_a} if _same(of_a, of_b) else {"on_a": of_a, "on_b": of_b}
-    values = list[Record]()
-    for name, title in DesignRecord.GROUPS.items():
-        if name != "transparency":
-            values += _values(title, name, sides, [getattr(record, name) for record, _ in sides])
-            continue
-        titles = {"transparency": title, "on_a": "measured as A", "on_b": "measured as B"}
-        for key, scale in scales.items():
-            values += _values(titles[key], key, sides, [_measured(*side, scale) for side in sides])
-        felt = [record.design and felt_record(problem.device, *record.design) for record, problem in sides]
-        values += _values("in the hand", "felt", sides, felt)
-    stated = [dict(_leaves(statement(problem), ())) for problem in problems]
-    keys = dict.fromkeys(key for leaves in stated for key in leaves)
-    pairs = [{"key": key, **{side: leaves.get(key) for side, leaves in zip("ab", stated, strict=True)}} for key in keys]
+    first = _designed(a, None, progress)
+    sides = [first, _designed(b, first[1], progress)]
+    leaves = [dict(_leaves(statement(problem), ())) for _, problem in sides]
+    values = [dict(_shown(record, problem)) for record, problem in sides]
     heads = [
         {
             "source": str(source) if isinstance(source, str | Path) else record.problem.name,
@@ -128,11 +99,8 @@ def compare(
         }
         for source, (record, _) in zip((a, b), sides, strict=True)
     ]
-    one, other = heads
-    return Comparison(one, other, [pair for pair in pairs if pair["a"] != pair["b"]], values)
-
-
-Sides = list[tuple[DesignRecord, Problem]]
+    differing = [{"key": key, "a": one, "b": other} for key, one, other in _pairs(*leaves) if one != other]
+    return Comparison(heads[0], heads[1], differing, [_beside(one, other) for _, one, other in _pairs(*values)])
 
 
 def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[DesignRecord, Problem]:
@@ -141,30 +109,18 @@ def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[De
     if record is not None:
         return record, parse_problem(record.problem.text, record.problem.name, record.problem.name)
     file = problem_of(source)
-    if base is not None and _alike(base, file.problem):
-        file = on_yardstick(file, base)
+    if base is not None and (base.device.display, base.device.units) == (
+        file.problem.device.display,
+        file.problem.device.units,
+    ):
+        posed, _ = pose(on_yardstick(file.document, base), file.problem.name)
+        file = file if posed is None else replace(file, problem=posed)
     return record_of(file, solve(file, progress=progress)), file.problem
 
 
-def _alike(a: Problem, b: Problem) -> bool:
-    """Return whether the errors of two problems have the same terms in the same units."""
-    return (a.device.display, a.device.units) == (b.device.display, b.device.units)
-
-
-def _same(a: Transparency, b: Transparency) -> bool:
-    numbers = [(yardstick.band.min, yardstick.band.max, yardstick.reference_impedance) for yardstick in (a, b)]
-    close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))
-    return close and (a.norm, a.weights) == (b.norm, b.weights)
-
-
-def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency | None) -> _Measured | None:
-    """Return a design's error on a yardstick, or on its own."""
-    yardstick = yardstick or problem.transparency
-    if record.design is None or yardstick.band.max > problem.nyquist:
-        return None
-    error = transparency_error(pose(replace(problem, transparency=yardstick)).problem, *record.design)
-    scale: dict[str, Any] = {"band_hz": list(yardstick.band.hz), "reference_impedance": yardstick.reference_impedance}
-    return _Measured(**asdict(error), display=problem.device.display, **scale)
+def _pairs(a: dict[str, Any], b: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Yield each key of two tables with both values."""
+    yield from ((key, a.get(key), b.get(key)) for key in dict.fromkeys((*a, *b)))
 
 
 def _leaves(node: Any, path: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
@@ -178,32 +134,36 @@ def _leaves(node: Any, path: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
         yield dotted(path), node
 
 
-def _values(title: str, key: str, sides: Sides, parts: list[Any]) -> Iterator[Record]:
-    """Yield the displayed fields of a part of both designs, and of the parts inside it."""
-    there = [(part, record.units) for part, (record, _) in zip(parts, sides, strict=True) if part is not None]
-    for field, shown in {name: shown for part, _ in there for name, shown in how_shown(part.__class__).items()}.items():
-        values = [_in_shown_unit(getattr(part, field, None), shown) for part in parts]
-        kinds = [problem.device.kind for _, problem in sides]
-        if all(f"{key}.{field}" in kind.absent or field in set(TERMS) - set(kind.terms) for kind in kinds):
-            continue  # 0 in every design of these kinds of display
-        having = [(part, units) for part, units in there if hasattr(part, field)]
-        labels = dict.fromkeys(units.translated(filled(part, shown.label, units)) for part, units in having)
-        of_quantity = " or ".join(dict.fromkeys(units.of(shown.of) for _, units in having))
+def _shown(record: DesignRecord, problem: Problem) -> Iterator[tuple[str, Record]]:
+    """Yield the displayed values of a design, by their keys in design.json."""
+    for key, title in DesignRecord.GROUPS.items():
+        part = getattr(record, key)
+        if key == "felt" and record.design is not None:  # as numbers, which design.json tells as sentences
+            part = felt_record(problem.device, *record.design)
+        yield from _values(title, key, part, problem, record.units)
+
+
+def _values(title: str, key: str, part: Any, problem: Problem, units: Units) -> Iterator[tuple[str, Record]]:
+    """Yield the displayed fields of a part of a design, and of the parts inside it."""
+    kind = problem.device.kind
+    for field, shown in how_shown(part.__class__).items():
+        value, place = getattr(part, field), f"{key}.{field}"
+        if place in kind.absent or field in set(TERMS) - set(kind.terms):
+            continue  # 0 in every design of this kind of display
+        scaled = value * shown.scale if isinstance(value, float) and shown.scale != 1 else value
         # a unit with a field's name in braces is a phrase about one design
-        unit = "Hz" if field.endswith("_hz") else of_quantity or ("" if "{" in shown.unit else shown.unit)
-        if values != [None, None]:
-            said = {"group": title, "key": f"{key}.{field}", "label": " or ".join(labels), "unit": unit}
-            yield {**said, "digits": shown.digits, "a": values[0], "b": values[1]}
-    inner = [name for part, _ in there if isinstance(part, Part) for name, value in part if isinstance(value, Part)]
-    for name in dict.fromkeys(inner):
-        yield from _values(title, f"{key}.{name}", sides, [getattr(part, name, None) for part in parts])
+        unit = "Hz" if field.endswith("_hz") else units.of(shown.of) or ("" if "{" in shown.unit else shown.unit)
+        said = {"group": title, "key": place, "label": units.translated(filled(part, shown.label, units)), "unit": unit}
+        yield place, {**said, "digits": shown.digits, "value": None if scaled == inf else scaled}
+    for name in (name for name, value in part if isinstance(value, Part)) if isinstance(part, Part) else ():
+        yield from _values(title, f"{key}.{name}", getattr(part, name), problem, units)
 
 
-def _in_shown_unit(value: Any, shown: Shown) -> Any:
-    """Return a stored value in the unit in which it is displayed. Only a float has such a unit."""
-    if value == inf:
-        return None
-    return value * shown.scale if isinstance(value, float) and shown.scale != 1 else value
+def _beside(a: Record | None, b: Record | None) -> Record:
+    """Return a value of both designs; None for one that has it not, and both names where they differ."""
+    having = [side for side in (a, b) if side is not None]
+    either = {name: " or ".join(dict.fromkeys(side[name] for side in having)) for name in ("label", "unit")}
+    return {**having[0], **either, "a": a and a["value"], "b": b and b["value"]}
 
 
 def _cell(value: Any, digits: int) -> str:

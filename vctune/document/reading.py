@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from math import inf, pi
+from dataclasses import dataclass, field
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from vctune.document.schema.problem_schema import (
     SpringGainsDocument,
 )
 from vctune.document.schema.rules import contradictions
+from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, examined, refusal, validated
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake
@@ -104,24 +105,28 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
     return problem
 
 
-def pose(
-    raw: dict[str, Any], default_name: str, yardstick: Problem | None = None
-) -> tuple[Problem | None, list[Fault]]:
+def pose(raw: dict[str, Any], default_name: str) -> tuple[Problem | None, list[Fault]]:
     """Return the problem that parsed TOML states and no faults, or None and all faults."""
     document, faults = examined(ProblemDocument, raw, contradictions)
     if document is None or faults:
         return None, [_told(fault, units_stated(raw)) for fault in faults]
-    problem = resolve(document, default_name, yardstick)
+    problem = resolve(document, default_name)
     if problem.stability.band.min >= problem.stability.band.max:
         return None, [_empty_default_band(problem)]
-    beyond = [] if yardstick is None else _beyond_nyquist(problem)
-    return (None, beyond) if beyond else (problem, [])
+    return problem, []
 
 
-def on_yardstick(file: ProblemFile, yardstick: Problem) -> ProblemFile:
-    """Return a problem in which another problem's bands and Z_0 apply where its file states none."""
-    problem, _ = pose(file.document, file.problem.name, yardstick)
-    return file if problem is None else replace(file, problem=problem)
+def on_yardstick(document: dict[str, Any], base: Problem) -> dict[str, Any]:
+    """Return the tables of a problem in which the bands and Z_0 of another one apply where they state none."""
+    stated = statement(base)
+    keys = [
+        ("transparency", "band_hz"),
+        ("transparency", "reference_impedance"),
+        *[("stability", "band_hz")] * base.passive,
+    ]
+    return toml.placed(
+        document, ((key, stated[key[0]][key[1]]) for key in keys if key[1] not in document.get(key[0], {}))
+    )
 
 
 def _told(fault: Fault, units: Units) -> Fault:
@@ -200,27 +205,6 @@ def _empty_default_band(problem: Problem) -> Fault:
         f"sample_time/2 + delay ({high:g} Hz), is empty; set stability.band_hz"
     )
     return Fault(("transparency", "band_hz"), message, "contradiction")
-
-
-def _beyond_nyquist(problem: Problem) -> list[Fault]:
-    """Return a fault for each band of a yardstick that ends above the problem's Nyquist frequency."""
-    compared = {"transparency": ("the errors are compared", problem.transparency.band.max)}
-    endless = problem.device.ideal and problem.device.hold == "lag" and problem.device.delay == 0
-    if problem.passive and not (problem.stability.band.max == inf and endless):
-        compared["stability"] = ("the designs are held to the same stability band", problem.stability.band.max)
-    above, least = (
-        f"which is above the Nyquist frequency {problem.nyquist / (2 * pi):g} Hz",
-        "every sample time reaches",
-    )
-    return [
-        Fault(
-            (table, "band_hz"),
-            f"{what} up to {edge / (2 * pi):g} Hz, {above}; state a band that {least}",
-            "contradiction",
-        )
-        for table, (what, edge) in compared.items()
-        if edge > problem.nyquist * (1 + 1e-12)
-    ]
 
 
 def called(display: DisplayName) -> str:

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from vctune.document.building import plain
-from vctune.document.reading import ProblemFile, pose
+from vctune.document.reading import ProblemFile, on_yardstick, pose
 from vctune.document.schema.problem_schema import ProblemDocument, Table, json_schema
 from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, dotted, examined, refusal, shown
@@ -25,7 +25,7 @@ from vctune.document.text import toml
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml import placed
 from vctune.model.fields import Text
-from vctune.model.problem import Problem
+from vctune.model.problem import Problem, Transparency
 
 Scale = Literal["list", "linear", "log"]
 MOST_VALUES = 10_000_000  # Greatest number of values of an axis, and of points of a Latin hypercube
@@ -79,9 +79,9 @@ class Study:
     """A problem solved at many points."""
 
     name: str  # name of the study
-    document: dict[str, Any]  # parsed problem file
+    document: dict[str, Any]  # parsed problem file, with the yardstick stated
     axes: tuple[Axis, ...]  # axes that vary
-    yardstick: Problem
+    yardstick: Transparency  # scale of the errors, unless an axis states its values
     sample: Sample  # how the axes form points
 
     @property
@@ -101,7 +101,7 @@ class Study:
 
     def posed(self, values: Iterable[float]) -> dict[str, Any]:
         """Return the document of the problem at a point. The document may be invalid."""
-        return _posed(self.document, self.axes, values, self.yardstick)
+        return _posed(self.document, self.axes, values)
 
     def extremes(self) -> Iterator[Problem]:
         """Yield, for each axis, the problem at its greatest value and the first values of the others, if it is one."""
@@ -113,7 +113,7 @@ class Study:
 
     def at(self, values: Sequence[float]) -> tuple[Problem | None, list[Fault]]:
         """Return the problem at a point, or None, and its faults."""
-        return pose(self.posed(values), self.name, self.yardstick)
+        return pose(self.posed(values), self.name)
 
 
 def read_study(path: Path) -> Study:
@@ -130,10 +130,14 @@ def read_study(path: Path) -> Study:
     _check_places(problem, axes, text, str(path))
     if faults := _problem_faults(problem, axes):
         raise refusal(faults, problem_text, str(target))
-    yardstick, faults = _yardstick(problem, axes)
-    if yardstick is None:
+    base, faults = _base(problem, axes)
+    if base is None:
         raise refusal(faults, text, str(path))
-    return Study(path.stem.encode("utf-8", "replace").decode(), problem, axes, yardstick, document.sample)
+    return _study(path.stem.encode("utf-8", "replace").decode(), problem, axes, base, document.sample)
+
+
+def _study(name: str, problem: dict[str, Any], axes: tuple[Axis, ...], base: Problem, sample: Sample) -> Study:
+    return Study(name, on_yardstick(problem, base), axes, base.transparency, sample)
 
 
 def build_study(
@@ -143,7 +147,7 @@ def build_study(
     raw = {"problem": problem.problem.name, "axes": plain(axes), "sample": plain(sample or {})}
     planned, document = _planned(raw, None, name)
     _check_places(problem.document, planned, None, name)
-    return Study(name, problem.document, planned, problem.problem, document.sample)
+    return _study(name, problem.document, planned, problem.problem, document.sample)
 
 
 def _planned(raw: dict[str, Any], text: str | None, source: str) -> tuple[tuple[Axis, ...], StudyDocument]:
@@ -296,19 +300,17 @@ def _without_place(node: Any, axis: Axis) -> str:
     return ""
 
 
-def _posed(
-    document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Problem | None = None
-) -> dict[str, Any]:
+def _posed(document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float]) -> dict[str, Any]:
     """Return the document, which may be invalid, with the values of the axes.
 
-    A range or band of which one end alone varies, and which the document leaves at its default, gets the other end of
-    the default at the point.
+    A range of which one end alone varies, and which the document leaves at its default, gets the other end of the
+    default at the point.
     """
     varied = dict(zip((axis.path for axis in axes), values, strict=True))
     owners = [path[:-1] for path in varied if path[-1] in FORM_OF and _at(document, path[:-1]) is None]
     defaults = {owner for owner in owners if owners.count(owner) == 1}
     others = placed(document, ((path, value) for path, value in varied.items() if path[:-1] not in defaults))
-    problem, _ = pose(others, "study", yardstick) if defaults else (None, [])
+    problem, _ = pose(others, "study") if defaults else (None, [])
     if problem is not None:
         stated = statement(problem)
         others = placed(others, ((path, _at(stated, path)) for path in defaults))
@@ -330,7 +332,7 @@ def _first(problem: dict[str, Any], axes: Sequence[Axis]) -> dict[str, Any]:
     return _posed(problem, axes, (axis.values[0] for axis in axes))
 
 
-def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Problem | None, list[Fault]]:
+def _base(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Problem | None, list[Fault]]:
     """Return the problem without axes or, if it is invalid, the problem at the first value of each axis."""
     for document in (problem, _first(problem, axes)):
         found, faults = pose(document, "study")

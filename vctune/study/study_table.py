@@ -84,7 +84,7 @@ def summary(study: Study, table: Table) -> Summary:
     """Return the summary of a sweep."""
     certified, error = table.certified, table.numbers["error"]
     order = np.flatnonzero(certified)[np.argsort(error[certified], kind="stable")]
-    measured = study.yardstick.transparency
+    measured = study.yardstick
     yardstick = {
         "band_hz": list(measured.band.hz),
         "reference_impedance": measured.reference_impedance,

@@ -13,7 +13,6 @@ from vctune.document.schema.problem_schema import (
     ProblemDocument,
     ServoDeviceTable,
     StabilityTable,
-    TransparencyTable,
     UncertaintyTable,
     WorldsTable,
 )
@@ -39,7 +38,7 @@ from vctune.model.problem import (
 from vctune.model.worlds import EVERY_WORLD, World, Worlds
 
 
-def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | None = None) -> Problem:
+def resolve(document: ProblemDocument, default_name: str) -> Problem:
     """Return the problem that a valid document states, with all defaults filled in."""
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
@@ -60,10 +59,9 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
     Z_0 = objective.reference_impedance or (
         _resistance_of_hands(hands, lag) if device.servo else device.mass * middle_omega
     )
-    own_objective = Transparency(Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, objective.weights)
-    transparency = _with_yardstick(yardstick, own_objective, objective)
+    transparency = Transparency(Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, objective.weights)
     stability = _stability(document.stability, criterion, device, lag, transparency.band.min)
-    problem = Problem(
+    return Problem(
         name=document.name if document.name is not None else default_name,
         description=document.description,
         device=device,
@@ -75,9 +73,6 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
         hands=hands,
         worlds=_worlds(document.environment),
     )
-    if yardstick is None or document.stability.band_hz is not None or not (problem.passive and yardstick.passive):
-        return problem
-    return replace(problem, stability=replace(stability, band=yardstick.stability.band))
 
 
 def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, middle_omega: float) -> Bounds:
@@ -110,17 +105,6 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
         damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
         mass=_range(coupling.mass, 1e-6 * Z_0 / middle_omega, 1e6 * Z_0 / middle_omega),
         drag=_range(coupling.drag, 0.0, Z_0 if drag_is_free else 0.0),
-    )
-
-
-def _with_yardstick(yardstick: Problem | None, objective: Transparency, table: TransparencyTable) -> Transparency:
-    """Return the objective. Where the table leaves the band or Z_0 at the default, the yardstick provides it."""
-    if yardstick is None:
-        return objective
-    return replace(
-        objective,
-        band=objective.band if table.band_hz else yardstick.transparency.band,
-        reference_impedance=table.reference_impedance or yardstick.transparency.reference_impedance,
     )
 
 
