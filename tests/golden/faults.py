@@ -19,6 +19,7 @@ ROOT = Path(__file__).parent.parent.parent
 PATIENCE = 1200
 """Seconds after which a fault that keeps an answer from coming has been seen."""
 COPIED = ("vctune", "problems", "tests", "pyproject.toml")
+OF_PROOF = ("tests/proof", "tests/model/test_matrices.py")
 FAULTS = {
     "the hold's half sample is lost": (
         "model/device.py", "return self.sample_time / 2 + self.latency", "return self.latency"),
@@ -176,7 +177,7 @@ def planted(name: str, folder: Path) -> str:
 def failing(folder: Path, path: str = "") -> str:
     """Return the first golden answer, claim beside its limit or, for a fault of the proof, enclosure that a copy of the
     package gets wrong; "" for none."""
-    nets = (*["tests/proof"] * path.startswith("proof/"), "tests/golden", "tests/test_claims.py")
+    nets = (*OF_PROOF * path.startswith("proof/"), "tests/golden", "tests/test_claims.py")
     command = (sys.executable, "-m", "pytest", "-q", "-x", "-n", "2", "-m", "slow or not slow", *nets)
     env = os.environ | {"PYTHONPATH": str(folder)}
     try:
