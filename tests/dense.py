@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
-import digits
 import numpy as np
 from scipy.integrate import simpson
 from scipy.linalg import expm
@@ -30,8 +29,6 @@ ZOOM = np.linspace(0.0, 1.0, 13)
 TOGETHER = 500
 """Cases judged at a time."""
 DECADES = 3
-NEXT_TO_1 = 1e-9
-"""Spectral radii that eigenvalues do not tell from 1."""
 STEEP = 2.0
 """Radians between neighbouring frequencies from which a curve's turns cannot be counted."""
 FINEST = 512
@@ -170,12 +167,7 @@ def sensitivity_surplus(problem: Problem, case: Case) -> np.ndarray:
 
 
 def sampled_surplus(problem: Problem, case: Case) -> np.ndarray:
-    rows = []
-    for loop in loops(case):
-        rows.append(1 - spectral_radius(loop))
-        for i in np.flatnonzero(np.abs(rows[-1]) < NEXT_TO_1):
-            rows[-1][i] = NEXT_TO_1 if digits.stable(part(loop, i)) else -NEXT_TO_1
-    return np.min(rows, axis=0)
+    return np.min([1 - spectral_radius(loop) for loop in loops(case)], axis=0)
 
 
 def unstable_model_poles(case: Case) -> np.ndarray:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 from math import inf, pi
 
-import digits
 import numpy as np
 import pytest
+from arithmetic import Digits
 from balls import BALLS, PRECISION, design_ball
 from conftest import mostly_slow
 from flint import arb, ctx
+from frequency import demanded, offered
 from hypothesis import given
 from hypothesis import strategies as st
+from loop import Loop, sensitivity
 
 from vctune.analysis.demands import stability_ratio
 from vctune.analysis.extrema import frequency_grid, local_minima
 from vctune.bench import evaluator
-from vctune.bench.evaluator import Case
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import LeastOperator
@@ -29,9 +30,21 @@ from vctune.proof.claims.margins_of_claims import Design, conditions_margin
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.outcome import Verdict
 
+EXACT = Digits(120)
 LAG = Device(0.5, 2.0, 1e-3, 0.0, "lag")
 INTEGRAL = Gains(40.0, 4000.0)
 VELOCITY = Gains(40.0, 0.0)
+
+
+def tables(device):
+    return {"device": {name: getattr(device, name) for name in ("mass", "damping", "sample_time", "delay", "hold")}}
+
+
+def ratio(design, omega):
+    """Return Re Z_c/R by the definitions, with 120 digits; inf where R is not positive."""
+    s, coupling = EXACT.i * EXACT.number(omega), design.coupling
+    R = demanded(tables(design.device), astuple(design.gains), s, EXACT).required
+    return offered(astuple(coupling), s, EXACT).real / R if R > 0 else inf
 
 
 def conditions(design, low, high, factor=1.0):
@@ -86,14 +99,13 @@ def test_tells_one_plus_from_one_minus_a_millionth(offset, verdict):
     least, omega = interior_minimum(25000.0, 5.0)
     assert 76 < omega < 285
     scale = (1 + offset) / least
-    b_c, m_c = 25000.0 * scale, 5.0 * scale
-    case = Case(0.5, 2.0, 1e-3, 0.0, "lag", 40.0, 4000.0, b_c, m_c)
-    assert float(digits.exact(case, omega).ratio) == pytest.approx(1 + offset, abs=1e-8)
-    outcome = conditions(Design(LAG, INTEGRAL, Coupling(b_c, m_c, 0.0)), 20.0, 1000.0)
+    design = Design(LAG, INTEGRAL, Coupling(25000.0 * scale, 5.0 * scale, 0.0))
+    assert float(ratio(design, omega)) == pytest.approx(1 + offset, abs=1e-8)
+    outcome = conditions(design, 20.0, 1000.0)
     assert outcome.verdict is verdict
     assert outcome.boxes < 2000
     if verdict is Verdict.REFUTED:
-        assert digits.exact(case, outcome.witness).ratio < 1
+        assert ratio(design, outcome.witness) < 1
 
 
 def lag_design(rng):
@@ -121,16 +133,13 @@ def test_the_whole_axis_is_decided_as_50_digits_say(seed):
     """Next to 0 and infinity the margins have forms of their own."""
     rng = np.random.default_rng(seed)
     design = lag_design(rng)
-    device, gains, coupling = design.device, design.gains, design.coupling
-    if device.operator is not None:
-        device = replace(device, operator=None)
-    outcome = conditions(replace(design, device=device), 0.0, inf)
-    case = evaluator.case_of(device, gains, coupling)
+    design = replace(design, device=replace(design.device, operator=None))
+    outcome = conditions(design, 0.0, inf)
     if outcome.verdict is Verdict.REFUTED:
-        assert digits.exact(case, outcome.witness).ratio < 1
+        assert ratio(design, outcome.witness) < 1
     elif outcome.verdict is Verdict.PROVED:
-        for omega in 10 ** rng.uniform(-8, 8, 30) / device.sample_time:
-            assert digits.exact(case, float(omega)).ratio > 1 - 1e-12
+        for omega in 10 ** rng.uniform(-8, 8, 30) / design.device.sample_time:
+            assert ratio(design, float(omega)) > 1 - 1e-12
 
 
 def test_sensitivity_is_decided_close_to_its_peak():
@@ -141,12 +150,17 @@ def test_sensitivity_is_decided_close_to_its_peak():
     case = evaluator.case_of(device, gains, design.coupling)
     omega = np.linspace(400, 700, 300_001)
     highest = omega[np.argmax(evaluator.sensitivity(case, omega))]
-    peak = float(digits.sensitivity(case, highest))
+    exact = Loop(tables(device)["device"], astuple(gains), num=EXACT)
+
+    def sensed(omega):
+        return abs(sensitivity(exact, EXACT.exp(EXACT.i * EXACT.number(omega) * exact.T)))
+
+    peak = float(sensed(highest))
     proved, refuted = (
         prove_sensitivity(design, Demands(device, (0.0, 1.0), 1.0, peak * (1 + side)), None) for side in (1e-6, -1e-6)
     )
     assert proved.verdict is Verdict.PROVED and refuted.verdict is Verdict.REFUTED
-    assert digits.sensitivity(case, refuted.witness) > peak * (1 - 1e-6)
+    assert sensed(refuted.witness) > peak * (1 - 1e-6)
 
 
 @given(st.integers(-3, 3), st.floats(0.1, 0.9))
