@@ -1,9 +1,12 @@
-"""How an oracle's value is held against a number that is printed: to every digit of it."""
+"""How an oracle's value is held against a number that is printed, to every digit of it, and against an enclosure."""
 
 from __future__ import annotations
 
 from decimal import Decimal
 from typing import Any
+
+import numpy as np
+from mpmath import mp
 
 
 def to_all_digits(printed: str, value: Any) -> bool:
@@ -18,3 +21,10 @@ def all_to_all_digits(printed: str, values: list[Any]) -> bool:
     decimals = printed.replace(" ", "").split(",")
     pairs = zip(decimals, values, strict=True)
     return all(to_all_digits(decimal, value) for decimal, value in pairs)
+
+
+def contains(enclosure: Any, true: Any) -> bool:
+    """Return whether an enclosure contains a number of many digits; one that is not finite does."""
+    mid, rad = float(enclosure.mid), float(enclosure.rad)
+    with mp.workdps(60):
+        return not np.isfinite(mid + rad) or bool(abs(mp.mpf(mid) - true) <= mp.mpf(rad))

@@ -207,11 +207,7 @@ def test_walls(number):
     T, factor = tables["device"]["sample_time"], tables["stability"]["safety_factor"]
     box = numbers_of(tables, "operator", "min"), numbers_of(tables, "operator", "max")
     least, most = numbers_of(tables, "environment", "min"), numbers_of(tables, "environment", "max")
-    corner = (
-        2 / T * np.tan(min(np.pi * tables["environment"]["corner_hz"] * T, 1.5))
-        if False
-        else 2 * np.pi * tables["environment"]["corner_hz"]
-    )
+    corner = 2 * np.pi * tables["environment"]["corner_hz"]
 
     def left(hand: np.ndarray, theta: np.ndarray, share: float) -> float:
         loop = with_share(replace(free, hand=tuple(map(float, hand))), share)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from agreement import contains
 from balls import BALLS
 from flint import arb, ctx
 from mpmath.ctx_mp import MPContext
@@ -55,12 +56,6 @@ def rows(matrix: np.ndarray, number: Any) -> Matrix:
 
 def entries(size: int) -> list[tuple[int, int]]:
     return [(i, j) for i in range(size) for j in range(size)]
-
-
-def contains(enclosure: Enclosure, true: Any) -> bool:
-    """Return whether an enclosure contains a number; one that is not finite does."""
-    mid, rad = float(enclosure.mid), float(enclosure.rad)
-    return not np.isfinite(rad) or bool(abs(exact(mid) - true) <= exact(rad))
 
 
 def as_ball(x: Any) -> arb:

@@ -8,6 +8,7 @@ from math import inf, pi
 
 import numpy as np
 import pytest
+from agreement import contains
 from conftest import ROOT, mostly_slow
 from hypothesis import given
 from hypothesis import strategies as st
@@ -41,10 +42,6 @@ numbers = ordinary | st.floats(allow_nan=False, allow_infinity=False)
 radii = st.floats(0, 10, allow_subnormal=False)
 places = st.floats(-1, 1)
 BINARY = [operator.add, operator.sub, operator.mul, operator.truediv]
-
-
-def contains(enclosure, exact):
-    return bool(not np.isfinite(enclosure.rad) or abs(mpf(float(enclosure.mid)) - exact) <= mpf(float(enclosure.rad)))
 
 
 def inside(mid, rad, place):
@@ -230,6 +227,12 @@ def test_a_claim_over_a_cell_holds_at_each_of_its_points():
     assert np.isnan(found.failing[:, [0, 2]]).all() and np.isnan(found.open[:, [0, 2]]).all()
     for failing in found.failing[:, np.isfinite(found.failing[0])].T:
         assert float(margin(failing[0], dict(zip(KEYS, failing[1:], strict=True)))) < 0
+
+
+def test_one_of_two_cases_is_taken_where_it_surely_is_the_one():
+    x = between(np.array([0.1, -0.1, -2.0]), np.array([2.0, 2.0, -0.1]))
+    found = ENCLOSURES.where_positive(x, lambda: Enclosure(np.ones(3)), lambda: Enclosure(np.zeros(3)))
+    assert found.mid.tolist() == [1.0, 0.0, 0.0]
 
 
 def test_enclosed_decimals():
