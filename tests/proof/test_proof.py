@@ -24,11 +24,14 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
+from vctune.proof.boxes import over_band
 from vctune.proof.certificate import certify
 from vctune.proof.claims.loop_claims import Covered, prove_conditions, prove_sensitivity, turns
 from vctune.proof.claims.margins_of_claims import Design, conditions_margin
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.outcome import Verdict
+from vctune.proof.prover import turned_angles
 
 EXACT = Digits(120)
 LAG = Device(0.5, 2.0, 1e-3, 0.0, "lag")
@@ -173,6 +176,13 @@ def test_turns_are_counted(number, radius):
     covered = Covered(Demands(LAG, (0.0, 1.0), 1.0, 2.0), (), empty, empty, {})
     found = turns(covered, lambda claims: curve, Covered.around_circle, 2 * pi)
     assert found.number[0] == -number
+
+
+@pytest.mark.parametrize(("blur", "known"), [(0.04, True), (0.06, False)])
+def test_an_angle_is_known_only_where_its_curve_surely_passes_on_one_side(blur, known):
+    empty, half = np.empty((0, 1)), (np.zeros(1), np.full(1, pi))
+    curve = turned_angles(lambda t, _: Pair(ENCLOSURES.cos(t), Enclosure(np.full(1, 0.05), blur)), {})
+    assert np.isfinite(curve(over_band((), empty, empty, half)))[0] == known
 
 
 def test_an_unstable_loop_is_refuted_although_its_sensitivity_is_small():

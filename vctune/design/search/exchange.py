@@ -43,8 +43,9 @@ def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | 
     """Return the start with K_p, or both gains, reduced until its loops are stable, as `stable` decides."""
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
     fallback: Point | None = None
-    for velocity, position in ((v * K_v, share * K_p) for share in GAIN_REDUCTIONS for v in (1.0, share)):
-        gains = Gains(max(velocity, bounds.velocity.min), max(position, bounds.position.min))
+    reduced = ((v * K_v, share * K_p) for share in GAIN_REDUCTIONS for v in (1.0, share))
+    within = (Gains(max(v, bounds.velocity.min), max(p, bounds.position.min)) for v, p in reduced)
+    for gains in dict.fromkeys(within):
         if all(stable(case, gains) for case in of_own_loops(cases)):
             if all(least_resistance(case, gains).value[0] > 0 for case in cases if case.passive):
                 return point(gains, start.coupling)
