@@ -4,15 +4,12 @@ The tests hold formulas against them."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple
-from math import factorial, inf
+from math import factorial
 
 from flint import arb
 
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate, sinc_curvature_series
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.elementary import UNIT
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure
 
@@ -100,31 +97,6 @@ def ball(decimal: float) -> arb:
     return arb(repr(float(decimal)))
 
 
-def ball_or_inf(decimal: float) -> Number:
-    """Return a ball around the decimal that a float prints as; inf stays a float."""
-    return decimal if decimal == inf else ball(decimal)
-
-
-def box(low: float, high: float) -> arb:
-    """Return a ball that contains the interval [low, high]."""
-    return arb(low).union(arb(high))
-
-
 def device_ball(device: Device) -> Device:
     """Return the device with its decimals enclosed."""
     return device.converted(ball)
-
-
-def gains_ball(gains: Gains) -> Gains:
-    """Return the gains with their decimals enclosed."""
-    return Gains(ball(gains.velocity), ball(gains.position))
-
-
-def coupling_ball(coupling: AnyCoupling) -> AnyCoupling:
-    """Return the coupling with its decimals enclosed."""
-    return type(coupling)(*map(ball_or_inf, astuple(coupling)))
-
-
-def design_ball(design: Design) -> Design:
-    """Return the design with its decimals enclosed."""
-    return Design(device_ball(design.device), gains_ball(design.gains), coupling_ball(design.coupling))

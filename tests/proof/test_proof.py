@@ -8,7 +8,7 @@ from math import inf, pi
 import numpy as np
 import pytest
 from arithmetic import Digits
-from balls import BALLS, PRECISION, design_ball
+from balls import BALLS, PRECISION, ball
 from conftest import mostly_slow
 from flint import arb, ctx
 from frequency import demanded, offered
@@ -18,6 +18,7 @@ from loop import Loop, sensitivity
 
 from vctune.analysis.demands import stability_ratio
 from vctune.analysis.extrema import frequency_grid, local_minima
+from vctune.api.checking import check
 from vctune.bench import evaluator
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
@@ -194,10 +195,19 @@ def test_an_unstable_loop_is_refuted_although_its_sensitivity_is_small():
     assert certificate.verdict is Verdict.REFUTED
 
 
+@pytest.mark.parametrize(
+    ("damping", "verdict"), [(0.0, "refuted"), (5.0, "proved"), ({"min": 0.0, "max": 5.0}, "refuted")]
+)
+def test_the_hand_with_the_least_damping_decides_of_a_servo(damping, verdict):
+    servo = {"delay": 0.004, "bandwidth_hz": 15.0, "order": 2, "command": "velocity"}
+    stated = {"device": {"sample_time": 0.002, "servo": servo}, "stability": {"safety_factor": 1.0}}
+    stated |= {"operator": {"mass": 0.1, "damping": damping, "stiffness": 400.0}}
+    found = check(stated | {"coupling": {"mass": 6.0, "drag": 6.0, "damping": inf}})
+    assert found.finding.judgement.certificate.verdict.value == verdict
+
+
 def test_proof_is_about_the_decimals():
     """0.1 + 0.2 as written is not 0.3: a margin of exactly 0 is not proved, one of 1e-20 is."""
-    from balls import ball
-
     with ctx.workprec(PRECISION):
         assert not ball(0.1) + ball(0.2) - ball(0.3) > 0
         assert ball(0.1) + ball(0.2) + arb("1e-20") - ball(0.3) > 0
@@ -207,5 +217,5 @@ def test_proof_is_about_the_decimals():
 def test_margin_without_a_loop_is_the_device_and_the_coupling_alone():
     design = Design(LAG, Gains(0.0, 0.0), Coupling(3.0, 1.0, 0.5))
     with ctx.workprec(PRECISION):
-        margin = conditions_margin(design_ball(design), arb(2), arb(1), BALLS)
+        margin = conditions_margin(design.converted(ball), arb(2), arb(1), BALLS)
         assert float(margin) == pytest.approx(2 * 2.0 * (0.5 + 3 * 4 / (9 + 4)))

@@ -40,8 +40,10 @@ STEPS, STRIDE = 60, 4.0  # Gauss-Newton steps, and greatest change of a delay in
 # the encoder's noise; and that above which two swapped columns are looked for
 MAX_RESIDUAL_SHARE, GREATEST_SHARE, OF_NOISE, SUSPICIOUS_SHARE = 0.6, 0.25, 10.0, 0.05
 SIGNIFICANT = 2.0  # Difference between the directions, in deviations, above which each has its own damping
-# A spring is there if it is this many deviations from 0, and leaves less than this share of the residual and makes up
-# this share of the force, or moves the mass by this share
+# What pulls with the position: a spring, or gravity on a rotary device. It is there if it is this many deviations from
+# 0, and leaves less than this share of the residual and makes up this share of the force, or moves the mass by this
+# share
+PULLS = {False: (("stiffness",),), True: (("stiffness",), ("sine", "cosine"))}
 SPRUNG, EXPLAINED, FELT, MOVED = 4.0, 0.75, 0.01, 0.02
 DRIVEN = 0.1  # Share of the force that a damping below 0 must make up for a log to be refused
 LAGS = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)  # Lags that are tried in the place of a part of a delay, as shares of it
@@ -121,6 +123,8 @@ def signals_of(recording: Recording, T: float, actuator: Actuator | None, *, swa
         x, force, noise, hand = force, x, 0.0, None
     size = LONGEST * next_fast_len(ceil((x.size + min(x.size, BEHIND)) / LONGEST), real=True)
     columns = {"position": x - x.mean(), "force": force, "hand": hand}
+    if recording.rotary:
+        columns |= {"sine": np.sin(x - x.mean()), "cosine": np.cos(x - x.mean())}
     spectra = {name: np.fft.rfft(values, size) for name, values in columns.items() if values is not None}
     found = Signals(T, x.size, size, spectra, x, noise, held, actuator if held else None)
     cutoff = HIGHEST / T
@@ -195,7 +199,7 @@ def _regressor(signals: Signals, cutoff: float, name: str, every: int) -> Floats
         return sum((by * _regressor(signals, cutoff, way, every) for way, by in BOTH[name].items()), np.zeros(1))
     omega = signals.omega(every)
     factor = smooth(omega, cutoff) * (-(omega**2) if name == "mass" else 1.0)
-    return signals.filtered(name if name in WAYS else "position", factor, every)
+    return signals.filtered(name if name in signals.spectra else "position", factor, every)
 
 
 def _pushed(
@@ -243,7 +247,7 @@ def motion_study(recording: Recording, T: float, actuator: Actuator | None, dela
         raise unexplained(recording, message, recording.channels["position"].header)
     fits = [replace(motion_fit(signals, cutoff, DIRECTIONAL, delays), curves=None) for cutoff in usable]
     fit = motion_fit(signals, min(fits, key=lambda fit: fit.sigma["mass"]).cutoff_hz, DIRECTIONAL, delays)
-    _refuse_spring(recording, signals, fit, delays)
+    _refuse_pull(recording, signals, fit, delays)
     chi2 = (fit.residual / (abs(fit.value["mass"]) * signals.encoder_noise(fit.cutoff_hz, 2))) ** 2
     _refuse_unexplained(recording, signals, fit, delays, chi2)
     both = motion_fit(signals, fit.cutoff_hz, SYMMETRIC, delays)
@@ -314,22 +318,22 @@ def _later(signals: Signals, fits: Sequence[MotionFit], best: MotionFit, delays:
     return found
 
 
-def _refuse_spring(recording: Recording, signals: Signals, fit: MotionFit, delays: Mapping[str, float]) -> None:
+def _refuse_pull(recording: Recording, signals: Signals, fit: MotionFit, delays: Mapping[str, float]) -> None:
     """Refuse a log in which something besides the motor and the hand pulls with the position: no device has that."""
-    sprung = motion_fit(signals, fit.cutoff_hz, (*DIRECTIONAL, "stiffness"), delays)
-    stiffness, moved = sprung.value["stiffness"], abs(sprung.value["mass"] / fit.value["mass"] - 1)
-    if abs(stiffness) < SPRUNG * sprung.sigma["stiffness"]:
-        return
-    position = recording.channels["position"]
-    share = abs(stiffness) * float(np.std(position.values)) / fit.force
-    if moved < MOVED and (sprung.residual > EXPLAINED * fit.residual or share < FELT):
-        return
-    units = recording.units
-    message = (
-        f"the {units.force_name} follows the position by about {stiffness:.2g} {units.stiffness}: gravity, a return "
-        "spring or a cable pulls, which no device here has; record where it is balanced, or without it"
-    )
-    raise unexplained(recording, message, position.header)
+    position, units = recording.channels["position"], recording.units
+    for pull in PULLS[recording.rotary]:
+        sprung = motion_fit(signals, fit.cutoff_hz, (*DIRECTIONAL, *pull), delays)
+        stiffness, sigma = sprung.value[pull[0]], sprung.sigma[pull[0]]
+        share = abs(stiffness) * float(np.std(position.values)) / fit.force
+        moved = abs(sprung.value["mass"] / fit.value["mass"] - 1)
+        explains = sprung.residual < EXPLAINED * fit.residual and share > FELT
+        if abs(stiffness) > SPRUNG * sigma and (moved > MOVED or explains):
+            message = (
+                f"the {units.force_name} follows the position by about {stiffness:.2g} {units.stiffness}: gravity, a "
+                f"return spring or a cable pulls, which no device here has; without it the {units.mass_name} is about "
+                f"{sprung.value['mass']:.2g} {units.mass}; record where it is balanced, or without it"
+            )
+            raise unexplained(recording, message, position.header)
 
 
 def _refuse_unexplained(
