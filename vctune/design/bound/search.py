@@ -59,13 +59,9 @@ class SearchState:
     incumbent: float
     open: int
 
-    @property
-    def gap(self) -> float:
-        """The share by which the incumbent's error exceeds the bound."""
-        return self.incumbent / self.bound - 1 if 0 < self.bound < inf else inf
-
     def __str__(self) -> str:
-        return f"error {self.incumbent:.5g}, bound {self.bound:.5g}, gap {self.gap:.2%}, {self.open} boxes open"
+        gap = _gap(self.incumbent, self.bound)
+        return f"error {self.incumbent:.5g}, bound {self.bound:.5g}, gap {gap:.2%}, {self.open} boxes open"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,18 +73,17 @@ class Optimality:
     proved: bool  # whether the bound is within the required gap
     improved: Judgement | None  # a better design than the given one; None if the search found none
     terms: tuple[TermName, ...]  # terms of the error that the bound covers; empty if it covers all
-    history: list[SearchState]  # states of the search; the last entry is the current one
+    boxes: int  # number of computed lower bounds
     open: OpenNodes  # the remaining boxes; none if the gap is proved
-
-    @property
-    def boxes(self) -> int:
-        """The number of computed lower bounds."""
-        return self.history[-1].boxes
 
     @property
     def gap(self) -> float:
         """The share by which the incumbent's error exceeds the bound."""
-        return self.history[-1].gap
+        return _gap(self.incumbent, self.bound)
+
+
+def _gap(error: float, bound: float) -> float:
+    return error / bound - 1 if 0 < bound < inf else inf
 
 
 @dataclass(slots=True)
@@ -122,29 +117,29 @@ def bound(
     axes = axes_of(posed.problem)
     root = OpenNodes(axes.whole, np.zeros(1), np.zeros(1, bool))
     search = _Search(posed, axes, _relaxed(posed, best), root, best.acting_error if best else inf)
-    history: list[SearchState] = []
+    rounds, reached = 0, 0.0
     with suppress(OutOfTimeError):
         if not {K_V, K_P} & set(axes.free):  # the search never halves fixed gains
             _prove_stability(search, search.nodes, np.ones(1, bool))
     with np.errstate(all="ignore"):
         while True:
             _prune(search, gap)
-            reached = min(search.pruned_bound, search.nodes.lowest, search.incumbent)
-            history.append(SearchState(search.boxes, reached, search.incumbent, len(search.nodes)))
-            progress(history[-1])
+            before, reached = reached, min(search.pruned_bound, search.nodes.lowest, search.incumbent)
+            progress(SearchState(search.boxes, reached, search.incumbent, len(search.nodes)))
             stop = stopped() or out_of_time()
             stop |= search.boxes > most_boxes or search.stability_boxes > most_stability_boxes
             # a further round would not raise the bound of a single box
-            stop |= not axes.free and len(history) > 2 and history[-1].bound == history[-2].bound
+            stop |= not axes.free and rounds > 1 and reached == before
             if stop or not len(search.nodes):
                 break
             with suppress(OutOfTimeError):  # at the time limit the open nodes stay open
-                if not axes.free or (len(history) - 1) % TRY_EVERY == 0:
+                if not axes.free or rounds % TRY_EVERY == 0:
                     _try_best_node(search, improve)
                 _branch(search)
+            rounds += 1
     terms = acting_terms(posed.problem) if posed is not given else ()
     proved = not len(search.nodes)
-    return Optimality(history[-1].bound, search.incumbent, proved, search.improved, terms, history, search.nodes)
+    return Optimality(reached, search.incumbent, proved, search.improved, terms, search.boxes, search.nodes)
 
 
 def _prune(search: _Search, gap: float) -> None:

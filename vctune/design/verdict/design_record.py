@@ -35,9 +35,7 @@ from vctune.document.records.certificate_json import (
     WorldRecord,
 )
 from vctune.document.records.design_json import (
-    BoxRecord,
     DesignRecord,
-    GlanceRecord,
     OptimalityRecord,
     UncertaintyRecord,
 )
@@ -58,7 +56,6 @@ from vctune.version import versions
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
 
-SHOWN = 200  # Greatest number of rounds of an exchange, and of states of a search of boxes, that a record keeps
 
 
 def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> dict[str, Any]:
@@ -276,21 +273,14 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
 
 
 def optimality_record(found: Optimality) -> OptimalityRecord:
-    """Return the record of the bound on every design: bound, gap, history, and open boxes."""
-    nodes = found.open
-    lowest = np.argsort(nodes.bound, kind="stable")[:SHOWN]
-    every = max(1, len(found.history) // SHOWN)
+    """Return the record of the bound on every design."""
     return OptimalityRecord(
         lower_bound=found.bound,
         gap=found.gap,
         verdict="proved" if found.proved else "open",
         boxes=found.boxes,
         terms=list(found.terms) or None,
-        history=[
-            GlanceRecord(boxes=at.boxes, lower_bound=at.bound, error=at.incumbent, open=at.open)
-            for at in [*found.history[:-1:every], found.history[-1]]
-        ],
-        open=[BoxRecord(low=nodes.boxes.low[:, i].tolist(), high=nodes.boxes.high[:, i].tolist()) for i in lowest],
+        error=found.incumbent,
     )
 
 

@@ -60,9 +60,6 @@ class Price(Part):
         return text(self.old, 4), text(self.new, 4), unit_of(tuple(self.key.split(".")), units)
 
 
-Four = Annotated[list[float], Field(min_length=4, max_length=4)]
-
-
 # Text that replaces the active constraints if the search stopped early, or if it does not solve an NLP
 UNKNOWN_LIMITS = "not known: the search ended without multipliers"
 
@@ -111,22 +108,6 @@ class Repair(Part):
         return self.needs == f"{self.key} = false"
 
 
-class GlanceRecord(Part):
-    """The state of the search for a bound at one moment."""
-
-    boxes: int
-    lower_bound: Number
-    error: Number
-    open: int
-
-
-class BoxRecord(Part):
-    """A box of designs: the ends of K_v, K_p, tau_c and b_0."""
-
-    low: Four
-    high: Four
-
-
 class OptimalityRecord(Part):
     """The proved lower bound on the error of every feasible design."""
 
@@ -135,13 +116,12 @@ class OptimalityRecord(Part):
     verdict: Literal["proved", "open"]
     boxes: int
     terms: list[TermName] | None = None
-    history: Annotated[list[GlanceRecord], Field(min_length=1)]
-    open: list[BoxRecord]
+    error: Number  # of the best known design, in the terms that the bound covers
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the terms that the bound covers, if it does not cover the whole error."""
         if self.terms is not None:
-            yield Row(self.of, text(self.history[-1].error), "in which designs differ")
+            yield Row(self.of, text(self.error), "in which designs differ")
         yield from super().rows(units)
 
     @property
