@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vctune.design.prepared import Prepared, prepare
+from vctune.design.prepared import Prepared, pose, prepare
 from vctune.design.result import Solved
+from vctune.design.search.alone import has_nothing_behind, least_felt
 from vctune.design.search.optimum import PROOF, SEARCH, Progress, improved, optimum
 from vctune.design.search.scan import scan
 from vctune.design.search.theorems import impossible
-from vctune.design.verdict.infeasible import nearest_miss, out_of_time_before_a_design
+from vctune.design.verdict.infeasible import Infeasibility, nearest_miss, out_of_time_before_a_design
 from vctune.design.verdict.judge import judge
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, out_of_time
@@ -24,6 +25,7 @@ from vctune.running import OutOfTimeError, out_of_time
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality, SearchState
 
+NOT_ALONE = "no mass and drag within their bounds was found that is stable in every hand of the box"
 BOUND = "the search of every box"  # Name of the search of every box among the stages that a time limit may cut short
 # SEARCH_BOXES is the greatest number of boxes in the search of all designs, which runs if the optimiser finds no design
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
@@ -49,9 +51,20 @@ def solve(
     if theorem is not None:
         return Solved(problem=problem, infeasibility=theorem)
     try:
+        if has_nothing_behind(problem):
+            return _alone(problem, progress)
         return _found(problem, progress, gap, exhaustive=exhaustive)
     except OutOfTimeError:
         return Solved(problem=problem, infeasibility=out_of_time_before_a_design(), cut=(SEARCH,))
+
+
+def _alone(problem: Problem, progress: Progress) -> Solved:
+    """Search for the design of a servo with nothing behind it."""
+    began = perf_counter()
+    progress("comparing masses and drags in every hand")
+    found = least_felt(pose(problem))
+    none = None if found else Infeasibility(NOT_ALONE, "allow more coupling.drag or coupling.mass", proved=False)
+    return Solved(problem=problem, judgement=found, infeasibility=none, seconds={"prove": perf_counter() - began})
 
 
 def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustive: bool) -> Solved:

@@ -42,6 +42,11 @@ class Worlds:
         """Whether all environments of the box have one mass and one stiffness."""
         return bool(self.low.mass == self.high.mass and self.low.stiffness == self.high.stiffness)
 
+    @property
+    def nothing(self) -> bool:
+        """Whether there is no mass and no spring in the box, but perhaps a damper."""
+        return bool(self.high.mass == 0 == self.high.stiffness)
+
     def in_words(self, units: Units) -> str:
         """Return "every environment of ..." with units. The text omits limits that exclude nothing."""
         if self.exact and self.high.mass == 0 == self.low.damping:

@@ -57,7 +57,6 @@ if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
 
 
-
 def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> dict[str, Any]:
     """Return the JSON object of a solved problem. Every number in the object is finite or null.
 
@@ -204,7 +203,10 @@ def _in_hands(problem: Problem, judgement: Judgement) -> HandsRecord | None:
         also["worlds"] = {name: [low[name], high[name]] for name in low}
     device = held.device if held is judgement.binding else problem.device
     law, factor = (judgement.gains, judgement.coupling), problem.stability.safety_factor
-    if (world := binding_world(device, *law, held.hand, held.omega, factor, worlds)) is not None:
+    if (
+        not (worlds and worlds.nothing)
+        and (world := binding_world(device, *law, held.hand, held.omega, factor, worlds)) is not None
+    ):
         also["worst_world"] = WorldRecord(mass=world.mass, stiffness=world.stiffness)
     if (walls := judgement.in_walls) is not None and (corner := judgement.corner) is not None:
         claimed = _claimed(problem, outcomes["walls"], walls) | {"worst_hand": walls.hand}

@@ -30,10 +30,10 @@ DIGITS = 4  # Number of significant digits of the stiffest contact
 
 
 def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | None:
-    """Return the drag that contacts require of a servo, and the stiffest contact of a design; None for other
-    displays."""
+    """Return the drag that contacts require of a servo, and the stiffest contact of a design; None for other displays,
+    and with nothing behind, where a mass may take the place of drag."""
     hands = problem.hands_met
-    if problem.device.servo is None or hands is None:
+    if problem.device.servo is None or hands is None or (problem.worlds is not None and problem.worlds.nothing):
         return None
     devices = list(dict.fromkeys(case.device.modelled for case in pose(problem).hand_cases))
     factor, K = problem.stability.safety_factor, hands.high.stiffness

@@ -88,10 +88,12 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
             drag=ABSENT,
         )
     if device.servo is not None:
+        behind = _worlds(document.environment)
+        alone = behind is not None and behind.nothing  # a damper in series with nothing holds nothing
         return Bounds(
             velocity=ABSENT,
             position=ABSENT,
-            damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
+            damping=_range(coupling.damping, *((inf, inf) if alone else (1e-6 * Z_0, 1e6 * Z_0))),
             mass=_range(coupling.mass, 1e-6 * Z_0 / middle_omega, 1e6 * Z_0 / middle_omega),
             drag=_range(coupling.drag, 0.0, 1e3 * Z_0),
         )

@@ -1,0 +1,130 @@
+"""Find the mass and drag that the hand feels least of a servo with nothing behind it (model/README.md, section 18).
+
+The loop is Z_c + Z_seen with Z_c = c (1 + tau s). It is stable for a great c, and stays so while c falls until a hand
+of the box puts a pole on the unit circle: there, its imaginary part is 0 and its real part not positive. So each tau
+has a least c, and the error of c and tau is left to minimise over tau alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from math import exp, inf, log, pi
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.design.prepared import Posed
+from vctune.design.verdict.judge import Judgement, Status, judge_posed
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import Hand, Hands, stacked
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Problem
+from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.proof.outcome import Verdict
+from vctune.proof.prover import boxes_at_most
+
+SHARES = (0.0, 0.05, 0.3, 1.0)  # Hands of the box that are looked at first: shares of each range
+ANGLES = np.append(np.geomspace(1e-5, 0.5, 400), np.linspace(0.5, pi * (1 - 1e-9), 250)[1:])  # rad
+SLOWEST, QUICKEST, TAUS = 1e5, 1e-3, 33  # tau, in sample times, and number of values that are compared first
+HALVINGS = 22  # of the logarithm of c
+ROUNDS, TIGHTER = 12, 4e-4  # proofs, and the reserve of the first beyond the estimate; it doubles with each
+MOST_BOXES = 20_000  # of a proof: with more reserve it needs few
+STILL = Gains(0.0, 0.0)
+
+
+def has_nothing_behind(problem: Problem) -> bool:
+    """Return whether a problem is that of a servo whose coupling is a mass and a drag with nothing behind them."""
+    worlds, servo = problem.worlds, problem.device.servo
+    if worlds is None or servo is None or worlds.walls or servo.radii or problem.bounds.damping.min < inf:
+        return False
+    return worlds.nothing and worlds.low.damping == 0
+
+
+@np.errstate(all="ignore")
+def least_felt(posed: Posed) -> Judgement | None:
+    """Return the design with the least error that is proved, or else the last that was tried; None if there is none."""
+    hands = _hands_of(posed.problem.hands)
+    devices = list(dict.fromkeys(case.device for case in (*posed.cases, *posed.hand_cases)))
+    tried, reserve = None, TIGHTER
+    for _ in range(ROUNDS):
+        best = _best(posed, [_seen(device, hands) for device in devices], 1 + reserve)
+        if best is None:
+            return tried
+        with boxes_at_most(MOST_BOXES):
+            tried = judge_posed(posed, STILL, best)
+        if tried.status is Status.CERTIFIED:
+            return tried
+        lost = [each for each in tried.certificate.outcomes.values() if each.verdict is Verdict.REFUTED]
+        new = [each.hand for each in lost if each.hand is not None and each.hand not in hands]
+        others = [each.device for each in lost if each.device is not None and each.device not in devices]
+        hands, devices, reserve = hands + new, devices + others, reserve if new or others else 2 * reserve
+    return tried
+
+
+def _hands_of(hands: Hands) -> list[Hand]:
+    ranges = ([low + share * (high - low) for share in SHARES] for low, high in hands.ranges.values())
+    return list(dict.fromkeys(Hand(*numbers) for numbers in product(*ranges)))
+
+
+def _seen(device: Device, hands: Sequence[Hand]) -> Floats:
+    """Return Z_seen in each hand at each angle, shape (hands, angles)."""
+    plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
+    seen = seen_in_hand(loop_in_hand(plant, ANGLES, FLOATS), STILL)
+    found = -(seen.lost + 1j * seen.swing / np.sin(ANGLES / 2)) / seen.size
+    return np.broadcast_to(found, (len(hands), ANGLES.size))
+
+
+def _best(posed: Posed, seen: list[Floats], reserve: float) -> Coupling | None:
+    """Return the mass and drag with the least error of those that are stable in all hands, by an estimate."""
+    problem, T = posed.problem, posed.problem.device.sample_time
+    least, most = log(QUICKEST * T), log(SLOWEST * T)
+
+    def coupling(log_tau: float) -> Coupling | None:
+        tau, bounds = exp(log_tau), problem.bounds
+        shape = 1 + 1j * tau * (2 / T) * np.tan(ANGLES / 2)
+        c = max(_least_scale(shape, each) for each in seen) * problem.stability.safety_factor * reserve
+        c = max(c, bounds.drag.min, bounds.mass.min / tau)
+        mass, drag = float(f"{c * tau:.8g}"), float(f"{c:.8g}")
+        return Coupling(inf, mass, drag) if mass <= bounds.mass.max and drag <= bounds.drag.max else None
+
+    def error(log_tau: float) -> float:
+        found = coupling(log_tau)
+        return inf if found is None else posed.error(STILL, found)
+
+    grid = np.linspace(least, most, TAUS)
+    values = [error(at) for at in grid]
+    k = int(np.argmin(values))
+    if values[k] == inf:
+        return None
+    low, high = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, TAUS - 1)])
+    golden = (5**0.5 - 1) / 2
+    for _ in range(12):
+        inner = high - golden * (high - low), low + golden * (high - low)
+        low, high = (low, inner[1]) if error(inner[0]) <= error(inner[1]) else (inner[0], high)
+    return coupling(min((float(grid[k]), 0.5 * (low + high)), key=error))
+
+
+def _least_scale(shape: Floats, seen: Floats) -> float:
+    """Return the least c beyond which no c puts a pole of c shape + seen on the unit circle, in any of the hands."""
+
+    def stable(c: float) -> bool:
+        whole = c * shape + seen
+        real, imag = whole.real, whole.imag
+        share = np.clip(imag[:, :-1] / (imag[:, :-1] - imag[:, 1:]), 0.0, 1.0)
+        there = real[:, :-1] + share * (real[:, 1:] - real[:, :-1])
+        return not np.any((imag[:, :-1] < 0) != (imag[:, 1:] < 0), where=there <= 0)
+
+    high = float(np.max(np.abs(seen) / np.abs(shape)))
+    low = high
+    while stable(low) and low > 1e-12 * high:
+        low /= 2
+    if low == high or stable(low):
+        return low
+    low, high = log(low), log(2 * low)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if stable(exp(middle)) else (middle, high)
+    return exp(high)
