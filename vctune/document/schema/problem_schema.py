@@ -212,7 +212,8 @@ class CouplingTable(Table):
     damping: Damping | None = Field(
         None,
         description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }. For an impedance display the default "
-        "min is 0. For other displays the minimum must be above 0. For a servo, inf makes the coupling rigid, so "
+        "min is 0. For other displays the minimum must be above 0. For a servo, inf makes the coupling rigid, which "
+        "is the default with nothing behind it ([environment]), so "
         "that only mass and drag remain, as in the usual admittance controller of a robot.",
     )
     mass: PositiveVariable | None = Field(
