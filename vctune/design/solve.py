@@ -59,7 +59,7 @@ def solve(
 
 
 def _alone(problem: Problem, progress: Progress) -> Solved:
-    """Search for the design of a servo with nothing behind it."""
+    """Search for the mass and drag with nothing behind them."""
     began = perf_counter()
     progress("comparing masses and drags in every hand")
     found = least_felt(pose(problem))

@@ -1,4 +1,4 @@
-"""Find the mass and drag that the hand feels least of a servo with nothing behind it (model/README.md, section 18).
+"""Find the mass and drag that are felt least with nothing behind them, for given gains (model/README.md, section 18).
 
 The loop is Z_c + Z_seen with Z_c = c (1 + tau s). It is stable for a great c, and stays so while c falls until a hand
 of the box puts a pole on the unit circle: there, its imaginary part is 0 and its real part not positive. So each tau
@@ -32,15 +32,14 @@ SLOWEST, QUICKEST, TAUS = 1e5, 1e-3, 33  # tau, in sample times, and number of v
 HALVINGS = 22  # of the logarithm of c
 ROUNDS, TIGHTER = 12, 4e-4  # proofs, and the reserve of the first beyond the estimate; it doubles with each
 MOST_BOXES = 20_000  # of a proof: with more reserve it needs few
-STILL = Gains(0.0, 0.0)
 
 
 def has_nothing_behind(problem: Problem) -> bool:
-    """Return whether a problem is that of a servo whose coupling is a mass and a drag with nothing behind them."""
-    worlds, servo = problem.worlds, problem.device.servo
-    if worlds is None or servo is None or worlds.walls or servo.radii or problem.bounds.damping.min < inf:
+    """Return whether a problem leaves mass and drag alone to choose, with nothing behind them."""
+    worlds, servo, bounds = problem.worlds, problem.device.servo, problem.bounds
+    if worlds is None or worlds.walls or worlds.low.damping > 0 or (servo is not None and servo.radii):
         return False
-    return worlds.nothing and worlds.low.damping == 0
+    return worlds.nothing and bounds.velocity.fixed and bounds.position.fixed and bounds.damping.min == inf
 
 
 @np.errstate(all="ignore")
@@ -48,16 +47,18 @@ def least_felt(posed: Posed) -> Judgement | None:
     """Return the design with the least error that is proved, or else the last that was tried; None if there is none."""
     hands = _hands_of(posed.problem.hands)
     devices = list(dict.fromkeys(case.device for case in (*posed.cases, *posed.hand_cases)))
-    tried, reserve = None, TIGHTER
+    bounds, tried, reserve = posed.problem.bounds, None, TIGHTER
+    gains = Gains(bounds.velocity.min, bounds.position.min)
     for _ in range(ROUNDS):
-        best = _best(posed, [_seen(device, hands) for device in devices], 1 + reserve)
+        best = _best(posed, gains, [_seen(device, gains, hands) for device in devices], 1 + reserve)
         if best is None:
             return tried
         with boxes_at_most(MOST_BOXES):
-            tried = judge_posed(posed, STILL, best)
-        if tried.status is Status.CERTIFIED:
+            tried = judge_posed(posed, gains, best)
+        outcomes = tried.certificate.outcomes
+        if tried.status is Status.CERTIFIED or outcomes["worlds"].verdict is Verdict.PROVED:  # else the gains fail
             return tried
-        lost = [each for each in tried.certificate.outcomes.values() if each.verdict is Verdict.REFUTED]
+        lost = [each for each in outcomes.values() if each.verdict is Verdict.REFUTED]
         new = [each.hand for each in lost if each.hand is not None and each.hand not in hands]
         others = [each.device for each in lost if each.device is not None and each.device not in devices]
         hands, devices, reserve = hands + new, devices + others, reserve if new or others else 2 * reserve
@@ -69,15 +70,15 @@ def _hands_of(hands: Hands) -> list[Hand]:
     return list(dict.fromkeys(Hand(*numbers) for numbers in product(*ranges)))
 
 
-def _seen(device: Device, hands: Sequence[Hand]) -> Floats:
+def _seen(device: Device, gains: Gains, hands: Sequence[Hand]) -> Floats:
     """Return Z_seen in each hand at each angle, shape (hands, angles)."""
     plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
-    seen = seen_in_hand(loop_in_hand(plant, ANGLES, FLOATS), STILL)
+    seen = seen_in_hand(loop_in_hand(plant, ANGLES, FLOATS), gains)
     found = -(seen.lost + 1j * seen.swing / np.sin(ANGLES / 2)) / seen.size
     return np.broadcast_to(found, (len(hands), ANGLES.size))
 
 
-def _best(posed: Posed, seen: list[Floats], reserve: float) -> Coupling | None:
+def _best(posed: Posed, gains: Gains, seen: list[Floats], reserve: float) -> Coupling | None:
     """Return the mass and drag with the least error of those that are stable in all hands, by an estimate."""
     problem, T = posed.problem, posed.problem.device.sample_time
     least, most = log(QUICKEST * T), log(SLOWEST * T)
@@ -92,7 +93,7 @@ def _best(posed: Posed, seen: list[Floats], reserve: float) -> Coupling | None:
 
     def error(log_tau: float) -> float:
         found = coupling(log_tau)
-        return inf if found is None else posed.error(STILL, found)
+        return inf if found is None else posed.error(gains, found)
 
     grid = np.linspace(least, most, TAUS)
     values = [error(at) for at in grid]

@@ -87,13 +87,14 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
             mass=ABSENT,
             drag=ABSENT,
         )
+    behind = _worlds(document.environment)
+    alone = behind is not None and behind.nothing  # a damper in series with nothing holds nothing
+    damping = _range(coupling.damping, *((inf, inf) if alone else (1e-6 * Z_0, 1e6 * Z_0)))
     if device.servo is not None:
-        behind = _worlds(document.environment)
-        alone = behind is not None and behind.nothing  # a damper in series with nothing holds nothing
         return Bounds(
             velocity=ABSENT,
             position=ABSENT,
-            damping=_range(coupling.damping, *((inf, inf) if alone else (1e-6 * Z_0, 1e6 * Z_0))),
+            damping=damping,
             mass=_range(coupling.mass, 1e-6 * Z_0 / middle_omega, 1e6 * Z_0 / middle_omega),
             drag=_range(coupling.drag, 0.0, 1e3 * Z_0),
         )
@@ -104,7 +105,7 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     return Bounds(
         velocity=_range(gains.velocity, least, 2 * loop_impedance),
         position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
-        damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
+        damping=damping,
         mass=_range(coupling.mass, 1e-6 * Z_0 / middle_omega, 1e6 * Z_0 / middle_omega),
         drag=_range(coupling.drag, 0.0, Z_0 if drag_is_free else 0.0),
     )
