@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from math import inf, log, pi, sqrt
+from math import inf, pi
 
 import numpy as np
 import pytest
@@ -20,7 +20,6 @@ from vctune.design.verdict.design_record import warnings
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem, read_problem
 from vctune.model.gains import Coupling, Gains
-from vctune.model.transparency import Terms
 from vctune.proof.outcome import Verdict
 
 REFERENCE = json.loads((ROOT / "tests/reference/expected.json").read_text())
@@ -334,14 +333,3 @@ def test_a_common_factor_of_the_weights_changes_nothing(factor):
     here, there = solve(parse(DEVICE)).judgement, solve(parse(DEVICE + weights)).judgement
     assert there.gains == here.gains
     assert there.transparency.error == pytest.approx(here.transparency.error * factor, rel=1e-12)
-
-
-def test_the_error_of_the_bare_device_on_a_dense_grid():
-    """With Z_0 |G_hh| alone and no loop the mean square is an elementary integral."""
-    wheel = read_problem(ROOT / "problems/friction-wheel.toml").problem
-    band, b, m = wheel.transparency.band, wheel.device.damping, wheel.device.mass
-    alone = replace(wheel, transparency=replace(wheel.transparency, weights=Terms(1.0, 0.0, 0.0)))
-    grown = [log(w * w / (b * b + (m * w) ** 2)) / (2 * b * b) for w in (band.min, band.max)]
-    expected = wheel.transparency.reference_impedance * sqrt((grown[1] - grown[0]) / log(band.max / band.min))
-    still = case_of(wheel.device, Gains(0.0, 0.0), Coupling(1.0, 1.0, 0.0))
-    assert error(alone, still) == pytest.approx(expected, rel=1e-9)
