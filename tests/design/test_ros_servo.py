@@ -170,8 +170,7 @@ def test_the_lightest_arm_is_what_its_hands_permit(seed):
     rng = np.random.default_rng(seed)
     text = problem_text(random_arm(rng), nothing_behind=True, stiffest=10 ** rng.uniform(2, 4))
     tables = tomllib.loads(text + "[environment]\nmass = { max = 0.0 }\nstiffness = { max = 0.0 }\n")
-    posed = problem(tables).problem
-    found = solve(posed)
+    found = solve(posed := problem(tables).problem)
     assert found.status is Status.CERTIFIED
     most = [tables["operator"][name]["max"] for name in ("mass", "damping", "stiffness")]
     hands = [tuple(np.multiply(most, share)) for share in product((0, 0.3, 1), (0, 1), (0, 0.1, 0.4, 1))]
