@@ -13,6 +13,7 @@ from identification_logs import Log, driven, encoded, multisine, random_case, sp
 
 from vctune import check, identify, solve
 from vctune.design.verdict.check import CheckVerdict
+from vctune.document.reading import read_problem
 from vctune.document.records.identification_json import Estimate
 from vctune.document.text.errors import InputError
 from vctune.identification.box import box, jackknife, readable
@@ -193,3 +194,14 @@ def test_a_force_that_no_noise_explains_is_refused(moved, tmp_path):
     Log(moved | {"command_N": moved["command_N"] + pull}, "").write(tmp_path)
     done = run("identify", "log.csv", "--no-report", cwd=tmp_path)
     assert done.returncode == 2 and "[log-unexplained]" in done.stderr
+
+
+@pytest.mark.parametrize(("display", "code"), [("admittance", 2), ("impedance", 0)])
+def test_a_spring_is_refused_unless_it_acts_as_a_hand_does(moved, tmp_path, display, code):
+    pulled = moved | {"command_N": moved["command_N"] + 300.0 * moved["position_m"]}
+    Log(pulled, f'[device]\ndisplay = "{display}"\n').write(tmp_path)
+    done = run("identify", "log.csv", "--config", "log.toml", "--no-report", cwd=tmp_path)
+    assert done.returncode == code and "follows the position by about 3e+02 N/m" in done.stdout + done.stderr
+    if code == 0:
+        found = read_problem(next(tmp_path.rglob("device.toml"))).problem
+        assert found.device.display == "impedance" and found.device.mass == pytest.approx(DEVICE.mass, rel=0.01)

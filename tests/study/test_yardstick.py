@@ -86,17 +86,6 @@ def test_each_points_stability_band_is_that_of_the_problem(three_keys):
     assert set(swept.table.numbers["stability_high_hz"]) == {100.0}
 
 
-def test_a_later_device_is_held_to_as_much_and_is_not_the_best(tmp_path):
-    """By its own default, to 62.5 Hz, it would have the least error: .499 beside .658 without delay."""
-    (tmp_path / "wheel.toml").write_text(text_of(BASE))
-    found = sweep(tmp_path / "wheel.toml", {"device.delay": [0.0, 3e-4]})
-    least, later = found.table.numbers["error"]
-    assert least < later and found.summary.best["device.delay"] == 0.0
-    own = problem_of(BASE | {"delay": 3e-4})
-    eased = replace(own, transparency=problem_of(BASE).transparency)
-    assert solve(eased).judgement.error < least
-
-
 def test_a_loop_that_hardly_works_is_idle_in_rows_table_and_summary(three_keys, tmp_path):
     swept, _, _ = three_keys
     tracking = swept.table.numbers["tracking_term"]

@@ -30,7 +30,7 @@ from vctune.model.parts import PARTS, Servo, VelocityEstimate
 
 SENSOR = "force_sensor"  # Key of the part that senses the force
 # Keys of [device] that apply only to a device with a velocity loop in the firmware
-OF_OWN_LOOP = {"delay", "delay_uncertainty", "velocity", "actuator"}
+OF_OWN_LOOP = {"display", "delay", "delay_uncertainty", "velocity", "actuator"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +40,7 @@ class Known:
     parts: dict[str, Any]  # by key; the velocity is a difference of positions unless the user states its source
     delays: dict[str, float]  # "delay" and "sensor_delay", s, for which a fit does not search
     velocity: bool  # whether the source of the velocity is stated
+    display: Literal["admittance", "impedance"]
 
 
 def known_of(log_map: LogMap, sample_time: float) -> Known:
@@ -61,7 +62,7 @@ def known_of(log_map: LogMap, sample_time: float) -> Known:
     if SENSOR in parts:
         through = sensor_response(parts[SENSOR], 0.0, FLOATS)
         delays["sensor_delay"] = 0.0 if through is None else float(through.lag)
-    return Known(parts, delays, velocity)
+    return Known(parts, delays, velocity, stated.display)
 
 
 SAME_SAMPLE_TIME = 1e-3  # Greatest relative difference between the sample times of recordings of one device
@@ -121,7 +122,7 @@ def identify(
         device=device_table(device),
         assumed=[] if log_map.servo or known.velocity else ["velocity"],
         numbers=bounds,
-        unmodelled=envelope(hertz, needed) if hertz.size >= LEAST_RADII else [],
+        unmodelled=envelope(hertz, needed) if hertz.size >= LEAST_RADII and not device.kind.inverse else [],
         friction=None if friction is None else FrictionRecord(coulomb=float(f"{friction:.6g}")),
         force_noise=None if noise is None else float(f"{noise:.6g}"),
         recordings=[study.record for study in studies],
@@ -144,7 +145,8 @@ def _study(recording: Recording, T: float, log_map: LogMap, known: Known) -> Stu
             "firmware wrote; or write device.delay, of the whole path from the command to the motion, into log.toml"
         )
         raise unexplained(recording, message, force.header)
-    return periodic_study(recording, T, actuator) or motion_study(recording, T, actuator, known.delays)
+    motion = periodic_study(recording, T, actuator)
+    return motion or motion_study(recording, T, actuator, known.delays, held=known.display == "impedance")
 
 
 def _with_remarks(study: Study) -> Study:
@@ -191,7 +193,7 @@ def _device(bounds: Sequence[Bounded], log_map: LogMap, T: float, studies: Seque
     for key, part in PARTS.items():
         numbers = {number.name: value[path] for number in part.numbers if (path := f"{key}.{number.name}") in value}
         parts |= {key: part.record(**numbers)} if numbers else {}
-    return Device(value["mass"], value["damping"], T, value["delay"], **(parts | known.parts))
+    return Device(value["mass"], value["damping"], T, value["delay"], display=known.display, **(parts | known.parts))
 
 
 def _gaps(studies: Sequence[Study], bounds: Sequence[Bounded], log_map: LogMap, known: Known) -> list[Note]:

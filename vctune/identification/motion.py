@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vctune.document.recording import Floats, Recording
 from vctune.document.records.identification_json import Estimate
-from vctune.document.text.errors import coded
+from vctune.document.text.errors import Note, coded
 from vctune.identification.box import COULOMB_SHARE, jackknife, sizes, unexplained
 from vctune.identification.checks import position_noise
 from vctune.identification.response import drive
@@ -21,7 +21,8 @@ from vctune.model.device import Device
 from vctune.model.parts import Actuator
 
 WAYS = ("damping_forwards", "damping_backwards", "coulomb_forwards", "coulomb_backwards")
-DIRECTIONAL, SYMMETRIC = ("mass", *WAYS), ("mass", "damping", "coulomb", "offset")
+DIRECTIONAL: tuple[str, ...] = ("mass", *WAYS)
+SYMMETRIC = ("mass", "damping", "coulomb", "offset")
 BOTH = {  # regressors of both ways, as sums of those of each
     "damping": {WAYS[0]: 1, WAYS[1]: 1},
     "coulomb": {WAYS[2]: 1, WAYS[3]: 1},
@@ -43,11 +44,15 @@ SIGNIFICANT = 2.0  # Difference between the directions, in deviations, above whi
 # What pulls with the position: a spring, or gravity on a rotary device. It is there if it is this many deviations from
 # 0, and leaves less than this share of the residual and makes up this share of the force, or moves the mass by this
 # share
-PULLS = {False: (("stiffness",),), True: (("stiffness",), ("sine", "cosine"))}
+PULLS: dict[bool, tuple[tuple[str, ...], ...]] = {False: (("stiffness",),), True: (("stiffness",), ("sine", "cosine"))}
 SPRUNG, EXPLAINED, FELT, MOVED = 4.0, 0.75, 0.01, 0.02
 DRIVEN = 0.1  # Share of the force that a damping below 0 must make up for a log to be refused
 LAGS = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)  # Lags that are tried in the place of a part of a delay, as shares of it
 SHORT = 0.2  # Shortest delay of which a part may be a lag that matters, in sample times
+LEFT_OUT = (
+    'the device in the file has no spring, because any passive hand may be one; for the criterion "hands", add it to '
+    "operator.stiffness"
+)
 FRICTION = coded("friction is not quite Coulomb's", "limit-friction")
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}  # Masses of haptic devices, kg, or kg m2 if rotary
 FORCES = (("delay", "force", 1.0), ("sensor_delay", "hand", -1.0))  # name, column, and sign of each delay
@@ -236,8 +241,10 @@ def _kept(signals: Signals, cutoff: float) -> NDArray[np.bool_]:
     return away if away.sum() >= LEAST_KEPT * kept.sum() else kept
 
 
-def motion_study(recording: Recording, T: float, actuator: Actuator | None, delays: Mapping[str, float]) -> Study:
-    """Study a recording of any motion."""
+def motion_study(
+    recording: Recording, T: float, actuator: Actuator | None, delays: Mapping[str, float], *, held: bool = False
+) -> Study:
+    """Study a recording of any motion. If `held`, a spring may pull, which stays outside the device as a hand does."""
     signals = signals_of(recording, T, actuator)
     if not signals.is_command:  # the stated delay ends at the measured force or before it
         delays = {name: late for name, late in delays.items() if name != "delay"}
@@ -247,12 +254,17 @@ def motion_study(recording: Recording, T: float, actuator: Actuator | None, dela
         raise unexplained(recording, message, recording.channels["position"].header)
     fits = [replace(motion_fit(signals, cutoff, DIRECTIONAL, delays), curves=None) for cutoff in usable]
     fit = motion_fit(signals, min(fits, key=lambda fit: fit.sigma["mass"]).cutoff_hz, DIRECTIONAL, delays)
-    _refuse_pull(recording, signals, fit, delays)
+    pull, names, remarks = _pull(recording, signals, fit, delays, held=held), DIRECTIONAL, list[Note]()
+    if pull:
+        names = (*DIRECTIONAL, *pull)
+        fits = [replace(motion_fit(signals, cutoff, names, delays), curves=None) for cutoff in usable]
+        fit = motion_fit(signals, min(fits, key=lambda fit: fit.sigma["mass"]).cutoff_hz, names, delays)
+        remarks.append(Note("remark-spring", f"{recording.name}: {_pulled(recording, fit, pull[0])}; {LEFT_OUT}"))
     chi2 = (fit.residual / (abs(fit.value["mass"]) * signals.encoder_noise(fit.cutoff_hz, 2))) ** 2
     _refuse_unexplained(recording, signals, fit, delays, chi2)
-    both = motion_fit(signals, fit.cutoff_hz, SYMMETRIC, delays)
+    both = motion_fit(signals, fit.cutoff_hz, (*SYMMETRIC, *pull), delays)
     free = signals.is_command and actuator is None and "delay" in fit.value
-    later = _later(signals, fits, fit, delays) if free else 0.0
+    later = _later(signals, fits, fit, names, delays) if free else 0.0
     others = [other for other in fits if other.cutoff_hz != fit.cutoff_hz and other.cutoff_hz >= fit.cutoff_hz / 8.5]
     numbers = [number(name, fit.value[name], fit.sigma[name]) for name in fit.value]
     numbers += [number(f"{name}, both ways alike", both.value[name], both.sigma[name]) for name in both.value]
@@ -267,6 +279,7 @@ def motion_study(recording: Recording, T: float, actuator: Actuator | None, dela
         "force",
         _estimates(recording.name, signals, fit, both, others, later),
         curves=fit.curves,
+        remarks=remarks,
         friction=coulomb if coulomb > 2 * both.sigma["coulomb"] else None,
         force_noise=None if hand is None else float(1.4826 * np.median(np.abs(np.diff(hand, 3))) / sqrt(20)),
     )
@@ -300,7 +313,9 @@ def _estimates(
     return found
 
 
-def _later(signals: Signals, fits: Sequence[MotionFit], best: MotionFit, delays: Mapping[str, float]) -> float:
+def _later(
+    signals: Signals, fits: Sequence[MotionFit], best: MotionFit, names: Sequence[str], delays: Mapping[str, float]
+) -> float:
     """Return how much longer than the fitted delay the sum of a delay and an actuator's lag may be, s."""
     # a lag delays fast motions less than slow ones; it shows most at the finest cut-off
     found = 0.0
@@ -310,7 +325,7 @@ def _later(signals: Signals, fits: Sequence[MotionFit], best: MotionFit, delays:
         tried = [(fit.residual, alone)]
         for lag in lags:
             lagging = replace(signals, actuator=Actuator(1 / (2 * pi * lag)))
-            lagged = motion_fit(lagging, cutoff, DIRECTIONAL, delays)
+            lagged = motion_fit(lagging, cutoff, names, delays)
             tried.append((lagged.residual, lagged.value["delay"] + lag))
         least = int(np.argmin([residual for residual, _ in tried]))
         if least > 0:  # one step further, for what lies between the steps
@@ -318,9 +333,11 @@ def _later(signals: Signals, fits: Sequence[MotionFit], best: MotionFit, delays:
     return found
 
 
-def _refuse_pull(recording: Recording, signals: Signals, fit: MotionFit, delays: Mapping[str, float]) -> None:
-    """Refuse a log in which something besides the motor and the hand pulls with the position: no device has that."""
-    position, units = recording.channels["position"], recording.units
+def _pull(
+    recording: Recording, signals: Signals, fit: MotionFit, delays: Mapping[str, float], *, held: bool
+) -> tuple[str, ...]:
+    """Return the regressors of what pulls with the position besides motor and hand; refuse it unless it is `held`."""
+    position, found = recording.channels["position"], list[tuple[MotionFit, tuple[str, ...]]]()
     for pull in PULLS[recording.rotary]:
         sprung = motion_fit(signals, fit.cutoff_hz, (*DIRECTIONAL, *pull), delays)
         stiffness, sigma = sprung.value[pull[0]], sprung.sigma[pull[0]]
@@ -328,12 +345,31 @@ def _refuse_pull(recording: Recording, signals: Signals, fit: MotionFit, delays:
         moved = abs(sprung.value["mass"] / fit.value["mass"] - 1)
         explains = sprung.residual < EXPLAINED * fit.residual and share > FELT
         if abs(stiffness) > SPRUNG * sigma and (moved > MOVED or explains):
-            message = (
-                f"the {units.force_name} follows the position by about {stiffness:.2g} {units.stiffness}: gravity, a "
-                f"return spring or a cable pulls, which no device here has; without it the {units.mass_name} is about "
-                f"{sprung.value['mass']:.2g} {units.mass}; record where it is balanced, or without it"
-            )
-            raise unexplained(recording, message, position.header)
+            found.append((sprung, pull))
+    if not found:
+        return ()
+    sprung, pull = found[-1] if found[-1][0].residual < EXPLAINED * found[0][0].residual else found[0]
+    if not held or not _restores(sprung, pull, position.values):
+        remedy = "which no device here has; record where it is balanced, or without it"
+        raise unexplained(recording, f"{_pulled(recording, sprung, pull[0])}, {remedy}", position.header)
+    return pull
+
+
+def _restores(fit: MotionFit, pull: tuple[str, ...], position: Floats) -> bool:
+    """Return whether the pull is that of a spring, and not of one below 0, at each of some positions."""
+    if len(pull) == 1:
+        return fit.value[pull[0]] > 0
+    away = position - position.mean()
+    return bool(np.all(fit.value["sine"] * np.cos(away) - fit.value["cosine"] * np.sin(away) > 0))
+
+
+def _pulled(recording: Recording, fit: MotionFit, name: str) -> str:
+    units = recording.units
+    return (
+        f"the {units.force_name} follows the position by about {fit.value[name]:.2g} {units.stiffness}: gravity, a "
+        f"return spring or a cable pulls; without it the {units.mass_name} is about {fit.value['mass']:.2g} "
+        f"{units.mass}"
+    )
 
 
 def _refuse_unexplained(

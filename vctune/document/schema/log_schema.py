@@ -78,6 +78,9 @@ class ColumnsTable(Table):
 class KnownDeviceTable(Table):
     """Known parameters of the device, which vctune copies to device.toml without identifying them."""
 
+    display: Literal["admittance", "impedance"] = Field(
+        "admittance", description="Kind of display, as in a problem file. A servo has none to state."
+    )
     delay: NotNegative | None = Field(
         None, description="Delay between sampling and actuation, s, without the delay of the hold."
     )
