@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vctune.document.recording import Floats, Recording
 from vctune.document.records.identification_json import Bounded, Estimate, bounded
 from vctune.document.schema.rules import MAX_DELAY_SAMPLES
-from vctune.document.text.errors import InputError, coded
+from vctune.document.text.errors import InputError, Note, coded
 from vctune.model.numbers.units import UNITS, Units
 
 TOGETHER = 0.95  # Probability with which all intervals of a box hold at the same time
@@ -24,6 +24,30 @@ LIGHTER = 1 - 1e-3  # Greatest permitted mass of the handle, relative to the lea
 def unexplained(recording: Recording, message: str, key: str = "") -> InputError:
     """Return the refusal of a log that no device explains."""
     return InputError.of(recording.source, "log-unexplained", message, key=key)
+
+
+def pulled(recording: Recording, stiffness: float, mass: float) -> InputError:
+    """Return the refusal of a log in which something besides motor and hand pulls with the position."""
+    remedy = "which no device here has; record where it is balanced, or without it"
+    position = recording.channels["position"].header
+    return unexplained(recording, f"{_pull(recording, stiffness, mass)}, {remedy}", position)
+
+
+def left_to_the_hand(recording: Recording, stiffness: float, mass: float) -> Note:
+    """Return the remark on a spring that stays outside the device, as a hand does."""
+    where = (
+        'the device in the file has no spring, because any passive hand may be one; for the criterion "hands", add it '
+        "to operator.stiffness"
+    )
+    return Note("remark-spring", f"{recording.name}: {_pull(recording, stiffness, mass)}; {where}")
+
+
+def _pull(recording: Recording, stiffness: float, mass: float) -> str:
+    units = recording.units
+    return (
+        f"the {units.force_name} follows the position by about {stiffness:.2g} {units.stiffness}: gravity, a return "
+        f"spring or a cable pulls; without it the {units.mass_name} is about {mass:.2g} {units.mass}"
+    )
 
 
 def joint_factor(count: int) -> float:

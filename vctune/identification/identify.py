@@ -145,8 +145,9 @@ def _study(recording: Recording, T: float, log_map: LogMap, known: Known) -> Stu
             "firmware wrote; or write device.delay, of the whole path from the command to the motion, into log.toml"
         )
         raise unexplained(recording, message, force.header)
-    motion = periodic_study(recording, T, actuator)
-    return motion or motion_study(recording, T, actuator, known.delays, held=known.display == "impedance")
+    held = known.display == "impedance"
+    periodic = periodic_study(recording, T, actuator, held=held)
+    return periodic or motion_study(recording, T, actuator, known.delays, held=held)
 
 
 def _with_remarks(study: Study) -> Study:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vctune.document.recording import Floats, Recording
 from vctune.document.records.identification_json import Estimate
 from vctune.document.text.errors import Note, coded
-from vctune.identification.box import COULOMB_SHARE, jackknife, sizes, unexplained
+from vctune.identification.box import COULOMB_SHARE, jackknife, left_to_the_hand, pulled, sizes, unexplained
 from vctune.identification.checks import position_noise
 from vctune.identification.response import drive
 from vctune.identification.study import Complex, Curves, Study, number, record_of
@@ -49,10 +49,6 @@ SPRUNG, EXPLAINED, FELT, MOVED = 4.0, 0.75, 0.01, 0.02
 DRIVEN = 0.1  # Share of the force that a damping below 0 must make up for a log to be refused
 LAGS = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)  # Lags that are tried in the place of a part of a delay, as shares of it
 SHORT = 0.2  # Shortest delay of which a part may be a lag that matters, in sample times
-LEFT_OUT = (
-    'the device in the file has no spring, because any passive hand may be one; for the criterion "hands", add it to '
-    "operator.stiffness"
-)
 FRICTION = coded("friction is not quite Coulomb's", "limit-friction")
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}  # Masses of haptic devices, kg, or kg m2 if rotary
 FORCES = (("delay", "force", 1.0), ("sensor_delay", "hand", -1.0))  # name, column, and sign of each delay
@@ -259,7 +255,7 @@ def motion_study(
         names = (*DIRECTIONAL, *pull)
         fits = [replace(motion_fit(signals, cutoff, names, delays), curves=None) for cutoff in usable]
         fit = motion_fit(signals, min(fits, key=lambda fit: fit.sigma["mass"]).cutoff_hz, names, delays)
-        remarks.append(Note("remark-spring", f"{recording.name}: {_pulled(recording, fit, pull[0])}; {LEFT_OUT}"))
+        remarks.append(left_to_the_hand(recording, fit.value[pull[0]], fit.value["mass"]))
     chi2 = (fit.residual / (abs(fit.value["mass"]) * signals.encoder_noise(fit.cutoff_hz, 2))) ** 2
     _refuse_unexplained(recording, signals, fit, delays, chi2)
     both = motion_fit(signals, fit.cutoff_hz, (*SYMMETRIC, *pull), delays)
@@ -350,8 +346,7 @@ def _pull(
         return ()
     sprung, pull = found[-1] if found[-1][0].residual < EXPLAINED * found[0][0].residual else found[0]
     if not held or not _restores(sprung, pull, position.values):
-        remedy = "which no device here has; record where it is balanced, or without it"
-        raise unexplained(recording, f"{_pulled(recording, sprung, pull[0])}, {remedy}", position.header)
+        raise pulled(recording, sprung.value[pull[0]], sprung.value["mass"])
     return pull
 
 
@@ -361,15 +356,6 @@ def _restores(fit: MotionFit, pull: tuple[str, ...], position: Floats) -> bool:
         return fit.value[pull[0]] > 0
     away = position - position.mean()
     return bool(np.all(fit.value["sine"] * np.cos(away) - fit.value["cosine"] * np.sin(away) > 0))
-
-
-def _pulled(recording: Recording, fit: MotionFit, name: str) -> str:
-    units = recording.units
-    return (
-        f"the {units.force_name} follows the position by about {fit.value[name]:.2g} {units.stiffness}: gravity, a "
-        f"return spring or a cable pulls; without it the {units.mass_name} is about {fit.value['mass']:.2g} "
-        f"{units.mass}"
-    )
 
 
 def _refuse_unexplained(

@@ -13,7 +13,7 @@ from vctune.document.recording import Floats, Recording
 from vctune.document.records.identification_json import CandidateRecord, Estimate, NumberRecord
 from vctune.document.schema.rules import FASTEST
 from vctune.document.text.errors import Note
-from vctune.identification.box import COULOMB_SHARE, box, jackknife
+from vctune.identification.box import COULOMB_SHARE, box, jackknife, left_to_the_hand, pulled
 from vctune.identification.spectra import Response, response
 from vctune.identification.study import Complex, Lines, Study, number, record_of
 from vctune.model.device import Device
@@ -73,6 +73,7 @@ class Task:
     masses: int
     lag: bool  # whether there is a first-order actuator between command and motor
     damped_handle: bool  # whether the handle has its own damping, which a problem file cannot state
+    sprung: bool = False  # whether a spring pulls on the motor, which a problem file cannot state either
     left_out: tuple[int, ...] = ()  # lines to skip
     # ratio of the sampled to the continuous response to the command, which hardly depends on the parameters; None if it
     # is to be computed
@@ -81,11 +82,17 @@ class Task:
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the parameters."""
-        return (*RIGID, *SPRING * (self.masses == 2), *("handle_damping",) * self.damped_handle, *("lag",) * self.lag)
+        return (
+            *RIGID,
+            *SPRING * (self.masses == 2),
+            *("handle_damping",) * self.damped_handle,
+            *("lag",) * self.lag,
+            *("stiffness",) * self.sprung,
+        )
 
     def __str__(self) -> str:
         parts = ["one mass", "two masses"][self.masses - 1], "actuator" * self.lag, "damped handle" * self.damped_handle
-        return ", ".join(part for part in parts if part)
+        return ", ".join(part for part in (*parts, "spring" * self.sprung) if part)
 
     def numbers(self, at: Floats) -> dict[str, float]:
         """Return the parameters at a point of the search."""
@@ -109,6 +116,7 @@ class Task:
         late = None if self.aliased is None else motor * drive(device, measured.omega) * self.aliased
         late = pushed(measured, device) if late is None else late
         moved = late - motor * self.numbers(at)["coulomb"] * measured.friction
+        moved = moved / (1 + self.numbers(at).get("stiffness", 0.0) * motor)
         return np.array([moved, moved * handle / motor][: len(measured.ratio)])
 
     def errors(self, at: Floats) -> tuple[Complex, Floats]:
@@ -137,6 +145,7 @@ class Task:
             here = replace(self, aliased=pushed(measured, device) / continuous if is_held else None)
         drag = self.numbers(start)["mass"] * float(measured.omega[0])
         typical = {"damping": drag, "handle_damping": drag, "delay": measured.sample_time, "damping_ratio": 0.01}
+        typical["stiffness"] = drag * float(measured.omega[0])
         typical["coulomb"] = 1 / float(np.median(np.abs(measured.friction)) + 1e-300)
         scale, logs = np.array([typical.get(name, 0.1) for name in names]), np.array([name in SCALED for name in names])
         lower = np.array([-2 * measured.sample_time if name == "delay" else 0.0 for name in names])
@@ -194,7 +203,7 @@ class ResponseFit:
         """Return chi2 with given model errors, plus a penalty for each free parameter (Bayes's criterion)."""
         residuals = self.task.residuals(self.at, model_errors)
         value = float(residuals @ residuals) + self.at.size * log(residuals.size)
-        return value * DECISIVE_FACTOR ** (self.task.masses - 1)
+        return value * DECISIVE_FACTOR ** (self.task.masses - 1 + 0.5 * self.task.sprung)
 
 
 def fit_response(measured: Response, actuator: Actuator | None) -> list[ResponseFit]:
@@ -205,6 +214,9 @@ def fit_response(measured: Response, actuator: Actuator | None) -> list[Response
         Task(measured, actuator, masses, lag, damped)
         for masses, lag, damped in product((1, 2), lags, (False, True))
         if masses == 2 or not damped
+    ]
+    tasks += [
+        replace(task, sprung=True) for task in tasks if not task.damped_handle and not (task.lag and task.masses == 2)
     ]
     found = [fit for fit in map(_fitted, tasks) if fit is not None and fit.resonates()]
     reference = np.min([fit.model_errors for fit in found], axis=0) if found else np.zeros(2)
@@ -252,8 +264,13 @@ def _starts(task: Task) -> list[Floats]:
     omega, ratio, T = task.measured.omega, task.measured.ratio[0], task.measured.sample_time
     inertia, phase = 1 / np.abs(omega**2 * ratio), np.unwrap(np.angle(-ratio))
     late = max(0.0, -float(phase @ omega / (omega @ omega)) - T / 2)
-    starts = [{"damping": 0.0, "coulomb": 0.0, "delay": late, "lag": T, "handle_damping": 0.0}]
+    starts = [{"damping": 0.0, "coulomb": 0.0, "delay": late, "lag": T, "handle_damping": 0.0, "stiffness": 0.0}]
     starts[0]["mass"] = float(np.median(inertia))
+    if task.sprung:  # the slowest lines show the spring, the fastest the mass
+        starts[0] |= {
+            "stiffness": 0.5 / float(np.abs(ratio[0])),
+            "mass": float(np.median(inertia[inertia.size // 2 :])),
+        }
     if task.masses == 2:
         total = float(np.median(inertia[: max(3, inertia.size // 10)]))
         peaks = [i for i in range(1, inertia.size - 1) if inertia[i] == inertia[max(0, i - 3) : i + 4].min()]
@@ -293,8 +310,9 @@ def fit_drive(omega: Floats, drive: Complex, T: float) -> tuple[float, float, fl
     return lag, float(solved.x[1]) * T, lag * float(sigma[0]), float(sigma[1]) * T
 
 
-def periodic_study(recording: Recording, T: float, actuator: Actuator | None) -> Study | None:
-    """Study a periodic excitation; None if the recording is none, or no device explains it."""
+def periodic_study(recording: Recording, T: float, actuator: Actuator | None, *, held: bool = False) -> Study | None:
+    """Study a periodic excitation; None if the recording is none, or no device explains it. If `held`, a spring may
+    pull, which stays outside the device as a hand does."""
     measured = None if "hand" in recording.channels else response(recording, T)
     fits = [] if measured is None else fit_response(measured, actuator)
     if measured is None or not fits:
@@ -305,6 +323,10 @@ def periodic_study(recording: Recording, T: float, actuator: Actuator | None) ->
     found, source = list[Estimate](), f"{name}: response"
     highest = f"{name}: nothing was measured above {omega[-1] / (2 * pi):.4g} Hz, where unmodelled keeps its last value"
     remarks = [Note("remark-highest-line", highest)]
+    if task.sprung and not held:
+        raise pulled(recording, numbers["stiffness"], numbers["mass"])
+    if task.sprung:
+        remarks.append(left_to_the_hand(recording, numbers["stiffness"], numbers["mass"]))
 
     def add(key: str, value: float, sigma: float, suffix: str = "", excess: float = 0.0) -> None:
         found.append(Estimate(key, value, sigma, source + suffix, (excess, excess)))
@@ -343,9 +365,10 @@ def periodic_study(recording: Recording, T: float, actuator: Actuator | None) ->
         )
         remarks.append(Note("remark-handle-damping", text))
     ratio, fitted = measured.ratio[0], task.outputs(fit.at)[0]
-    rubbed = compliances(device, omega)[0] * numbers["coulomb"] * measured.friction
+    motor = compliances(device, omega)[0]
+    rubbed, free = motor * numbers["coulomb"] * measured.friction, 1 + numbers.get("stiffness", 0.0) * motor
     lines = Lines(
-        omega / (2 * pi), ratio + rubbed, measured.spread[0], fitted + rubbed,
+        omega / (2 * pi), ratio * free + rubbed, measured.spread[0], fitted * free + rubbed,
         lambda other: pushed(measured, other), behind,
     )  # fmt: skip
     candidates = [
