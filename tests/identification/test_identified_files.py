@@ -30,12 +30,8 @@ LINES = np.unique(np.round(np.geomspace(4, 120, 30))).astype(int)
 def repeated():
     """Eight periods of a multisine, the command held between the samples of the log."""
     wave = 3.0 * multisine(np.random.default_rng(4), LINES, 512, 8, T)
-    recorded = driven(DEVICE, FRICTION, wave)
-    return {
-        "time_s": np.arange(wave.size) * T,
-        "position_m": encoded(recorded["position"], 1e-8),
-        "command_N": recorded["motor"],
-    }
+    recorded, time = driven(DEVICE, FRICTION, wave), np.arange(wave.size) * T
+    return {"time_s": time, "position_m": encoded(recorded["position"], 1e-8), "command_N": recorded["motor"]}
 
 
 @pytest.fixture(scope="module")
@@ -197,8 +193,10 @@ def test_a_force_that_no_noise_explains_is_refused(moved, tmp_path):
 
 
 @pytest.mark.parametrize(("display", "code"), [("admittance", 2), ("impedance", 0)])
-def test_a_spring_is_refused_unless_it_acts_as_a_hand_does(moved, tmp_path, display, code):
-    pulled = moved | {"command_N": moved["command_N"] + 300.0 * moved["position_m"]}
+@pytest.mark.parametrize("log", ["moved", "repeated"])
+def test_a_spring_is_refused_unless_it_acts_as_a_hand_does(request, tmp_path, log, display, code):
+    columns = request.getfixturevalue(log)
+    pulled = columns | {"command_N": columns["command_N"] + 300.0 * columns["position_m"]}
     Log(pulled, f'[device]\ndisplay = "{display}"\n').write(tmp_path)
     done = run("identify", "log.csv", "--config", "log.toml", "--no-report", cwd=tmp_path)
     assert done.returncode == code and "follows the position by about 3e+02 N/m" in done.stdout + done.stderr
