@@ -31,8 +31,7 @@ ZOOM = np.linspace(0.0, 1.0, 13)
 TOGETHER = 500
 """Cases judged at a time."""
 DECADES = 3
-NEXT_TO_1, MANY = 1e-9, Digits(300)
-"""Spectral radii that doubles do not tell from 1, and the arithmetic that does."""
+NEXT_TO_1, MANY = 1e-9, Digits(300)  # radii so near to 1 are not told from it in doubles
 STEEP = 2.0
 """Radians between neighbouring frequencies from which a curve's turns cannot be counted."""
 FINEST = 512

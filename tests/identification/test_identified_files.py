@@ -18,7 +18,7 @@ from vctune.document.records.identification_json import Estimate
 from vctune.document.text.errors import InputError
 from vctune.identification.box import box, jackknife, readable
 from vctune.model.device import Device
-from vctune.model.experiment import Friction
+from vctune.model.experiment import Friction, Operator
 
 T = 1e-3
 DEVICE = Device(0.5, 2.0, T, 7e-4)
@@ -193,10 +193,13 @@ def test_a_force_that_no_noise_explains_is_refused(moved, tmp_path):
 
 
 @pytest.mark.parametrize(("display", "code"), [("admittance", 2), ("impedance", 0)])
-@pytest.mark.parametrize("log", ["moved", "repeated"])
-def test_a_spring_is_refused_unless_it_acts_as_a_hand_does(request, tmp_path, log, display, code):
-    columns = request.getfixturevalue(log)
-    pulled = columns | {"command_N": columns["command_N"] + 300.0 * columns["position_m"]}
+@pytest.mark.parametrize("wave", ["moved", "repeated"])
+def test_a_spring_is_refused_unless_it_acts_as_a_hand_does(request, tmp_path, wave, display, code):
+    """The motor's force of another log pushes the device on a spring, which is a hand that nothing senses."""
+    spring = Operator("reciprocate", 0.0, 1e-12, 1e-12, 1, mass=0.0, damping=0.0, stiffness=300.0)
+    known = request.getfixturevalue(wave)
+    recorded = driven(DEVICE, FRICTION, known["command_N"], hand=spring)
+    pulled = known | {"position_m": encoded(recorded["position"], 1e-8), "command_N": recorded["motor"]}
     Log(pulled, f'[device]\ndisplay = "{display}"\n').write(tmp_path)
     done = run("identify", "log.csv", "--config", "log.toml", "--no-report", cwd=tmp_path)
     assert done.returncode == code and "follows the position by about 3e+02 N/m" in done.stdout + done.stderr
