@@ -266,17 +266,15 @@ def _starts(task: Task) -> list[Floats]:
     late = max(0.0, -float(phase @ omega / (omega @ omega)) - T / 2)
     starts = [{"damping": 0.0, "coulomb": 0.0, "delay": late, "lag": T, "handle_damping": 0.0, "stiffness": 0.0}]
     starts[0]["mass"] = float(np.median(inertia))
-    if task.sprung:  # the slowest lines show the spring, the fastest the mass
-        starts[0] |= {
-            "stiffness": 0.5 / float(np.abs(ratio[0])),
-            "mass": float(np.median(inertia[inertia.size // 2 :])),
-        }
+    if task.sprung:  # the slowest lines show the spring, the fastest the mass, and both resonate at the greatest
+        mass, peak = float(np.median(inertia[inertia.size // 2 :])), float(omega[np.argmax(np.abs(ratio))])
+        starts = [starts[0] | {"mass": mass, "stiffness": k} for k in (0.5 / float(np.abs(ratio[0])), mass * peak**2)]
     if task.masses == 2:
         total = float(np.median(inertia[: max(3, inertia.size // 10)]))
         peaks = [i for i in range(1, inertia.size - 1) if inertia[i] == inertia[max(0, i - 3) : i + 4].min()]
         spring = {"mass": total, "damping_ratio": 0.02}
         starts = [
-            starts[0] | spring | {"handle_mass": share * total, "frequency_hz": float(omega[i] / (2 * np.pi))}
+            starts[-1] | spring | {"handle_mass": share * total, "frequency_hz": float(omega[i] / (2 * np.pi))}
             for i in sorted(peaks, key=lambda i: inertia[i])[:3]
             for share in (0.1, 0.5)
         ]
