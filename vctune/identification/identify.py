@@ -50,6 +50,8 @@ def known_of(log_map: LogMap, sample_time: float) -> Known:
     faults = [
         Fault(("device", key), "a servo has none: its command is all that moves it", "contradiction") for key in own
     ]
+    if raw.get("display") == "impedance" and SENSOR in raw:
+        faults.append(Fault(("device", SENSOR), "an impedance display senses no force; leave it out", "contradiction"))
     impossible = impossible_parts({"device": raw | {"sample_time": sample_time}})
     faults = faults or [Fault(path, message, "contradiction") for path, message in impossible]
     if faults:

@@ -16,6 +16,7 @@ from vctune.analysis.hardest_hands import tightest_at_wall
 from vctune.analysis.in_hands import RatioInHand, least_ratios_near
 from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.result import Polished
+from vctune.design.search.alone import has_nothing_behind, least_felt
 from vctune.design.search.exchange import TIGHTENING, polish
 from vctune.design.search.scan import ScanResult, better_start_near, scan, start_at
 from vctune.design.search.theorems import impossible
@@ -99,6 +100,9 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
     if impossible(problem) is not None:
         return None
     prepared = prepare(problem)
+    if has_nothing_behind(problem):
+        found = least_felt(prepared.given)
+        return (found.gains, found.coupling) if found is not None and found.status is Status.CERTIFIED else None
     scanned = scan(prepared.scaled)
     for start in [start for start in scanned.starts[:LONG_SHOTS] if start.admissible] or scanned.starts[:1]:
         hopeful = start.workable and start.violation < NEARLY
