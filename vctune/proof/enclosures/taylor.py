@@ -41,7 +41,8 @@ class Taylor:
         if isinstance(other, Taylor):
             coefficients, radii = self.coefficients + other.coefficients, self.radii + other.radii
             radii[-1] += UNIT * np.abs(coefficients).sum(axis=0) + TINY
-            return Taylor(self.row_count, coefficients, radii * SWOLLEN)
+            radii *= SWOLLEN
+            return Taylor(self.row_count, coefficients, radii)
         mid, rad = _mid_and_rad(other)
         coefficients, radii = self.coefficients.copy(), self.radii.copy()
         coefficients[0] += mid
@@ -129,7 +130,9 @@ class Taylor:
 class _Magnitudes:
     """The greatest magnitudes that the parts of a polynomial have for |e_i| <= 1."""
 
-    __slots__ = ("linear", "linear_by_row", "polynomial", "quadratic", "quadratic_by_row")
+    __slots__ = (
+        "half_quadratic", "half_reach", "linear", "linear_by_row", "polynomial", "quadratic", "quadratic_by_row", "whole"
+    )  # fmt: skip
 
     def __init__(self, x: Taylor) -> None:
         sizes, k = np.abs(x.coefficients), x.row_count
@@ -137,7 +140,10 @@ class _Magnitudes:
         pairs = sizes[1 + k :]
         self.quadratic_by_row = (_half_shares(k) @ pairs.reshape(-1, sizes[0].size)).reshape(k, *sizes.shape[1:])
         self.linear, self.quadratic = self.linear_by_row.sum(axis=0), self.quadratic_by_row.sum(axis=0)
-        self.polynomial = sizes[0] + self.linear + self.quadratic
+        reach = self.linear + self.quadratic
+        self.half_quadratic, self.half_reach = 0.5 * self.quadratic, 0.5 * reach
+        self.polynomial = sizes[0] + reach
+        self.whole = self.polynomial + x.radii.sum(axis=0)  # with the radii
 
 
 @cache
@@ -183,28 +189,35 @@ def _mid_and_rad(x: Any) -> tuple[Any, Any]:
     return (x.mid, x.rad) if isinstance(x, Enclosure) else (x, 0.0)
 
 
+@cache
+def _pairs(row_count: int) -> tuple[Floats, ...]:
+    """Return i and j of each pair i <= j, the places of those with i < j, and their i and j."""
+    i, j = np.triu_indices(row_count)
+    apart = np.flatnonzero(i < j)
+    return i, j, apart, i[apart], j[apart]
+
+
 def _product(a: Taylor, b: Taylor, times: Times, terms: int) -> Taylor:
     """Return the product a b."""
     k, A, B = a.row_count, a.magnitudes, b.magnitudes
     coefficients = times(a.coefficients, b.coefficients[0])
     coefficients[1:] += times(a.coefficients[0], b.coefficients[1:])
     linear_a, linear_b = a.coefficients[1 : 1 + k], b.coefficients[1 : 1 + k]
-    first_pair = 1 + k  # index of the pair (i, i), which the pairs (i, i + 1) ... (i, k) follow
-    for i in range(k):
-        coefficients[first_pair : first_pair + k - i] += times(linear_a[i], linear_b[i:])
-        coefficients[first_pair + 1 : first_pair + k - i] += times(linear_a[i + 1 :], linear_b[i])
-        first_pair += k - i
+    (i, j, apart, i_apart, j_apart), quadratic = _pairs(k), coefficients[1 + k :]
+    quadratic += times(linear_a[i], linear_b[j])
+    if k > 1:
+        quadratic[apart] += times(linear_a[j_apart], linear_b[i_apart])
     # With the linear part l, the quadratic part q and the radius r of each factor, the polynomial leaves out
-    # r_a |b| + |a| r_b + r_a r_b and the terms of higher order, (l_a + q_a) q_b + q_a l_b. Half of a term of higher
-    # order counts for the rows of its part of a, and half for the rows of its part of b.
-    radii = times(a.radii, B.polynomial + b.radii.sum(axis=0)) + times(A.polynomial, b.radii)
-    half_a, half_b = 0.5 * (A.linear + A.quadratic), 0.5 * B.quadratic
-    radii[:k] += times(A.linear_by_row + A.quadratic_by_row, half_b) + times(half_a, B.quadratic_by_row)
-    radii[:k] += times(A.quadratic_by_row, 0.5 * B.linear) + times(0.5 * A.quadratic, B.linear_by_row)
+    # r_a |b| + |a| r_b + r_a r_b and the terms of higher order, l_a q_b + q_a (l_b + q_b). Half of each counts for the
+    # rows of its part of a, and half for the rows of its part of b.
+    radii = times(a.radii, B.whole) + times(A.polynomial, b.radii)
+    radii[:k] += times(A.linear_by_row, B.half_quadratic) + times(A.quadratic_by_row, B.half_reach)
+    radii[:k] += times(A.half_quadratic, B.linear_by_row) + times(A.half_reach, B.quadratic_by_row)
     # A coefficient is the sum of at most four results of `times`. Each product of two numbers in it is thus rounded at
     # most terms + 3 <= 4 terms times.
     radii[-1] += 4 * terms * UNIT * times(A.polynomial, B.polynomial) + TINY
-    return Taylor(k, coefficients, radii * SWOLLEN)
+    radii *= SWOLLEN
+    return Taylor(k, coefficients, radii)
 
 
 def _matrix_product(x: Floats, y: Floats) -> Floats:
