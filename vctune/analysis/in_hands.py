@@ -16,7 +16,7 @@ from vctune.analysis.extrema import Floats, local_minima
 from vctune.analysis.hardest_hands import hardest_near, needs_in_hands, needs_in_worlds
 from vctune.analysis.loops_in_hands import PER_DECADE, angles, answers, loops_at_rest, loops_in_hands
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand, Hands, PlacesInHands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
@@ -72,7 +72,7 @@ def least_ratios_of_each(
 
 def ratio_in_some_hands(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
     """Return the least ratio on the grid of hands and angles from which `least_ratios` starts."""
-    if problem.hands_met is None:
+    if problem.hands_met is None or problem.rigid:
         return inf
     where = loops_in_hands(problem.device, problem.hands_met)
     need = needs_in_hands(where.loop, problem.device, gains, coupling, where.theta, problem.worlds_met)
@@ -190,6 +190,27 @@ def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta
     found = answers(device, theta).required(gains)
     ratio = offered(coupling, device, theta, FLOATS) * found.size / np.maximum(found.lost, 1e-300)
     return np.where(found.size > 0, ratio, 0.0)
+
+
+def least_ratio_before_wall(device: Device, wall: SpringDamper) -> RatioInAnyHand:
+    """Return the least multiple of a wall with which some passive hand is unstable."""
+    ratio = partial(ratio_before_wall, device, wall)
+    minima, at_rest = local_minima(ratio, angles(device, PER_DECADE)[1:]), float(ratio(np.zeros(1))[0])
+    least, theta = float(minima.value[0]), float(minima.omega[0])
+    resting = at_rest <= least * (1 + 1e-6)
+    return RatioInAnyHand(min(at_rest, least), 0.0 if resting else theta / device.sample_time)
+
+
+def ratio_before_wall(device: Device, wall: SpringDamper, theta: Floats) -> Floats:
+    """Return the least multiple of a wall with which some passive hand has a pole at an angle."""
+    return least_multiples(*answers(device, theta).before_wall(wall, device.sample_time, theta, FLOATS))
+
+
+def least_multiples(along: Floats, size2: Floats) -> Floats:
+    """Return the least w > 0 of `AnyHand.before_wall` at which some passive hand has a pole; inf if there is none."""
+    with np.errstate(all="ignore"):
+        inverse = -0.5 * along + np.sqrt(0.25 * along * along - size2)
+        return np.where(inverse > 0, 1 / inverse, inf)
 
 
 def _resonant(device: Device, hands: Hands, gains: Gains) -> list[tuple[float, Hand]]:

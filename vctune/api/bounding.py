@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from vctune.api.result import DESIGN_FILE, Files
-from vctune.api.solving import Design, json_text, require_gap, solve
+from vctune.api.solving import Design, json_text, require_bounded, require_gap, solve
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
 from vctune.design.nlp.nlp import ipopt_version
@@ -129,6 +129,7 @@ def require_free(file: ProblemFile) -> ProblemFile:
     """Return a problem, or raise an error if the problem leaves no variable free."""
     if file.problem.bounds.fixed:
         raise InputError.of(file.source, "nothing-free", "fixes every number: there is nothing to choose; free one")
+    require_bounded(file)
     return file
 
 

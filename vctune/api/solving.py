@@ -77,10 +77,18 @@ def solve(
     file = problem_of(problem)
     if gap is not None:
         require_gap(gap)
+        require_bounded(file)
     with limited(time_limit):
         solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
         progress(f"pricing the device; {solved.known}")
         return with_prices(solved) if prices else solved
+
+
+def require_bounded(file: ProblemFile) -> None:
+    """Check that vctune can bound the error of a problem's designs."""
+    if file.problem.rigid:
+        message = "makes the coupling a wall, whose error has no proved bound; leave the gap out"
+        raise InputError.of(file.source, "contradiction", message, key="environment.stiffness")
 
 
 def require_gap(gap: float) -> None:

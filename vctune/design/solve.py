@@ -17,6 +17,7 @@ from vctune.design.search.alone import has_nothing_behind, least_felt
 from vctune.design.search.optimum import PROOF, SEARCH, Progress, improved, optimum
 from vctune.design.search.scan import scan
 from vctune.design.search.theorems import impossible
+from vctune.design.search.wall import stiffest_wall
 from vctune.design.verdict.infeasible import Infeasibility, nearest_miss, out_of_time_before_a_design
 from vctune.design.verdict.judge import judge
 from vctune.model.problem import Problem
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality, SearchState
 
 NOT_ALONE = "no mass and drag within their bounds was found that is stable in every hand of the box"
+MORE_FELT = "allow more coupling.drag or coupling.mass"
+NO_WALL = "no wall within the bounds of coupling was found that is stable in every hand"
 BOUND = "the search of every box"  # Name of the search of every box among the stages that a time limit may cut short
 # SEARCH_BOXES is the greatest number of boxes in the search of all designs, which runs if the optimiser finds no design
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
@@ -51,7 +54,7 @@ def solve(
     if theorem is not None:
         return Solved(problem=problem, infeasibility=theorem)
     try:
-        if has_nothing_behind(problem):
+        if problem.rigid or has_nothing_behind(problem):
             return _alone(problem, progress)
         return _found(problem, progress, gap, exhaustive=exhaustive)
     except OutOfTimeError:
@@ -59,11 +62,12 @@ def solve(
 
 
 def _alone(problem: Problem, progress: Progress) -> Solved:
-    """Search for the mass and drag with nothing behind them."""
+    """Search for the mass and drag with nothing behind them, or for the stiffest wall."""
     began = perf_counter()
-    progress("comparing masses and drags in every hand")
-    found = least_felt(pose(problem))
-    none = None if found else Infeasibility(NOT_ALONE, "allow more coupling.drag or coupling.mass", proved=False)
+    progress(f"comparing {'walls' if problem.rigid else 'masses and drags'} in every hand")
+    found = stiffest_wall(pose(problem)) if problem.rigid else least_felt(pose(problem))
+    miss = (NO_WALL, "allow less coupling.stiffness") if problem.rigid else (NOT_ALONE, MORE_FELT)
+    none = None if found else Infeasibility(*miss, proved=False)
     return Solved(problem=problem, judgement=found, infeasibility=none, seconds={"prove": perf_counter() - began})
 
 

@@ -103,6 +103,7 @@ class Demands:
     any_hand: bool = False
     hands: Hands | None = None  # box of hands in which the sampled loop must be stable at every frequency
     worlds: Worlds | None = None  # box of environments with which the loop must be stable in these hands
+    rigid: bool = False  # whether the environment is rigid, so that the coupling of an impedance display is a wall
 
     @property
     def worlds_met(self) -> WorldsMet | None:
@@ -150,6 +151,7 @@ class Problem:
     experiments: tuple[Experiment, ...] = ()
     hands: Hands = HUMAN_HANDS
     worlds: Worlds | None = None
+    rigid: bool = False  # whether the environment is rigid, so that the coupling of an impedance display is a wall
 
     @property
     def units(self) -> Units:
@@ -209,6 +211,7 @@ class Problem:
             any_hand=self.any_hand,
             hands=self.hands_met,
             worlds=self.worlds,
+            rigid=self.rigid,
         )
 
     @property

@@ -12,7 +12,12 @@ from vctune.model.device import Device
 from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
 from vctune.proof.claims.delays import beside_whole_sample
-from vctune.proof.claims.every_hand import prove_any_hand, prove_hands
+from vctune.proof.claims.every_hand import (
+    prove_any_hand,
+    prove_hands,
+    prove_wall_in_any_hand,
+    prove_wall_in_hands,
+)
 from vctune.proof.claims.loop_claims import (
     prove_conditions,
     prove_model_poles,
@@ -152,6 +157,8 @@ PROVERS: dict[ClaimId, Prover] = {
     "hands": _hands,
     "worlds": _hands,
     "walls": _walls,
+    "wall_in_any_hand": lambda question, _: prove_wall_in_any_hand(question.design, question.demands, question.box),
+    "wall_in_hands": lambda question, _: prove_wall_in_hands(question.design, question.demands, question.box),
 }
 
 

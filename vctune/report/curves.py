@@ -48,7 +48,9 @@ class Required:
 
 def requirements(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Required]:
     """Return the requirement of each claim of a problem that compares the coupling with a resistance."""
-    device, posed, found = problem.device, pose(problem), []
+    device, posed, found = problem.device, pose(problem), list[Required]()
+    if problem.rigid:  # nothing is offered to an environment: a wall has a limit, not a requirement
+        return found
     devices = [device, *(case.device for case in posed.hand_cases if case.device != device)]
     if (hands := problem.hands_met) is not None:
         minima = [least_ratios_in_hands(each, hands, gains, coupling) for each in devices]

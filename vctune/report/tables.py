@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import NamedTuple
 
 from vctune.analysis.demands import unmodelled_maxima
-from vctune.document.records.certificate_json import HandsRecord, InnerLoopRecord, WallsRecord
+from vctune.document.records.certificate_json import HandsRecord, InnerLoopRecord, WallRecord, WallsRecord
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
@@ -15,7 +15,7 @@ from vctune.model.display import ADMITTANCE
 from vctune.model.hands import QUANTITIES
 from vctune.model.parts import PART_NUMBERS, PARTS
 from vctune.model.problem import Problem
-from vctune.proof.claims.registry import IN_HANDS, ClaimId
+from vctune.proof.claims.registry import BEFORE_WALL, IN_HANDS, ClaimId
 from vctune.report.curves import Required
 from vctune.report.style import in_place, limit, quantity
 
@@ -58,7 +58,8 @@ def _device(problem: Problem) -> list[Line]:
 
 def _demands(problem: Problem) -> list[Line]:
     wanted, stable, kind = problem.transparency, problem.stability, problem.device.kind
-    lines = [Line(kind.ratio, f"≥ {stable.safety_factor:g}", "", "the safety factor")]
+    limited = "multiple of the wall that is stable" if problem.rigid else kind.ratio
+    lines = [Line(limited, f"≥ {stable.safety_factor:g}", "", "the safety factor")]
     if kind.own_loop:
         most = f"≤ {stable.max_sensitivity:g}"
         lines.append(Line("|S| of the sampled loop", most, "", "up to the Nyquist frequency"))
@@ -88,6 +89,8 @@ def _hands(problem: Problem) -> list[Line]:
         lines.append(Line(f"with {problem.worlds.in_words(units)}", ""))
     if problem.any_hand:
         lines.append(Line("any passive hand", "", "", "at every frequency"))
+    if problem.rigid:
+        lines.append(Line("the coupling is a wall", "", "", "its far end does not move"))
     if problem.passive:
         lines.append(Line("any passive hand", "", "", "on the stability band"))
         for name, number in (asdict(least) if least is not None else {}).items():
@@ -105,7 +108,11 @@ def found(claim: ClaimId, record: DesignRecord, problem: Problem, required: Sequ
     if claim == "stable" and loop is not None:
         return "; ".join([str(limit(loop.spectral_radius, up=True)), *margins_in_words(loop)]), "< 1"
     hands, where = proof.hands if proof is not None else None, ""
-    least: Required | HandsRecord | WallsRecord | None = next((each for each in required if each.claim == claim), None)
+    least: Required | HandsRecord | WallsRecord | WallRecord | None
+    least = next((each for each in required if each.claim == claim), None)
+    if proof is not None and proof.wall is not None and claim in BEFORE_WALL:
+        least, hand = proof.wall, proof.wall.worst_hand
+        where = "" if hand is None else f", in the hand of {hand.in_words(units)}"
     if hands is not None and claim in IN_HANDS:
         least = hands.walls if claim == "walls" and hands.walls is not None else hands
         where = f", in the hand of {least.worst_hand.in_words(units)}"

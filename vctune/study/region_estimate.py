@@ -11,10 +11,12 @@ import numpy as np
 
 from vctune.analysis.demands import sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
+from vctune.analysis.in_hands import ratio_before_wall
+from vctune.analysis.loops_in_hands import loops_in_any_hand
 from vctune.analysis.requirement import requirements
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.variables import coupling_from
-from vctune.model.gains import Coupling, Gains
+from vctune.model.gains import Coupling, Gains, SpringDamper
 from vctune.model.hands import PlacesInHands
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
@@ -81,7 +83,15 @@ def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     meets = peak <= problem.stability.max_sensitivity
     scarcities = [peak / problem.stability.max_sensitivity]
     least, most = np.zeros(len(cells)), np.full(len(cells), inf)
-    for claim in requirements(problem, gains, frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)):
+    if problem.rigid:
+        assert isinstance(coupling, SpringDamper)
+        theta = loops_in_any_hand(problem.device, POINTS_PER_DECADE).theta
+        hard = problem.stability.safety_factor / ratio_before_wall(problem.device, coupling, theta)
+        scarcities.append(hard.max(axis=1))
+        meets &= scarcities[-1] <= 1
+        places["theta"] = theta[np.argmax(hard, axis=1)][None]
+    grid = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)
+    for claim in () if problem.rigid else requirements(problem, gains, grid):
         required = problem.stability.safety_factor * claim.required
         if free and isinstance(coupling, Coupling):
             required = required - coupling.drag

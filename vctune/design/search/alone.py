@@ -7,7 +7,7 @@ has a least c, and the error of c and tau is left to minimise over tau alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 from math import exp, inf, log, pi
 
@@ -17,12 +17,13 @@ from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Posed
 from vctune.design.verdict.judge import Judgement, Status, judge_posed
 from vctune.model.device import Device
-from vctune.model.gains import Coupling, Gains
+from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.hands import Hand, Hands, stacked
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.proof.claims.registry import ClaimId
 from vctune.proof.outcome import Verdict
 from vctune.proof.prover import boxes_at_most
 
@@ -45,18 +46,34 @@ def has_nothing_behind(problem: Problem) -> bool:
 @np.errstate(all="ignore")
 def least_felt(posed: Posed) -> Judgement | None:
     """Return the design with the least error that is proved, or else the last that was tried; None if there is none."""
+    bounds = posed.problem.bounds
+    gains = Gains(bounds.velocity.min, bounds.position.min)
+
+    def best(devices: Sequence[Device], hands: Sequence[Hand], reserve: float) -> Coupling | None:
+        return _best(posed, gains, [_seen(device, gains, hands) for device in devices], reserve)
+
+    return first_proved(posed, gains, best, "worlds")
+
+
+def first_proved(
+    posed: Posed,
+    gains: Gains,
+    best: Callable[[Sequence[Device], Sequence[Hand], float], AnyCoupling | None],
+    claim: ClaimId,
+) -> Judgement | None:
+    """Return the first of the best couplings that is proved, each estimated with the devices and hands that refuted the
+    last and more reserve; or else the last that was tried."""
     hands = _hands_of(posed.problem.hands)
     devices = list(dict.fromkeys(case.device for case in (*posed.cases, *posed.hand_cases)))
-    bounds, tried, reserve = posed.problem.bounds, None, TIGHTER
-    gains = Gains(bounds.velocity.min, bounds.position.min)
+    tried, reserve = None, TIGHTER
     for _ in range(ROUNDS):
-        best = _best(posed, gains, [_seen(device, gains, hands) for device in devices], 1 + reserve)
-        if best is None:
+        coupling = best(devices, hands, 1 + reserve)
+        if coupling is None:
             return tried
         with boxes_at_most(MOST_BOXES):
-            tried = judge_posed(posed, gains, best)
+            tried = judge_posed(posed, gains, coupling)
         outcomes = tried.certificate.outcomes
-        if tried.status is Status.CERTIFIED or outcomes["worlds"].verdict is Verdict.PROVED:  # else the gains fail
+        if tried.status is Status.CERTIFIED or outcomes[claim].verdict is Verdict.PROVED:  # else the gains fail
             return tried
         lost = [each for each in outcomes.values() if each.verdict is Verdict.REFUTED]
         new = [each.hand for each in lost if each.hand is not None and each.hand not in hands]

@@ -20,6 +20,7 @@ from vctune.design.search.alone import has_nothing_behind, least_felt
 from vctune.design.search.exchange import TIGHTENING, polish
 from vctune.design.search.scan import ScanResult, better_start_near, scan, start_at
 from vctune.design.search.theorems import impossible
+from vctune.design.search.wall import stiffest_wall
 from vctune.design.search.working_set import ConstraintPoint, Start, WorkingSet
 from vctune.design.variables import CORNER, DIGITS, design_of, rounded
 from vctune.design.verdict.judge import Judgement, Status, judge_posed
@@ -100,8 +101,8 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
     if impossible(problem) is not None:
         return None
     prepared = prepare(problem)
-    if has_nothing_behind(problem):
-        found = least_felt(prepared.given)
+    if problem.rigid or has_nothing_behind(problem):
+        found = stiffest_wall(prepared.given) if problem.rigid else least_felt(prepared.given)
         return (found.gains, found.coupling) if found is not None and found.status is Status.CERTIFIED else None
     scanned = scan(prepared.scaled)
     for start in [start for start in scanned.starts[:LONG_SHOTS] if start.admissible] or scanned.starts[:1]:

@@ -28,6 +28,7 @@ from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake, Note
 from vctune.model.numbers.units import SYMBOLS, UNITS
 from vctune.proof.certificate import certify
+from vctune.proof.claims.registry import BEFORE_WALL, IN_HANDS
 from vctune.proof.outcome import Verdict
 from vctune.proof.prover import boxes_at_most
 from vctune.running import OutOfTimeError, out_of_time
@@ -177,6 +178,7 @@ def _proved(judgement: Judgement) -> str:
     low, high = (edge / (2 * pi) for edge in demands.band)
     where = [f"from {low:.6g} to {high:.6g} Hz"] if demands.passive else []
     where += ["in any passive hand up to Nyquist"] if demands.any_hand else []
+    where += ["against a rigid world"] if demands.rigid else []
     if demands.hands is not None:
         worlds = f" with {demands.worlds.in_words(units)}" if demands.worlds else ""
         where += [f"in every hand of {demands.hands.in_words(units)}{worlds} up to Nyquist"]
@@ -192,7 +194,7 @@ def _misses_only_the_factor(judgement: Judgement) -> bool:
     """
     certificate = judgement.certificate
     failing = {claim for claim, outcome in certificate.outcomes.items() if outcome.verdict is not Verdict.PROVED}
-    if certificate.demands.factor <= 1 or not failing or not failing <= {"hands", "worlds", "any_hand"}:
+    if certificate.demands.factor <= 1 or not failing or not failing <= {*IN_HANDS, *BEFORE_WALL, "any_hand"}:
         return False
     with boxes_at_most(MOST_BOXES), suppress(OutOfTimeError):
         demands = replace(certificate.demands, factor=1.0)

@@ -30,6 +30,7 @@ from vctune.document.records.certificate_json import (
     HandsRecord,
     InnerLoopRecord,
     NyquistRecord,
+    WallRecord,
     WallsRecord,
     WholeSampleRecord,
     WorldRecord,
@@ -48,7 +49,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import finite_hertz, hertz
 from vctune.model.problem import Problem
 from vctune.proof.claims.delays import delay_in_samples
-from vctune.proof.claims.registry import CLAIMS, IN_HANDS, claims_about
+from vctune.proof.claims.registry import BEFORE_WALL, CLAIMS, IN_HANDS, claims_about
 from vctune.proof.outcome import Outcome, Verdict, worst_verdict
 from vctune.running import unlimited
 from vctune.version import versions
@@ -160,7 +161,12 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     worst, band, display = judgement.worst, problem.stability.band, _display(problem)
     in_any, outcomes = judgement.in_any_hand, certificate.outcomes
     any_hand = AnyHandRecord(**_claimed(problem, outcomes["any_hand"], in_any)) if in_any else None
-    also = {"hands": _in_hands(problem, judgement), "any_hand": any_hand, "whole_sample": _beside(problem, judgement)}
+    also = {
+        "hands": _in_hands(problem, judgement),
+        "any_hand": any_hand,
+        "wall": _wall(problem, judgement),
+        "whole_sample": _beside(problem, judgement),
+    }
     return {
         "gains": gains,
         "coupling": coupling,
@@ -215,6 +221,19 @@ def _in_hands(problem: Problem, judgement: Judgement) -> HandsRecord | None:
     outcome = next(outcomes[claim] for claim in IN_HANDS if claim in outcomes)
     box = {name: [low[name], high[name]] for name in low}
     return HandsRecord(**_claimed(problem, outcome, held), box=box, worst_hand=held.hand, **also)
+
+
+def _wall(problem: Problem, judgement: Judgement) -> WallRecord | None:
+    """Return the record of the coupling as a wall; None if it is none."""
+    if (at := judgement.before_wall) is None:
+        return None
+    outcomes, low, high = judgement.certificate.outcomes, asdict(problem.hands.low), asdict(problem.hands.high)
+    outcome = next(outcomes[claim] for claim in BEFORE_WALL if claim in outcomes)
+    box = {name: [low[name], high[name]] for name in low} if at.hand else None
+    also: dict[str, Any] = _present({"box": box, "worst_hand": at.hand})
+    return WallRecord(
+        verdict=outcome.verdict.value, min_ratio=at.ratio, worst_hz=finite_hertz(at.omega), boxes=outcome.boxes, **also
+    )
 
 
 def _beside(problem: Problem, judgement: Judgement) -> WholeSampleRecord | None:

@@ -18,6 +18,7 @@ from vctune.analysis.demands import (
 )
 from vctune.analysis.in_hands import (
     TOGETHER,
+    least_ratio_before_wall,
     least_ratios_in_any_hand,
     least_ratios_of_devices,
     resistive_ratio_at,
@@ -28,13 +29,14 @@ from vctune.design.prepared import Posed, pose, with_acting_terms, with_corner
 from vctune.design.search.worst import loudest, worst_inside
 from vctune.model.device import Device
 from vctune.model.display import Display
-from vctune.model.gains import AnyCoupling, Gains, series_coupling
-from vctune.model.hands import Hand
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
+from vctune.model.hands import Hand, Hands
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.units import UNITS, Units, hertz
 from vctune.model.problem import Demands, Problem
 from vctune.model.worlds import WorldsMet
 from vctune.proof.certificate import Certificate, certify
+from vctune.proof.claims.crossing import worst_before_wall
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import CLAIMS
 from vctune.proof.outcome import Outcome, Verdict
@@ -63,12 +65,12 @@ PROVING = 0.85  # Share of the remaining time that the proof of a design may tak
 CUT = " (the time limit cut its proof)"  # Words that follow a claim if the time limit ended its proof
 
 
-MarginName = Literal["ratio", "hands", "any_hand", "walls"]
+MarginName = Literal["ratio", "hands", "any_hand", "walls", "wall"]
 
 
 class Margin(NamedTuple):
     """The least Re Z_c / R of a claim on a device: on the band, in the hands of a box, in any passive hand, or with
-    walls."""
+    walls; for the coupling as a wall, the least multiple of it that is unstable."""
 
     ratio: float  # inf if nothing is required
     omega: float  # rad/s
@@ -171,6 +173,11 @@ class Judgement:
         return self.least("any_hand")
 
     @property
+    def before_wall(self) -> Margin | None:
+        """The least multiple of the coupling as a wall that is unstable; None without a wall."""
+        return self.least("wall")
+
+    @property
     def in_walls(self) -> Margin | None:
         """The least ratio of the condition on walls; None without walls."""
         return self.least("walls")
@@ -187,8 +194,8 @@ class Judgement:
 
     @property
     def ratio_name(self) -> str:
-        """The name of the least ratio: Re Z_c / R, or Re(1/Z_c)/R for an impedance display."""
-        return f"least {self.kind.ratio}"
+        """The name of the least ratio: Re Z_c / R, or Re(1/Z_c)/R for an impedance display; of a wall, its limit."""
+        return "least unstable multiple of the wall" if self.before_wall else f"least {self.kind.ratio}"
 
     def loop(self, hand: Hand | None = None) -> Loop:
         """Return the sampled loop of the nominal device with this design, for arrays, state space and python-control.
@@ -359,6 +366,8 @@ def margin_on_band(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Mar
 
 def margins_in_hands(demands: Demands, devices: Sequence[Device], gains: Gains, coupling: AnyCoupling) -> list[Margin]:
     """Return the least ratio of each device in the hands of each claim."""
+    if demands.rigid:
+        return [_before_wall(device, demands.hands, coupling) for device in devices]
     found = list[Margin]()
     if demands.hands is not None:
         claims: list[tuple[MarginName, WorldsMet | None]] = [("hands", demands.worlds_met)]
@@ -371,6 +380,15 @@ def margins_in_hands(demands: Demands, devices: Sequence[Device], gains: Gains, 
         worst = ((device, least_ratios_in_any_hand(device, gains, coupling)[0]) for device in devices)
         found += [Margin(at.ratio, at.omega, device, of="any_hand") for device, at in worst]
     return found
+
+
+def _before_wall(device: Device, hands: Hands | None, coupling: AnyCoupling) -> Margin:
+    assert isinstance(coupling, SpringDamper)
+    if hands is None:
+        at = least_ratio_before_wall(device, coupling)
+        return Margin(at.ratio, at.omega, device, of="wall")
+    worst = worst_before_wall(device, coupling, hands)
+    return Margin(worst.ratio, worst.omega, device, worst.hand, "wall")
 
 
 def _refuted(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> list[Margin]:

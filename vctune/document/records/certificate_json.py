@@ -154,6 +154,35 @@ class AnyHandRecord(DisplayPart):
     promise: ClassVar[str] = f"in any passive hand, {ENVIRONMENTS}, at every frequency"
 
 
+class WallRecord(Part):
+    """The claim about the coupling of an impedance display as a wall."""
+
+    verdict: Annotated[Proof, Shown("wall")]
+    box: dict[str, Pair] | None = None  # ranges of the hands; absent for any passive hand
+    min_ratio: Annotated[Number, Shown("unstable at", "times the wall, at {worst_hz} Hz")]
+    worst_hz: Number
+    worst_hand: Hand | None = None
+    boxes: int
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield the verdict with the hands, and the least multiple of the wall that is unstable."""
+        verdict, limit = super().rows(units)
+        yield verdict._replace(unit=self.hands(units))
+        hand = "" if self.worst_hand is None else f" in the hand of {self.worst_hand.in_words(units)}"
+        yield limit._replace(unit=limit.unit + hand)
+
+    def hands(self, units: Units) -> str:
+        """Return the hands of the claim in words."""
+        if self.box is None:
+            return "in any passive hand"
+        hands = Hands(*(Hand(**{name: ends[k] for name, ends in self.box.items()}) for k in (0, 1)))
+        return f"in every hand of {hands.in_words(units)}"
+
+    def promise(self, units: Units) -> str:
+        """Return the claim in words. The function does not check the verdict."""
+        return f"{self.hands(units)}, with its coupling as a wall, at every frequency"
+
+
 class WholeSampleRecord(Part):
     """The worse verdict of a delay just below a whole number of samples and of this number, where the sensed force
     jumps. `delay` is the whole number in s."""
@@ -175,6 +204,7 @@ class CertificateRecord(DisplayPart):
     claims: list[ClaimRecord]
     hands: HandsRecord | None = None  # claims in hands; null if the problem does not make them
     any_hand: AnyHandRecord | None = None
+    wall: WallRecord | None = None
     whole_sample: WholeSampleRecord | None = None  # verdict beside a delay of a whole number of samples
 
     def rows(self, units: Units) -> Iterator[Row]:
@@ -183,6 +213,7 @@ class CertificateRecord(DisplayPart):
         yield from shown if self.band_hz is not None else shown[:1]  # the first row is the verdict
         yield from self.any_hand.rows(units) if self.any_hand else ()
         yield from self.hands.rows(units) if self.hands else ()
+        yield from self.wall.rows(units) if self.wall else ()
         yield from self.whole_sample.rows(units) if self.whole_sample else ()
         for claim in self.claims:
             yield from claim.rows(units) if claim.verdict != "proved" else ()

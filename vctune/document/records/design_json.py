@@ -229,6 +229,8 @@ class DesignRecord(Document):
         passive = [f"absolutely stable in any passive hand {place}"] if place else []
         if self.certificate.any_hand:
             passive = [f"stable{without} {self.certificate.any_hand.promise}"]
+        if self.certificate.wall:
+            passive = [f"stable {self.certificate.wall.promise(self.units)}"]
         return "; ".join([*hands, *passive])
 
     @property

@@ -15,6 +15,7 @@ from vctune.document.schema.problem_schema import (
     StabilityTable,
     UncertaintyTable,
     WorldsTable,
+    WorldStiffnessTable,
 )
 from vctune.model.device import Device
 from vctune.model.experiment import Experiment
@@ -46,8 +47,9 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     if device.servo is not None:
         radii = tuple(document.uncertainty.unmodelled)
         device = replace(device, servo=replace(device.servo, radii=radii))
+    rigid = document.environment is not None and device.kind.inverse
     # a servo, and a file with [environment], have the criterion "hands" only (rules.py refuses others)
-    has_a_choice = device.kind.own_loop and document.environment is None
+    has_a_choice = device.kind.own_loop and (document.environment is None or rigid)
     criterion = document.stability.criterion if has_a_choice else "hands"
     device = replace(device, operator=operator if criterion != "hands" else None)
     loop_lags = lags(device, FLOATS)
@@ -71,7 +73,8 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
         uncertainty=_uncertainty(document.uncertainty, device),
         experiments=tuple(_experiment(table, device) for table in document.experiment),
         hands=hands,
-        worlds=_worlds(document.environment),
+        worlds=None if rigid else _worlds(document.environment),
+        rigid=rigid,
     )
 
 
@@ -125,8 +128,11 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
     default."""
     if table is None:
         return None
-    low = World(table.mass.min, table.damping.min, table.stiffness.min)
-    heaviest, stiffest = (inf if bounds.max is None else bounds.max for bounds in (table.mass, table.stiffness))
+    springs = table.stiffness
+    if isinstance(springs, float):
+        springs = WorldStiffnessTable(min=springs, max=springs)
+    low = World(table.mass.min, table.damping.min, springs.min)
+    heaviest, stiffest = (inf if bounds.max is None else bounds.max for bounds in (table.mass, springs))
     high = World(heaviest, inf, stiffest)
     corner = None if table.corner_hz is None else 2 * pi * table.corner_hz
     worlds = Worlds(low, high, table.walls, corner)

@@ -163,17 +163,28 @@ class WorldStiffnessTable(Table):
     max: NotNegativeOrInf | None = Field(None, description="Greatest stiffness, N/m. Default inf, no limit.")
 
 
+WorldStiffness = Annotated[
+    Annotated[NotNegativeOrInf, Tag("<number>")] | Annotated[WorldStiffnessTable, Tag("<range>")], Discriminator(_form)
+]
+
+
 class WorldsTable(Table):
     """The environments that the device renders, mass s + damping + stiffness/s.
 
     With this table, the claims hold for every environment within these ranges, in every hand of [operator]. Without
     this table, they hold for every environment that is passive as it runs in the firmware, including tools of a gram
     and walls of any stiffness.
+
+    For an impedance display the only environment is `stiffness = inf`, a rigid world: the coupling is then a wall.
     """
 
     mass: WorldMassTable = Field(default_factory=WorldMassTable)
     damping: WorldDampingTable = Field(default_factory=WorldDampingTable)
-    stiffness: WorldStiffnessTable = Field(default_factory=WorldStiffnessTable)
+    stiffness: WorldStiffness = Field(
+        default_factory=WorldStiffnessTable,
+        description="Stiffness of the environments, N/m. A number is that number; inf makes the coupling of an "
+        "impedance display a wall of coupling.stiffness and coupling.damping.",
+    )
     walls: Flag = Field(
         False,
         description="Whether springs may be walls. The force of a wall depends only on the position, and the "

@@ -36,7 +36,6 @@ MEANINGLESS: dict[str, dict[tuple[str, ...], str]] = {
         ("coupling", "mass"): _PARALLEL,
         ("coupling", "drag"): _PARALLEL,
         ("stability", "band_hz"): "its demands are proved at every frequency up to the Nyquist frequency",
-        ("environment",): "its demands are proved with every passive environment",
         ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
     },
     "servo": {
@@ -142,6 +141,15 @@ def _environments(raw: dict[str, Any]) -> Found:
     """Yield the claims that cannot be proved with a box of environments, and the keys that walls do not allow."""
     if not isinstance(raw.get("environment"), dict):
         return
+    if _table(raw, "device").get("display") == "impedance":
+        yield from _rigid_world(raw)
+        return
+    if _table(raw, "environment").get("stiffness") == inf:
+        yield (
+            ("environment", "stiffness"),
+            "a rigid world is of an impedance display, whose coupling is then a wall; write the stiffest spring that "
+            "the device renders, or leave it out",
+        )
     criterion, corner = _table(raw, "stability").get("criterion"), number_at(raw, "environment", "corner_hz")
     if criterion in ("passive", "both"):
         yield (
@@ -168,6 +176,22 @@ def _environments(raw: dict[str, Any]) -> Found:
     if corner and T and corner * pi * T > 1:
         highest = float(f"{1 / (pi * T) * (1 - 5e-7):.6g}")  # rounded down to six digits
         yield ("environment", "corner_hz"), f"{corner:g} Hz is above 1/(pi sample_time); write at most {highest:g}"
+
+
+def _rigid_world(raw: dict[str, Any]) -> Found:
+    """Yield what a file with an impedance display states beside a rigid world, or instead of it."""
+    stated = raw["environment"]
+    if stated.get("stiffness") != inf:
+        yield (
+            ("environment",),
+            'means nothing with device.display = "impedance", whose demands are proved with every passive environment: '
+            "write stiffness = inf if its coupling is a wall, or leave it out",
+        )
+        return
+    for key in (key for key in stated if key != "stiffness"):
+        yield ("environment", key), "means nothing beside stiffness = inf: nothing moves behind a wall; leave it out"
+    if _table(raw, "gains").get("velocity") not in (None, 0):
+        yield ("gains", "velocity"), "adds to coupling.damping, which is the damping of the wall; leave it out"
 
 
 def _long_delays(raw: dict[str, Any]) -> Found:
@@ -422,7 +446,7 @@ def _rotary_hands(raw: dict[str, Any]) -> Found:
     """Yield the missing ranges of the hands, if the problem requires a box of them."""
     stability, operator, device = raw.get("stability", {}), raw.get("operator", {}), raw["device"]
     criterion = stability.get("criterion", "both") if isinstance(stability, dict) else "both"
-    any_hand = device.get("display") == "impedance" and "environment" not in raw
+    any_hand = device.get("display") == "impedance"
     required = criterion == "hands" or (criterion == "both" and not any_hand)
     lacking = [key for key in HAND if isinstance(operator, dict) and key.partition(".")[2] not in operator]
     if not (required and lacking):

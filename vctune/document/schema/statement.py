@@ -37,7 +37,7 @@ def statement(problem: Problem) -> dict[str, Any]:
         "description": problem.description,
         "device": device_table(device),
         "operator": operator,
-        "environment": problem.worlds and _worlds(problem.worlds),
+        "environment": {"stiffness": inf} if problem.rigid else problem.worlds and _worlds(problem.worlds),
         **variables,
         "transparency": {
             "band_hz": _hz(transparency.band),

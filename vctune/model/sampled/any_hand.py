@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from vctune.model.device import Device
-from vctune.model.gains import Gains
+from vctune.model.gains import Gains, SpringDamper
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.filters import drive_response, drive_states
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
-from vctune.model.sampled.impedance_display import Required, firmware_filter
+from vctune.model.sampled.impedance_display import Required, firmware_filter, offered_by_spring
 
 ALIASES = 24  # Number of pairs of aliases that the code sums one by one if the device has an actuator or a spring
 
@@ -30,6 +30,7 @@ class AnyHand(NamedTuple):
     short: Number  # (r - Re c)/s^2
     beyond: Number  # (|c|^2 - r^2)/s^2
     centre: Pair  # c
+    turn: Number  # Im c/s, regular at theta = 0
     low_pass: Pair | None  # F at theta; None for 1
     sine2: Number  # s^2
 
@@ -47,6 +48,16 @@ class AnyHand(NamedTuple):
         K_v, of = gains.velocity, self.of_velocity
         return Required(of.lost + K_v * of.lost_slope, 1 + K_v * of.size_slope + K_v * K_v * of.size_square)
 
+    def before_wall(
+        self, wall: SpringDamper, sample_time: Number, theta: Number, ops: Arithmetic
+    ) -> tuple[Number, Number]:
+        """Return 2 Re(Z_c c) and |Z_c|^2 (|c|^2 - r^2): 1, w times the first and w^2 times the second add up to
+        |1 + w Z_c c|^2 - |w Z_c r|^2, and where that is positive no passive hand has a pole with a share w of Z_c."""
+        passed, spring = self.low_pass or Pair(1, 0), wall.stiffness * sample_time / 2
+        along = wall.damping * (passed.re * self.centre.re - passed.im * self.centre.im)
+        along = along + spring * (self.centre.re + ops.cos(theta / 2) * self.turn)
+        return 2 * along, offered_by_spring(wall, sample_time, self.low_pass, theta, ops).below * self.beyond
+
 
 def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, fractional: bool) -> AnyHand:
     """Return the disc of an impedance display's responses G_y in every passive hand (model/README.md, section 15)."""
@@ -55,11 +66,12 @@ def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, f
 
 
 class _Disc(NamedTuple):
-    """The first three fields of `AnyHand`, with the same meaning."""
+    """The first four fields of `AnyHand`, with the same meaning."""
 
     short: Number
     beyond: Number
     centre: Pair
+    turn: Number
 
 
 def _disc(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, fractional: bool) -> _Disc:
@@ -67,18 +79,19 @@ def _disc(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, frac
         return _sum_of_aliases(device, theta, ops)
     b, steps, half = device.least_damping, whole + 1, ops.sinc(theta / 2)
 
-    def turned(n: Number) -> tuple[Number, Pair]:
-        """Return (1 - cos n theta)/(2 s^2) and e^{-j n theta}."""
+    def turned(n: Number) -> tuple[Number, Pair, Number]:
+        """Return (1 - cos n theta)/(2 s^2), e^{-j n theta}, and its imaginary part over 2 s."""
         chord = n * (ops.sinc(theta * (n * 0.5)) / half)
-        return chord * chord, Pair(ops.cos(theta * n), -ops.sin(theta * n))
+        return chord * chord, Pair(ops.cos(theta * n), -ops.sin(theta * n)), -n * (ops.sinc(theta * n) / half)
 
-    short, centre = turned(steps)
+    short, centre, turn = turned(steps)
     if not fractional:
-        return _Disc(short / b, 0, centre.scaled(1 / (2 * b)))
+        return _Disc(short / b, 0, centre.scaled(1 / (2 * b)), turn / b)
     part = device.delay / device.sample_time - whole
-    later, turn = turned(steps + 1)
-    short, centre = (1 - part) * short + part * later, centre.scaled(1 - part) + turn.scaled(part)
-    return _Disc(short / b, -(part * (1 - part)) / (b * b), centre.scaled(1 / (2 * b)))
+    later = turned(steps + 1)
+    short, turn = ((1 - part) * now + part * then for now, then in ((short, later[0]), (turn, later[2])))
+    centre = centre.scaled(1 - part) + later[1].scaled(part)
+    return _Disc(short / b, -(part * (1 - part)) / (b * b), centre.scaled(1 / (2 * b)), turn / b)
 
 
 class _Alias(NamedTuple):
@@ -104,8 +117,8 @@ def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
     square, h = sine * sine, half * half
     beyond = h * h * near.beyond + 2 * h * (near.centre.re * others.re + near.centre.im * others.im)
     beyond = beyond - 2 * h * near.radius * radius + square * (others.abs2() - radius * radius)
-    centre = near.centre.scaled(h) + others.scaled(square)
-    return _Disc(short + (radius - others.re), beyond, centre)
+    centre, turn = near.centre.scaled(h) + others.scaled(square), 2 * half * near.turn + sine * others.im
+    return _Disc(short + (radius - others.re), beyond, centre, turn)
 
 
 def _alias(device: Device, theta: Number, at: Number, ops: Arithmetic) -> _Alias:
@@ -146,11 +159,12 @@ def _loss(device: Device, omega: Number, ops: Arithmetic) -> Number:
 
 
 class _First(NamedTuple):
-    """The disc of the first alias, and (|centre|^2 - radius^2)/s^2."""
+    """The disc of the first alias, (|centre|^2 - radius^2)/s^2, and Im centre/theta."""
 
     centre: Pair
     radius: Number
     beyond: Number
+    turn: Number
 
 
 def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First, Number]:
@@ -161,7 +175,7 @@ def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First
     turn, A = theta * (1 + d), drive_response(device, omega, ops)
     if A is None:
         passed, chord = Pair(ops.cos(turn), -ops.sin(turn)), (1 + d) * ops.sinc(turn / 2)
-        short, size2 = 2 * (chord * chord), 1
+        short, size2, slope = 2 * (chord * chord), 1, (1 + d) * ops.sinc(turn)
     else:
         passed = Pair(ops.cos(turn), -ops.sin(turn)) * Pair(A.re, -(omega * A.lag))
         size2 = passed.abs2()
@@ -173,11 +187,12 @@ def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First
             lambda: (size - passed.re) / (theta * theta),
         )
     if g is None:
-        return _First(alias.centre, alias.radius, 0), rho * short
+        return _First(alias.centre, alias.radius, 0, -(rho * slope)), rho * short
     loss, half, across = _loss(device, omega, ops) / (T * T), ops.sinc(theta / 2), b * b + reactance * reactance
     short = rho * (short - 8 * loss * (passed.re * b + passed.im * reactance))
     beyond = 16 * loss * size2 * (rho * rho) * (b + g * across) / (half * half)
-    return _First(alias.centre, alias.radius, beyond), short
+    turned = rho * (slope * (1 + 2 * g * b) + 2 * passed.re * (theta * loss * reactance))
+    return _First(alias.centre, alias.radius, beyond, -turned), short
 
 
 def _beyond_the_last(device: Device, ops: Arithmetic) -> tuple[Number, Number]:

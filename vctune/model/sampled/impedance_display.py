@@ -24,6 +24,10 @@ class ForceInHand(NamedTuple):
         """Return F."""
         return self.open + self.velocity.scaled(gains.velocity)
 
+    def before_wall(self, wall: SpringDamper, share: Number) -> EvenOdd:
+        """Return F with a share of the coupling between device and ground."""
+        return self.open + (self.velocity.scaled(wall.damping) + self.position.scaled(wall.stiffness)).scaled(share)
+
     def numerator(self, _gains: Gains) -> EvenOdd:
         """Return the numerator of G_y/s^2 over the denominator 2 j s F. It does not depend on the gains."""
         return self.met

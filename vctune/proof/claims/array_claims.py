@@ -10,7 +10,7 @@ from math import inf
 import numpy as np
 
 from vctune.model.device import Device
-from vctune.model.gains import Coupling
+from vctune.model.gains import Coupling, SpringDamper
 from vctune.model.hands import HAND, STIFFNESS, Hand
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import required_resistance
@@ -40,6 +40,7 @@ from vctune.proof.claims.margins_of_claims import (
     LoopDelay,
     across_position,
     along_drive,
+    any_hand_before_wall,
     any_hand_margin,
     clamped_margin,
     conditions_margin,
@@ -58,6 +59,7 @@ from vctune.proof.claims.margins_of_claims import (
     sensitivity_sufficient_margin,
     strip_of_walls,
     unmodelled_margin,
+    wall_curve,
 )
 from vctune.proof.claims.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
 from vctune.proof.enclosures.intervals import Enclosure, decimal
@@ -89,6 +91,7 @@ class Claims:
     in_hand: Margin  # margins in theta; at every theta and in every hand, one of them must be positive
     above_bound: Margin  # margin in theta, `OFFSET` and `SLOPE`
     any_hand: tuple[Margin, Margin]
+    before_wall: Margin  # of the coupling as a wall in any passive hand
     required_in_hands: Margin  # the least feasible Re Z_c in a hand, N s/m, as a function of theta
     poles_in_limp_hand: Curve  # the same curve without the pole of a free position; `limp_hand`: margin near theta = 0
     limp_hand: Margin
@@ -149,8 +152,11 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         above_bound=_above_bound(demands),
         in_hand=hands_margins(demands, uncertain, delays_of(demands.device)),
         any_hand=any_hand_margins(demands, uncertain, delays_of(demands.device)),
+        before_wall=any_hand_before_walls(demands, uncertain, delays_of(demands.device)),
         required_in_hands=required_in_hands,
-        poles_in_hand=lambda theta, v: hand_curve(in_hand(v), gains_of(v), theta, OPS),
+        poles_in_hand=wall_curves(demands, uncertain, delays_of(demands.device))
+        if demands.rigid
+        else lambda theta, v: hand_curve(in_hand(v), gains_of(v), theta, OPS),
         poles_in_limp_hand=lambda theta, v: limp_hand_curve(in_hand(v), gains_of(v), theta, OPS)[0],
         limp_hand=lambda theta, v: limp_hand_curve(in_hand(v), gains_of(v), theta, OPS)[1],
         required=required,
@@ -279,6 +285,30 @@ def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delay
         return any_hand_margin(Design(device(v), gains_of(v), coupling_of(v)), delay, theta, factor, OPS)
 
     return lambda theta, v: margins(theta, v)[0], lambda theta, v: margins(theta, v)[1]
+
+
+def any_hand_before_walls(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
+    """Return the margin that must be positive for a wall in any passive hand, for each share of factor times it."""
+    device, factor = _uncertain_device(demands.device, uncertain), decimal(demands.factor)
+    delay = LoopDelay(delays.loop, delays.loop_fractional)
+
+    def margin(theta: Number, v: Values) -> Number:
+        design = Design(device(v), gains_of(v), coupling_of(v))
+        return any_hand_before_wall(design, delay, theta, factor * v.get(COUPLING_SHARE, 1), OPS)
+
+    return margin
+
+
+def wall_curves(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Curve:
+    """Return the curve that must not turn around 0 for a wall in every hand, for each share of factor times it."""
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
+
+    def curve(theta: Number, v: Values) -> Pair:
+        wall = coupling_of(v)
+        assert isinstance(wall, SpringDamper)
+        return wall_curve(in_hand(v), wall, factor * v.get(COUPLING_SHARE, 1), theta, OPS)
+
+    return curve
 
 
 def _uncertain_device(nominal: Device, uncertain: tuple[str, ...]) -> Callable[[Values], Device]:

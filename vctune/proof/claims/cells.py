@@ -33,7 +33,9 @@ from vctune.proof.enclosures.intervals import Flags, Floats
 from vctune.proof.prover import Margin, lower_bound_over, positive, prove
 
 # Identifiers of the claims that this module can prove for cells
-OF_CELLS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable", "any_hand", "hands"
+OF_CELLS: tuple[ClaimId, ...] = (
+    "passive", "sensitivity", "stable_model", "stable", "any_hand", "hands", "wall_in_any_hand"
+)  # fmt: skip
 GUARD = 1e-14  # Bound on the relative rounding error of a cell's requirement on b_c: 90 u with u = 2^-53
 ROUNDING_OF_BOUNDS = 1e-9  # Rounding allowance: two intervals of b_c must be this far apart to exclude each other
 
@@ -62,7 +64,7 @@ def _proved(demands: Demands, cells: Covered) -> Flags:
     if demands.device.kind.own_loop:
         steps += [lambda part: sensitivity(part).proved, _stable]
     if demands.any_hand:
-        steps.append(_hold_in_any_hand)
+        steps.append(_hold_before_wall if demands.rigid else _hold_in_any_hand)
     if demands.hands is not None:
         steps.append(_hold_in_hands)
     if demands.factor > 1 and demands.device.coupling_may_drive:
@@ -98,6 +100,13 @@ def _hold_in_any_hand(cells: Covered) -> Flags:
         return held(one, CELL, [(size, one.around_circle())]).proved & _above_envelope(cells, None)
     around = cells.around_circle()
     return held(cells, cells.effort(), [(size, around), (margin, around)]).proved
+
+
+def _hold_before_wall(cells: Covered) -> Flags:
+    """Prove the couplings as walls in any passive hand."""
+    if cells.demands.device.least_damping == 0:
+        return np.zeros(cells.owners, bool)
+    return held(cells, cells.effort(), [(positive(cells.claims.before_wall, {}), cells.around_circle())]).proved
 
 
 def _hold_in_hands(cells: Covered) -> Flags:
@@ -150,7 +159,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
         if there.omega is not None:
             asked += [(claims.conditions, there.omega[0]), (claims.resistance, there.omega[0])]
         if there.theta is not None:
-            asked.append((claims.any_hand[0], there.theta[0]))
+            asked.append((claims.before_wall if demands.rigid else claims.any_hand[0], there.theta[0]))
         if there.in_hands is not None:
             asked.append((claims.in_hand, there.in_hands[0]))
         lost = np.any([negative_at(margin, part, place) for margin, place in asked], axis=0)

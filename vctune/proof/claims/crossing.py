@@ -1,19 +1,24 @@
-"""Refute stability with a box of environments by one hand and one environment with which the loop has a pole on the
-unit circle (model/README.md, section 18)."""
+"""Find a hand, with an environment or a multiple of a wall, with which the loop has a pole on the unit circle
+(model/README.md, sections 15 and 18)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.device import Device
+from vctune.model.gains import SpringDamper
 from vctune.model.hands import Hand, Hands, stacked
 from vctune.model.numbers.arithmetic import FLOATS, Number
 from vctune.model.problem import Demands
+from vctune.model.sampled.hand_loop import loop_in_hand
+from vctune.model.sampled.impedance_display import ForceInHand
 from vctune.model.sampled.loop_in_worlds import Disjuncts, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
@@ -21,9 +26,11 @@ from vctune.proof.claims.margins_of_claims import Design, margins_in_worlds
 from vctune.proof.enclosures.intervals import ENCLOSURES, Floats, between, decimal, surely_negative
 from vctune.proof.outcome import Outcome, Verdict
 
+Complex = NDArray[np.complex128]
 ZOOMS = 14  # rounds of hands that are tried, each around the worst of the last and half as far apart
 COARSE, BESIDE = 4, np.linspace(0.97, 1.03, 200)  # rounds over all angles; then those beside the last crossing
 ANGLES = np.geomspace(1e-5, pi, 800)  # rad
+SHARES, WORST = (0.0, 0.05, 0.3, 1.0), 3  # hands before a wall that are tried first, and number of them to zoom in on
 NARROW, HALVINGS = 1e-10, 10  # relative width of a crossing; halvings of it in which the resistance is seen negative
 
 
@@ -50,6 +57,66 @@ def refuted_by_one(design: Design, demands: Demands, devices: Sequence[Device]) 
             if zoom >= COARSE:
                 angles = np.minimum(angles[places[least]] * BESIDE, pi)
     return None
+
+
+class BeforeWall(NamedTuple):
+    """The least multiple of a wall that puts a pole on the unit circle, its frequency, rad/s, and hand."""
+
+    ratio: float  # inf if none does
+    omega: float
+    hand: Hand
+
+
+def worst_before_wall(device: Device, wall: SpringDamper, hands: Hands) -> BeforeWall:
+    """Return the hand of a box that permits the least multiple of a wall, by an estimate in double precision."""
+    ends = (sorted({low + share * (high - low) for share in SHARES}) for low, high in hands.ranges.values())
+    tried, found = [Hand(*numbers) for numbers in product(*ends)], list[BeforeWall]()
+    first, there = LoopsBeforeWall.of(device, tried, ANGLES).limits(wall)
+    for n in np.argsort(first)[:WORST]:
+        best, width, angles = BeforeWall(float(first[n]), float(there[n]) / device.sample_time, tried[n]), 0.5, ANGLES
+        for zoom in range(ZOOMS):
+            near, width = _around(hands, best.hand, width), width / 2
+            ratios, places = LoopsBeforeWall.of(device, near, angles).limits(wall)
+            least = int(np.argmin(ratios))
+            if ratios[least] < best.ratio:
+                best = BeforeWall(float(ratios[least]), float(places[least]) / device.sample_time, near[least])
+            if zoom >= COARSE:
+                angles = np.minimum(best.omega * device.sample_time * BESIDE, pi)
+        found.append(best)
+    return min(found, key=lambda each: each.ratio)
+
+
+@dataclass(frozen=True, slots=True)
+class LoopsBeforeWall:
+    """The loop of an impedance display in some hands at some angles: F = open + b_c velocity + k_c position."""
+
+    angles: Floats  # rad, shape (n,)
+    open: Complex  # shape (hands, n)
+    velocity: Complex
+    position: Complex
+
+    @classmethod
+    def of(cls, device: Device, hands: list[Hand], angles: Floats) -> LoopsBeforeWall:
+        """Return the loop of a device."""
+        loop = loop_in_hand(plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS), angles, FLOATS)
+        assert isinstance(loop, ForceInHand)
+        parts = (loop.open, loop.velocity, loop.position)
+        values = (np.asarray(part.even + 1j * np.sin(angles / 2) * part.odd) for part in parts)
+        return cls(angles, *(np.broadcast_to(value, (len(hands), angles.size)) for value in values))
+
+    @np.errstate(all="ignore")
+    def limits(self, wall: SpringDamper) -> tuple[Floats, Floats]:
+        """Return the least multiple of a wall that puts a pole on the circle in each hand, and its angle."""
+        multiple = -self.open / (wall.damping * self.velocity + wall.stiffness * self.position)
+        real, imag = multiple.real, multiple.imag
+        share = np.clip(imag[:, :-1] / (imag[:, :-1] - imag[:, 1:]), 0.0, 1.0)
+        there = real[:, :-1] + share * (real[:, 1:] - real[:, :-1])
+        crossed = ((imag[:, :-1] < 0) != (imag[:, 1:] < 0)) & (there > 0)
+        there = np.where(crossed, there, np.inf)
+        if self.angles[-1] == pi:  # where F is real
+            there[:, -1] = np.where(real[:, -1] > 0, np.minimum(there[:, -1], real[:, -1]), there[:, -1])
+        least, at = np.argmin(there, axis=1), np.arange(len(there))
+        return there[at, least], self.angles[least] + share[at, least] * (self.angles[least + 1] - self.angles[least])
 
 
 @np.errstate(all="ignore")

@@ -8,6 +8,7 @@ from math import isnan, nextafter, pi
 
 import numpy as np
 
+from vctune.model.gains import SpringDamper
 from vctune.model.hands import MASS, STIFFNESS, Hand, Hands, stacked
 from vctune.model.numbers.units import keys_of
 from vctune.model.problem import Demands
@@ -18,17 +19,20 @@ from vctune.proof.boxes import SAMPLES_BEFORE, Boxes, Values, band_of, over_band
 from vctune.proof.claims.array_claims import (
     AT_REST,
     SHARES,
+    any_hand_before_walls,
     any_hand_margins,
     hands_margins,
     limp_hands_margins,
+    wall_curves,
 )
-from vctune.proof.claims.crossing import refuted_by_one
+from vctune.proof.claims.crossing import refuted_by_one, worst_before_wall
 from vctune.proof.claims.delays import DELAY_ROWS, NEXT_TO, Ends, Part, parts_of, row_of
 from vctune.proof.claims.loop_claims import hand_turns, in_rad_per_s, of_design
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
     LoopDelay,
+    any_hand_before_wall,
     any_hand_margin,
     hand_margin,
     margins_in_worlds,
@@ -40,7 +44,7 @@ from vctune.proof.device_box import (
 )
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, decimal_or_inf, surely_negative
 from vctune.proof.outcome import Outcome, Verdict
-from vctune.proof.prover import Effort, Test, positive, prove
+from vctune.proof.prover import Effort, Test, misses_zero, positive, prove
 
 STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an uncertain mass
 MAX_BOXES = 400_000  # Number of boxes after which the prover leaves the claim open
@@ -143,6 +147,48 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
     return _and_without_reserve(found, prove_any_hand, design, demands, box)
 
 
+def prove_wall_in_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
+    """Prove the coupling as a wall in any passive hand (model/README.md, section 15)."""
+    uncertain = box.modelled.uncertain if box is not None else ()
+    if design.device.least_damping == 0:
+        return Outcome(Verdict.REFUTED, 0, pi / design.device.sample_time)
+    ends = _ends(None, box, uncertain)
+    if design.device.structure is not None:  # else a weaker wall is stable if this one is: the margin is concave
+        ends[COUPLING_SHARE] = np.zeros(1), np.ones(1)
+
+    def tests(part: Part, fixed: Values) -> list[Test]:
+        return [positive(any_hand_before_walls(demands, uncertain, part.delays), fixed)]
+
+    return _decided(Asked(design, demands, box), ends, tests)
+
+
+def prove_wall_in_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
+    """Prove the coupling as a wall in every hand of a box: no pole reaches the unit circle from within."""
+    assert demands.hands is not None and isinstance(design.coupling, SpringDamper)
+    uncertain = box.modelled.uncertain if box is not None else ()
+    for device in box.modelled.devices() if box is not None and len(uncertain) <= MOST_AT_ONCE else [design.device]:
+        worst = worst_before_wall(device, design.coupling, demands.hands)
+        if worst.ratio < demands.factor and _unstable_before_wall(replace(design, device=device), demands, worst.hand):
+            return Outcome(Verdict.REFUTED, 0, worst.omega, device if uncertain else None, worst.hand)
+    stable = prove_stable_in_middle(design, demands)
+    if stable.verdict is not Verdict.PROVED:
+        return stable
+    ends = _ends(demands.hands, box, uncertain, reserve=demands.factor if demands.factor > 1 else None)
+
+    def tests(part: Part, fixed: Values) -> list[Test]:
+        return [misses_zero(wall_curves(demands, uncertain, part.delays), fixed)]
+
+    found = _decided(Asked(design, demands, box), ends, tests)
+    return replace(found, boxes=found.boxes + stable.boxes)
+
+
+def _unstable_before_wall(design: Design, demands: Demands, hand: Hand, share: float = 1.0) -> bool:
+    """Return whether the loop certainly has a pole outside the unit circle, in a hand with a share of the wall."""
+    demands = replace(demands, hands=Hands(hand, hand), factor=demands.factor * share)
+    number = float(hand_turns(of_design(design, demands)).number[0])
+    return not isnan(number) and number != 0
+
+
 def _and_without_reserve(
     found: Outcome,
     proof: Callable[[Design, Demands, DeviceBox | None], Outcome],
@@ -226,6 +272,8 @@ def _in_doubt(
 
 def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float, share: float = 1.0) -> bool:
     """Return whether every margin in a hand, or in any hand, is certainly negative at one angle."""
+    if hand is not None and demands.rigid:
+        return _unstable_before_wall(design, demands, hand, share)
     if hand is not None and demands.walls_met is not None:
         return 0 < theta < pi and fails_with_a_wall(design, demands, hand, theta, share)
     exact, delays, at, factor = (
@@ -236,6 +284,8 @@ def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float,
     )
     if hand is None:
         delay = LoopDelay(delays.loop, delays.loop_fractional)
+        if demands.rigid:
+            return surely_negative(any_hand_before_wall(exact, delay, at, factor * decimal(share), ENCLOSURES))
         return surely_negative(any_hand_margin(exact, delay, at, factor, ENCLOSURES)[0])
     plant = plant_in_hand(exact.device, hand.mapped(decimal), delays, ENCLOSURES)
     if demands.worlds is None:

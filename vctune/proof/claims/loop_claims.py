@@ -290,7 +290,8 @@ def hand_turns(covered: Covered) -> Turns:
     hands, kind = covered.demands.hands, covered.demands.device.kind
     assert hands is not None
     middle, curve, limit = hands.middle, attrgetter("poles_in_hand"), None
-    if hands.high.stiffness <= NEGLIGIBLE and kind.own_loop and not (kind.senses_force and covered.integral):
+    held = covered.demands.rigid or (kind.senses_force and covered.integral)  # by a spring of the firmware
+    if hands.high.stiffness <= NEGLIGIBLE and kind.own_loop and not held:
         # Without stiffness one pole is at z = 1. With a little, which doubles do not show, it is inside if no other is
         # outside.
         middle = replace(middle, stiffness=0.0)

@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass
 from math import inf, nextafter, pi
 
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Coupling, Gains, coupling_impedance
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper, coupling_impedance
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import llewellyn_demand, moduli
 from vctune.model.loop.loop import loop_constants, loop_response
@@ -23,6 +23,7 @@ from vctune.model.sampled.hand_loop import (
     seen_in_hand,
     seen_in_limp_hand,
 )
+from vctune.model.sampled.impedance_display import ForceInHand
 from vctune.model.sampled.loop_in_worlds import (
     Disjuncts,
     Offered,
@@ -197,6 +198,22 @@ def any_hand_margin(
     hand = any_hand(design.device, delay.whole_samples, theta, ops, fractional=delay.fractional)
     required = hand.required(design.gains)
     return room(design.coupling, design.device, required, factor, theta, ops), required.size
+
+
+def any_hand_before_wall(design: Design, delay: LoopDelay, theta: Number, share: Number, ops: Arithmetic) -> Number:
+    """Return a margin for a share of the coupling as a wall in any passive hand (model/README.md, section 15)."""
+    hand = any_hand(design.device, delay.whole_samples, theta, ops, fractional=delay.fractional)
+    assert isinstance(design.coupling, SpringDamper)
+    along, size2 = hand.before_wall(design.coupling, design.device.sample_time, theta, ops)
+    return 1 + share * (along + share * size2)
+
+
+def wall_curve(plant: AnyPlantInHand, wall: SpringDamper, share: Number, theta: Number, ops: Arithmetic) -> Pair:
+    """Return `hand_curve` for a share of the coupling as a wall."""
+    loop = loop_in_hand(plant, theta, ops)
+    assert isinstance(loop, ForceInHand)
+    F = loop.before_wall(wall, share)
+    return Pair(F.even, ops.sin(theta / 2) * F.odd) * _turned(plant.poles, theta, ops)
 
 
 def hand_curve(plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic) -> Pair:

@@ -13,7 +13,17 @@ if TYPE_CHECKING:
     from vctune.proof.device_box import DeviceBox
 
 ClaimId = Literal[
-    "passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands", "worlds", "walls"
+    "passive",
+    "sensitivity",
+    "stable_model",
+    "stable",
+    "unmodelled",
+    "any_hand",
+    "hands",
+    "worlds",
+    "walls",
+    "wall_in_any_hand",
+    "wall_in_hands",
 ]
 Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
 
@@ -121,7 +131,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "An impedance display is stable in any passive hand with every environment that is passive as it "
                 "runs. The claim is about the exact sampled loop, including aliasing."
             ),
-            asked=lambda demands, _: demands.any_hand,
+            asked=lambda demands, _: demands.any_hand and not demands.rigid,
         ),
         Claim(
             id="hands",
@@ -137,7 +147,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "the device is stable with every environment that is passive as it runs. The claim is about the exact "
                 "sampled loop, including aliasing. It does not cover a hand outside these ranges."
             ),
-            asked=lambda demands, _: demands.hands is not None and demands.worlds is None,
+            asked=lambda demands, _: demands.hands is not None and demands.worlds is None and not demands.rigid,
         ),
         Claim(
             id="worlds",
@@ -175,11 +185,40 @@ CLAIMS: dict[ClaimId, Claim] = {
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
         ),
+        Claim(
+            id="wall_in_any_hand",
+            sentence="stable in any passive hand against a wall of 1 to safety_factor times the coupling",
+            quantity="in_hand",
+            margin="proof.claims.margins_of_claims.any_hand_before_wall",
+            witness="a frequency up to Nyquist",
+            label="the wall in any passive hand",
+            explain=(
+                "The coupling of an impedance display ends in a rigid world, so that it is a wall that is always in "
+                "contact. The device is stable in any passive hand: the condition of Colgate and Schenkel, exact with "
+                "delays, filters and actuator."
+            ),
+            asked=lambda demands, _: demands.any_hand and demands.rigid,
+        ),
+        Claim(
+            id="wall_in_hands",
+            sentence="stable in every hand against a wall of 1 to safety_factor times the coupling",
+            quantity="in_hand",
+            margin="proof.claims.margins_of_claims.wall_curve",
+            witness="a frequency up to Nyquist and a hand of `[operator]`",
+            label="the wall in every hand of the box",
+            explain=(
+                "The coupling of an impedance display ends in a rigid world, so that it is a wall that is always in "
+                "contact. The device is stable in each hand of `[operator]`. The claim is about the exact sampled "
+                "loop, and does not cover a contact that is made and broken."
+            ),
+            asked=lambda demands, _: demands.hands is not None and demands.rigid,
+        ),
     )
 }
 
 
 IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds", "walls")  # Claims about the hands of a box
+BEFORE_WALL: tuple[ClaimId, ...] = ("wall_in_any_hand", "wall_in_hands")  # Claims about the coupling as a wall
 
 
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:

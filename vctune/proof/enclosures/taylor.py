@@ -131,7 +131,8 @@ class _Magnitudes:
     """The greatest magnitudes that the parts of a polynomial have for |e_i| <= 1."""
 
     __slots__ = (
-        "half_quadratic", "half_reach", "linear", "linear_by_row", "polynomial", "quadratic", "quadratic_by_row", "whole"
+        "half_quadratic", "half_reach", "linear", "linear_by_row", "polynomial", "quadratic", "quadratic_by_row",
+        "whole",
     )  # fmt: skip
 
     def __init__(self, x: Taylor) -> None:
@@ -190,7 +191,7 @@ def _mid_and_rad(x: Any) -> tuple[Any, Any]:
 
 
 @cache
-def _pairs(row_count: int) -> tuple[Floats, ...]:
+def _pairs(row_count: int) -> tuple[Any, ...]:
     """Return i and j of each pair i <= j, the places of those with i < j, and their i and j."""
     i, j = np.triu_indices(row_count)
     apart = np.flatnonzero(i < j)

@@ -1,0 +1,86 @@
+"""Find the stiffest wall of an impedance display, for the stated or the best damping (model/README.md, section 15).
+
+A wall of small stiffness and little damping is stable. Its stiffness may grow until some hand puts a pole on the unit
+circle, so that each damping has a stiffness to find by halving, and the best damping is left to find along one line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import exp, log
+
+import numpy as np
+
+from vctune.analysis.in_hands import least_multiples
+from vctune.analysis.loops_in_hands import loops_in_any_hand
+from vctune.design.prepared import Posed
+from vctune.design.search.alone import first_proved
+from vctune.design.verdict.judge import Judgement
+from vctune.model.device import Device
+from vctune.model.gains import Gains, SpringDamper
+from vctune.model.hands import Hand
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Problem
+from vctune.proof.claims.crossing import ANGLES, LoopsBeforeWall
+
+PER_DECADE = 120  # angles for any passive hand
+DAMPINGS = np.append(0.0, np.geomspace(1e-3, 2.0, 25))  # that are compared first, as shares of m/lag + b
+HALVINGS, STEPS = 30, 12  # of the logarithm of the stiffness, and of the range of the best damping
+GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, and as a share of the greatest
+
+Multiple = Callable[[SpringDamper], float]  # the least multiple of a wall that is unstable, by an estimate
+
+
+@np.errstate(all="ignore")
+def stiffest_wall(posed: Posed) -> Judgement | None:
+    """Return the stiffest wall that is proved, or else the last that was tried; None if there is none."""
+    problem = posed.problem
+
+    def best(devices: Sequence[Device], hands: Sequence[Hand], reserve: float) -> SpringDamper | None:
+        multiples = [_in_any_hand(each) if problem.any_hand else _in_hands(each, hands) for each in devices]
+        return _stiffest(problem, multiples, problem.stability.safety_factor * reserve)
+
+    return first_proved(posed, Gains(0.0, 0.0), best, "wall_in_any_hand" if problem.any_hand else "wall_in_hands")
+
+
+def _in_any_hand(device: Device) -> Multiple:
+    at, T = loops_in_any_hand(device, PER_DECADE), device.sample_time
+    return lambda wall: float(least_multiples(*at.answers.before_wall(wall, T, at.theta, FLOATS)).min())
+
+
+def _in_hands(device: Device, hands: Sequence[Hand]) -> Multiple:
+    loops = LoopsBeforeWall.of(device, list(hands), ANGLES)
+    return lambda wall: float(loops.limits(wall)[0].min())
+
+
+def _stiffest(problem: Problem, multiples: Sequence[Multiple], needed: float) -> SpringDamper | None:
+    """Return the stiffest wall of which every device bears a multiple."""
+    device, dampings, springs = problem.device, problem.bounds.damping, problem.bounds.stiffness
+    scale = device.mass / device.loop_lag + device.damping
+    greatest = min(springs.max, GREATEST * scale / device.sample_time)
+    least = max(springs.min, LEAST * greatest)
+
+    def stiffness(damping: float) -> float:
+        def stable(log_stiffness: float) -> bool:
+            return all(each(SpringDamper(damping, exp(log_stiffness))) >= needed for each in multiples)
+
+        low, high = log(least), log(max(greatest, least))
+        if stable(high) or not stable(low):
+            return exp(high) if stable(high) else 0.0
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if stable(middle) else (low, middle)
+        return exp(low)
+
+    tried = np.unique(np.clip(scale * DAMPINGS, dampings.min, dampings.max))
+    found = [stiffness(float(damping)) for damping in tried]
+    k = int(np.argmax(found))
+    if found[k] == 0:
+        return None
+    best, (low, high) = float(tried[k]), (float(tried[max(k - 1, 0)]), float(tried[min(k + 1, len(tried) - 1)]))
+    golden = (5**0.5 - 1) / 2
+    for _ in range(STEPS if high > low else 0):
+        inner = high - golden * (high - low), low + golden * (high - low)
+        low, high = (low, inner[1]) if stiffness(inner[0]) >= stiffness(inner[1]) else (inner[0], high)
+    best = float(f"{max(best, 0.5 * (low + high), key=stiffness):.6g}")
+    return SpringDamper(best, float(f"{stiffness(best):.8g}"))
