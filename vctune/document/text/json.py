@@ -88,6 +88,8 @@ def problem_digest(problem: Problem) -> str:
     stated = asdict(replace(problem, name="", description="", experiments=()))
     if problem.hands_met is None:
         del stated["hands"]
+    if not problem.rigid:
+        del stated["rigid"]
     velocity = stated["device"]["velocity"] or {}
     if resolution := velocity.pop("resolution", None):
         stated["device"]["resolution"] = resolution
