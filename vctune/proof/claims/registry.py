@@ -158,8 +158,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             label="every hand with every environment of the box",
             explain=(
                 "The device is stable in each hand of `[operator]` with each environment of `[environment]`. Such an "
-                "environment is a mass, a damper and a spring, each within its range, with the stated stepping rule "
-                "and lateness. The device remains stable if the coupling is divided by any number from 1 to the "
+                "environment is a mass, a damper and a spring, each within its range, stepped by the trapezoidal "
+                "rule. The device remains stable if the coupling is divided by any number from 1 to the "
                 "safety factor. The claim is about the exact sampled loop, including aliasing. It does not cover "
                 "other hands and environments."
             ),
