@@ -15,8 +15,7 @@ from dense import NAMES, band, below, error, least_damping, within_bounds
 from random_problems import random_designs, random_texts
 
 from vctune.bench.evaluator import cases, required, sensitivity
-from vctune.design.bound.objective import objective_of
-from vctune.design.bound.relaxation import Places, least_coupling, lower_bounds, relaxation
+from vctune.design.bound.relaxation import Places, least_coupling, lower_bounds, objective_of, relaxation
 from vctune.design.bound.search import Optimality, bound
 from vctune.design.prepared import pose, prepare
 from vctune.design.search.optimum import improved

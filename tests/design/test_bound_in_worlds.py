@@ -11,8 +11,7 @@ import pytest
 from vctune.analysis.demands import sensitivity_maxima, transparency_error
 from vctune.analysis.in_hands import least_ratios
 from vctune.api.bounding import bound
-from vctune.design.bound.objective import objective_of
-from vctune.design.bound.relaxation import Places, lower_bounds, relaxation
+from vctune.design.bound.relaxation import Places, lower_bounds, objective_of, relaxation
 from vctune.document.reading import read_problem
 from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.hands import Hand, PlacesInHands

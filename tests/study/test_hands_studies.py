@@ -18,8 +18,7 @@ from random_devices import ordinary_gains, with_parts
 import vctune
 from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.bound.conditions import conditions_in_hands
-from vctune.design.bound.objective import objective_of
-from vctune.design.bound.relaxation import Places, lower_bounds, relaxation
+from vctune.design.bound.relaxation import Places, lower_bounds, objective_of, relaxation
 from vctune.design.prepared import pose
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve

@@ -1,10 +1,10 @@
-"""Relax a design problem, and compute from it lower bounds on the error of the designs of many boxes at once. See
-model/README.md, section 8; README.md, section 1."""
+"""Relax a design problem: lower bounds of the error of the designs of many boxes at once (README.md, section 1)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import inf
+from math import inf, log
 
 import numpy as np
 
@@ -15,21 +15,143 @@ from vctune.design.bound.conditions import (
     conditions_in_any_hand,
     conditions_in_hands,
     llewellyn_conditions,
+    loop_at,
     repeated,
 )
-from vctune.design.bound.objective import Objective
-from vctune.design.bound.quadratics import B_0, GUARD, K_P, K_V, TAU_C, Quotient, products, quadratic
+from vctune.design.bound.quadratics import B_0, GUARD, K_P, K_V, TAU_C, Quotient, concatenated, products, quadratic
 from vctune.model.device import Device
 from vctune.model.hands import PlacesInHands
+from vctune.model.loop.device_response import device_response
 from vctune.model.loop.limits import lags
-from vctune.model.loop.loop import Affine
-from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.numbers.pair import re_conj_product
-from vctune.model.problem import Problem, Range
+from vctune.model.loop.loop import Affine, LoopConstants, loop_constants
+from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
+from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
+from vctune.model.problem import Band, Problem, Range
 from vctune.model.sampled.circle import split_delay
+from vctune.model.sampled.impedance_display import spring_forms
 from vctune.model.sampled.velocity_loop import plant_let_go, return_difference
+from vctune.model.transparency import quotient_terms
 from vctune.proof.boxes import Cells
-from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, decimal
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, Floats, between, decimal, stacked
+from vctune.proof.enclosures.taylor import Taylor, variables
+from vctune.proof.enclosures.taylor_functions import TAYLOR
+from vctune.running import check_time
+
+PARTS = 256  # Parts of an interval of log frequency, in each of which a polynomial of order two encloses a term
+
+# A term |X|^2/|Y|^2 of the squared error, prepared for the inequality of Cauchy and Schwarz: Re and Im of the three
+# coefficients of X conj X_0, where X_0 is the value of X if both gains are 0, and the six of |X_0|^2 |Y|^2
+Term = list[Number]
+TERM_LENGTH = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Objective:
+    """The terms of the squared error: quotients for each frequency or interval of one device after another."""
+
+    problem: Problem  # problem in SI units
+    loop: list[Quotient]  # the two terms of the loop
+    compliance: Quotient | None  # |1/Z_c|^2 of an impedance display's coupling as a function of b_c and k_c
+    omega: Floats | None  # frequencies of the error for norm "peak", rad/s; None for "rms"
+    devices: int  # number of devices; the objective is the greatest of their errors
+
+    def least(self, first: Floats, second: Floats, boxes: Cells) -> Floats:
+        """Return a lower bound of the squared error over each box, from the least elements of its couplings."""
+        squared = self._total(self.loop[0].of_bounds(boxes) + self.loop[1].of_bounds(boxes))
+        return np.asarray((squared + self._coupling(first, second, boxes)).max(axis=1))
+
+    def _total(self, squared: Floats) -> Floats:
+        return squared if self.omega is not None else squared.reshape(len(squared), self.devices, -1).sum(axis=2)
+
+    def _coupling(self, first: Floats, second: Floats, boxes: Cells) -> Floats:
+        """Return the term of the coupling: |1/Z_c|^2, or |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s."""
+        shortest, longest = boxes.low[TAU_C], boxes.high[TAU_C]
+        if self.compliance is not None:
+            b_c = 1 / second
+            most = np.stack((b_c, np.fmin(1 / first, b_c / shortest))) * (1 + 4 * GUARD)
+            return self._total(self.compliance.of_bounds(Cells(0 * most, most)))
+        b_c, m_c, b_0, shortest, longest = (x[:, None] for x in (first, second, boxes.low[B_0], shortest, longest))
+        light, heavy = self._transmitted(shortest), self._transmitted(longest)
+        coupled = 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / longest) * heavy)
+        wanted = self.problem.transparency
+        return np.asarray((wanted.weights.coupling / wanted.reference_impedance) ** 2 * (b_0 * b_0 + coupled))
+
+    def _transmitted(self, tau_c: Floats) -> Floats:
+        """Return x^2/(1 + x^2), which is |Z_c/b_c|^2 and Re Z_c/b_c without drag, or its mean over log frequency."""
+        if self.omega is not None:
+            x2 = np.square(self.omega * tau_c)
+            return np.asarray(x2 / (1 + x2))
+        low, high = self.problem.transparency.band.min, self.problem.transparency.band.max
+        rise = (high - low) * (high + low) * np.square(tau_c) / (1 + np.square(low * tau_c))
+        return np.asarray(np.log1p(rise) / (2 * log(high / low)) * (1 - GUARD * high / (high - low)))
+
+
+def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) -> Objective:
+    """Return the terms of a problem's squared error as quotients, with methods that bound them over boxes."""
+    wanted, kind, omega = problem.transparency, problem.device.kind, None
+    weights, unit = wanted.weights, kind.reference(wanted.reference_impedance)
+    scales = [(weights.admittance * unit) ** 2, weights.tracking**2]
+    scales += [(weights.coupling / unit) ** 2] if kind.inverse else []
+    if wanted.norm == "peak":
+        omega = np.tile(np.geomspace(wanted.band.min, wanted.band.max, intervals), len(devices))
+        every = repeated(devices, intervals)
+        found = _loop_terms(loop_at(every, omega), every)
+        if kind.inverse:
+            found.append(_compliance(every.converted(decimal), Enclosure(omega), ENCLOSURES))
+        terms = [stacked(term) for term in found]
+    else:
+        each = [_integrated(one, wanted.band, intervals, [scale > 0 for scale in scales]) for one in devices]
+        terms = [concatenated(same) for same in zip(*each, strict=True)]
+    admittance, tracking, *rest = map(_quotient, terms, scales)
+    return Objective(problem, [admittance, tracking], rest[0] if rest else None, omega, len(devices))
+
+
+def _quotient(term: Enclosure, scale: float) -> Quotient:
+    pairs = ((term[k], term[k + 1]) for k in (0, 2, 4))
+    along = Affine(*(Pair(re, im) if np.any(re.mid) or np.any(im.mid) else None for re, im in pairs))
+    above = products(lambda x, y: scale * re_conj_product(x, y), along, along)  # `of_bounds` covers the rounding
+    return Quotient(quadratic(above), quadratic(term[6:]))
+
+
+def _loop_terms(at: LoopConstants, device: Device) -> list[Term]:
+    found = []
+    for X, Y in quotient_terms(at, device.kind):
+        idle, weight = X.constant, X.constant.abs2()
+        parts = (x for x in (X.velocity, X.position))
+        along = [0.0 if x is None else of(x, idle) for x in parts for of in (re_conj_product, im_conj_product)]
+        size = products(lambda x, y, k=weight: k * re_conj_product(x, y), Y, Y, crossed=device.velocity is not None)
+        found.append([weight, 0.0, *along, *size])
+    return found
+
+
+def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
+    """Return |1/Z_c|^2 as a function of b_c and k_c, in the form s^2/(s^2 |Z_c|^2)."""
+    theta = omega * device.sample_time
+    _, (damped, crossed, stiff) = spring_forms(device, theta, ops)
+    return [ops.sin(theta / 2), *[0.0] * 5, 0.0, 0.0, 0.0, damped, stiff, crossed]
+
+
+def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Enclosure]:
+    """Return the means of the terms over log frequency, each an enclosure of shape (`TERM_LENGTH`, intervals), with the
+    inequality of Cauchy and Schwarz on each of several equal intervals."""
+    check_time()
+    edges = np.linspace(log(band.min), log(band.max), intervals * PARTS + 1)
+    (at,) = variables([between(edges[:-1], edges[1:])], [True])
+    exact, omega = device.bare.converted(decimal), TAYLOR.exp(at)
+
+    def mean(x: Number) -> Enclosure:
+        """Return the share of each interval in the mean of a number, c_0 + c_1 e + c_2 e^2 over a part, |e| <= 1."""
+        if not isinstance(x, Taylor):
+            return Enclosure(np.full(intervals, float(x) / intervals))
+        mid, rad = x.coefficients[0] + x.coefficients[2] / 3, x.radii.sum(axis=0)
+        parts = mid, rad + GUARD * np.abs(x.coefficients).sum(axis=0)
+        return Enclosure(*(each.reshape(intervals, PARTS).sum(axis=1) / (intervals * PARTS) for each in parts))
+
+    terms = _loop_terms(loop_constants(device_response(exact, omega, TAYLOR)), device)
+    if device.kind.inverse:
+        terms.append(_compliance(exact, omega, TAYLOR))
+    one = Enclosure(np.ones((TERM_LENGTH, intervals)), np.zeros((TERM_LENGTH, intervals)))
+    return [stacked([mean(x) for x in term]) if counts else one for term, counts in zip(terms, wanted, strict=True)]
 
 
 @dataclass(frozen=True, slots=True)
