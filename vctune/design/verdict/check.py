@@ -7,19 +7,20 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from math import pi
+from math import ceil, floor, log10, pi
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.in_worlds import growth_near
+from vctune.design.prepared import pose
 from vctune.design.result import Solved
 from vctune.design.variables import keys_for, ranges
 from vctune.design.verdict.design_record import record_of, warnings
 from vctune.design.verdict.judge import Judgement, Status, judge_all
 from vctune.design.verdict.parameter_changes import ParameterChange
-from vctune.design.verdict.rendered import rendered_in_words
 from vctune.design.verdict.repair import Progress, edits, repairs_of_design
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import GainsFile, ProblemFile, require_gains_of
@@ -27,7 +28,11 @@ from vctune.document.records.design_json import Repair
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake, Note
 from vctune.model.numbers.units import SYMBOLS, UNITS
+from vctune.model.problem import Problem
+from vctune.model.worlds import Worlds
 from vctune.proof.certificate import certify
+from vctune.proof.claims.every_hand import prove_hands
+from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import BEFORE_WALL, IN_HANDS
 from vctune.proof.outcome import Verdict
 from vctune.proof.prover import boxes_at_most
@@ -238,3 +243,69 @@ def _line_to_change(text: str, repairs: Sequence[Repair] | None, together: Seque
     keys = [change.key for change in together] or [repair.key for repair in repairs or [] if repair.key in SYMBOLS]
     paths = [path for key in keys[:1] for path in (tuple(key.split(".")), (key.split(".")[0],))]
     return next((line for path in [*paths, ("gains",)] if (line := lines.locate(path)) is not None), 1)
+
+
+SOFTEST, STIFFEST = 1.0, 1e7  # N/m, or N m/rad
+LIGHTEST, HEAVIEST = 1e-4, 1e3  # kg, or kg m^2
+HALVINGS = 14  # Number of bisections: the limit is found to .1 %
+RESERVES = (5e-3, 0.03, 0.1)  # Distances from the limit in doubles at which a proof is tried
+
+
+def rendered_in_words(problem: Problem, judgement: Judgement) -> str:
+    """Return "proved are springs up to ... and tools from ..."; "" without a box of linear environments."""
+    worlds, units = problem.worlds, problem.units
+    if problem.hands_met is None or worlds is None or worlds.walls or worlds.exact:
+        return ""
+    spring = tool = None
+    try:
+        spring = _limit(problem, judgement, "stiffness", SOFTEST, STIFFEST)
+        tool = _limit(problem, judgement, "mass", LIGHTEST, HEAVIEST)
+    except OutOfTimeError:
+        return ""
+    found = [f"springs up to {spring:g} {units.stiffness}"] if spring is not None else []
+    found += [f"tools from {tool:g} {units.mass}"] if tool is not None else []
+    return f"proved are {' and '.join(found)}" if found else ""
+
+
+def _limit(problem: Problem, judgement: Judgement, name: str, low: float, high: float) -> float | None:
+    """Return the greatest stiffness or the least mass that is proved, with the box's other ranges; None if none is."""
+    stiff = name == "stiffness"
+    good, bad = (low, high) if stiff else (high, low)
+    if not _holds(problem, judgement, name, good):
+        return None
+    for _ in range(HALVINGS):
+        middle = (good * bad) ** 0.5
+        good, bad = (middle, bad) if _holds(problem, judgement, name, middle) else (good, middle)
+    for reserve in RESERVES:
+        value = _rounded(good * (1 - reserve), up=False) if stiff else _rounded(good * (1 + reserve), up=True)
+        if _holds_up_to(problem, judgement, name, value):
+            return value
+    return None
+
+
+def _with_end(worlds: Worlds, name: str, value: float) -> Worlds:
+    """Return the box with another greatest stiffness or least mass; the other end moves with it where it must."""
+    low, high = getattr(worlds.low, name), getattr(worlds.high, name)
+    ends = (min(low, value), value) if name == "stiffness" else (value, max(high, value))
+    return replace(worlds, low=replace(worlds.low, **{name: ends[0]}), high=replace(worlds.high, **{name: ends[1]}))
+
+
+def _holds(problem: Problem, judgement: Judgement, name: str, value: float) -> bool:
+    """Return whether the design seems stable with the other box, in doubles."""
+    assert problem.worlds is not None
+    posed = pose(replace(problem, worlds=_with_end(problem.worlds, name, value)))
+    ratios = (least_ratios(case, judgement.gains, judgement.coupling)[0].ratio for case in posed.hand_cases)
+    return min(ratios) >= problem.stability.safety_factor
+
+
+def _holds_up_to(problem: Problem, judgement: Judgement, name: str, value: float) -> bool:
+    assert problem.worlds is not None
+    posed = pose(replace(problem, worlds=_with_end(problem.worlds, name, value)))
+    design = Design(posed.demands.device, judgement.gains, judgement.coupling)
+    return prove_hands(design, posed.demands, posed.box).verdict is Verdict.PROVED
+
+
+def _rounded(value: float, *, up: bool) -> float:
+    """Return a number of three digits that is not beyond the given one."""
+    unit = 10.0 ** (floor(log10(value)) - 2)
+    return float(f"{(ceil if up else floor)(value / unit) * unit:.3g}")

@@ -73,7 +73,7 @@ AT_REST = (FREQUENCY, STIFFNESS)
 
 
 NO_HAND = Hand(0, 0, 0)
-# The names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)
+# The names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.cells`)
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 
 
