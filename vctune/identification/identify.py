@@ -26,7 +26,7 @@ from vctune.identification.study import Study, distances, envelope
 from vctune.model.device import Device
 from vctune.model.loop.filters import sensor_response
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.parts import PARTS, Servo, VelocityEstimate
+from vctune.model.parts import LOOP_DELAYS, PARTS, Servo, VelocityEstimate
 
 SENSOR = "force_sensor"  # Key of the part that senses the force
 # Keys of [device] that apply only to a device with a velocity loop in the firmware
@@ -102,13 +102,17 @@ def identify(
         if abs(step / T - 1) > SAME_SAMPLE_TIME:
             message = f"was sampled every {step:g} s, and {first.source} every {T:g} s; identify them apart"
             raise InputError.of(recording.source, "log-samples", message)
-    known, studies = known_of(log_map, T), []
+    loop_T = min(log_map.document.sample_time or T, T)  # the loop may be faster than the log
+    known, studies = known_of(log_map, loop_T), []
     for recording, step in zip(recordings, times, strict=True):
         progress(f"fitting {recording.source}")
         studies.append(_with_remarks(_study(recording, step, log_map, known)))
     estimates, said = _with_known(studies, log_map, T)
-    bounds = readable(box(estimates, T, first.units), first, T)
-    device = _device(bounds, log_map, T, studies, known)
+    if T / loop_T > 1 + SAME_SAMPLE_TIME:
+        estimates, note = _between_rows(estimates, T, loop_T)
+        said.append(note)
+    bounds = readable(box(estimates, T, first.units), first, loop_T)
+    device = _device(bounds, log_map, loop_T, studies, known)
     progress("comparing the response with the box")
     lines = [each for study in studies for each in study.lines if each.hertz.size]
     hertz = np.concatenate([np.zeros(0), *(each.hertz for each in lines)])
@@ -120,7 +124,7 @@ def identify(
         name=name,
         description=log_map.document.description,
         rotary=first.rotary,
-        sample_time=float(T),
+        sample_time=float(loop_T),
         device=device_table(device),
         assumed=[] if log_map.servo or known.velocity else ["velocity"],
         numbers=bounds,
@@ -180,6 +184,22 @@ def _with_known(studies: Sequence[Study], log_map: LogMap, T: float) -> tuple[li
         message = "the command never moves, so no log tells the delay; write device.delay, and delay_uncertainty"
         raise unexplained(studies[0].recording, message, "device.delay")
     return found, []
+
+
+def _between_rows(estimates: Sequence[Estimate], T: float, loop_T: float) -> tuple[list[Estimate], Note]:
+    """Return the estimates for a loop that is faster than its log, and a remark.
+
+    A fit takes the command as held from row to row. The loop has given newer ones meanwhile, which the motion follows
+    up to a row earlier: the delay in the fit is too short by up to that.
+    """
+    late = [
+        replace(each, value=each.value + T / 2, excess=(each.excess[0] + T / 2, each.excess[1] + T / 2))
+        if each.key in LOOP_DELAYS and not each.stated
+        else each
+        for each in estimates
+    ]
+    text = f"the loop runs every {loop_T:g} s and the log has a row every {T:g} s: the delay is known to within a row"
+    return late, Note("remark-slow-log", text)
 
 
 def _device(bounds: Sequence[Bounded], log_map: LogMap, T: float, studies: Sequence[Study], known: Known) -> Device:

@@ -460,7 +460,7 @@ def _lines(fit: ServoFit, other: ServoFit, hertz: Floats, ratio: Complex, spread
 
     def model(device: Device) -> Complex:
         servo = device.servo
-        assert servo is not None
+        assert servo is not None and servo.bandwidth_hz is not None
         return sampled_response(2 * pi * hertz, device.sample_time, servo.delay, servo.bandwidth_hz, servo.order)
 
     def more(device: Device, bounds: Sequence[Bounded]) -> list[Device]:

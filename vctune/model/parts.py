@@ -111,9 +111,16 @@ class Servo:
         ),
     ]
     bandwidth_hz: Annotated[
-        Positive,
-        Key("Bandwidth of the servo as a low-pass after the delay, Hz.", "rate", "servo: bandwidth", "a faster servo"),
-    ]
+        Positive | None,
+        Key(
+            "Bandwidth of the servo as a low-pass after the delay, Hz. Default: 1000/sample_time, a servo that is only "
+            "late. Such a servo moves at once with a light hand's sensed inertia, which requires much drag: state a "
+            "bandwidth if it is known.",
+            "rate",
+            "servo: bandwidth",
+            "a faster servo",
+        ),
+    ] = None
     order: Annotated[Order, Key("Order of the low-pass of `bandwidth_hz`, 1 or 2, as for the actuator.")] = 1
     command: Annotated[
         Literal["velocity", "position"],

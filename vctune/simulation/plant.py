@@ -102,6 +102,7 @@ def _pushed(device: Device, hand: Operator, row_of: RowOf, rates: RowOf) -> tupl
 
 def _followed(servo: Servo, hand: Operator, row_of: RowOf, rates: RowOf) -> tuple[Floats, Floats, Floats]:
     """Add the rates of a servo, which the hand cannot push. f_h is the push minus M a + B v + K x of the hand."""
+    assert servo.bandwidth_hz is not None
     rates |= _low_pass("velocity", servo.bandwidth_hz, servo.order, row_of["command"], row_of)
     position, velocity = row_of["position"], row_of["velocity"]
     resisting = hand.stiffness * position + hand.damping * velocity + hand.mass * rates["velocity"]

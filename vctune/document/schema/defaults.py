@@ -17,6 +17,7 @@ from vctune.document.schema.problem_schema import (
     WorldsTable,
     WorldStiffnessTable,
 )
+from vctune.document.schema.rules import FASTEST
 from vctune.model.device import Device
 from vctune.model.experiment import Experiment
 from vctune.model.hands import Hand, Hands, LeastOperator
@@ -160,7 +161,10 @@ def device_of(table: Device | ServoDeviceTable) -> Device:
     """Return the device of a table, without its least operator, the radii of a servo, and parts that are ideal."""
     if isinstance(table, ServoDeviceTable):
         # mass 1 and damping 0: the motion of a servo does not depend on them
-        parts = {"servo": table.servo, "force_sensor": table.force_sensor}
+        servo = table.servo
+        if servo.bandwidth_hz is None:
+            servo = replace(servo, bandwidth_hz=FASTEST / table.sample_time)
+        parts = {"servo": servo, "force_sensor": table.force_sensor}
         device = Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **parts)  # type: ignore[arg-type]
     elif table.kind.differences:
         device = replace(table, velocity=replace(table.velocity or VelocityEstimate(), source="difference"))

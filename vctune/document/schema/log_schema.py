@@ -107,7 +107,9 @@ class LogDocument(Table):
         description='Whether kg, m and N stand for kg m2, rad and N m. If true, device.toml states units = "rotary".',
     )
     sample_time: Positive | None = Field(
-        None, description="Sample time T, s. Default: the median step of the column `time`."
+        None,
+        description="Sample time T of the loop, s; the log may have fewer rows. Default: the median step of the column "
+        "`time`.",
     )
     columns: ColumnsTable = Field(default_factory=ColumnsTable)
     device: KnownDeviceTable = Field(default_factory=KnownDeviceTable)
