@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from vctune.document.log import LogMap
-from vctune.document.recording import Recording
+from vctune.document.recording import SERVO_COMMANDS, Recording
 from vctune.document.records.identification_json import Bounded, Estimate, FrictionRecord, IdentificationRecord
 from vctune.document.schema.rules import impossible_parts
 from vctune.document.schema.statement import device_table
@@ -70,6 +70,7 @@ def known_of(log_map: LogMap, sample_time: float) -> Known:
 SAME_SAMPLE_TIME = 1e-3  # Greatest relative difference between the sample times of recordings of one device
 POOR, UNEXPLAINED = 0.05, 0.25  # Residual share with a warning, and share of a response at which the log is refused
 WEAK_SHARE = 0.5  # Relative half-width above which a remark calls a delay poorly determined
+FAST = 0.02  # Share of a command's power above half of the log's Nyquist frequency
 LEAST_RADII = 2  # Least number of frequencies between which the radii of unmodelled can be interpolated
 
 
@@ -109,6 +110,7 @@ def identify(
         studies.append(_with_remarks(_study(recording, step, log_map, known)))
     estimates, said = _with_known(studies, log_map, T)
     if T / loop_T > 1 + SAME_SAMPLE_TIME:
+        _refuse_fast_commands(recordings)
         estimates, note = _between_rows(estimates, T, loop_T)
         said.append(note)
     bounds = readable(box(estimates, T, first.units), first, loop_T)
@@ -184,6 +186,17 @@ def _with_known(studies: Sequence[Study], log_map: LogMap, T: float) -> tuple[li
         message = "the command never moves, so no log tells the delay; write device.delay, and delay_uncertainty"
         raise unexplained(studies[0].recording, message, "device.delay")
     return found, []
+
+
+def _refuse_fast_commands(recordings: Sequence[Recording]) -> None:
+    """Refuse a log slower than its loop in which the command may have moved between the rows and come back."""
+    for recording in recordings:
+        for role in {"command", *SERVO_COMMANDS} & set(recording.channels):
+            values = recording.channels[role].values
+            power = np.abs(np.fft.rfft(np.diff(values) if role == "position_command" else values - values.mean())) ** 2
+            if power[power.size // 2 :].sum() > FAST * power.sum():
+                message = "changes too fast for a log slower than its loop: log every sample, or move more slowly"
+                raise unexplained(recording, message, recording.channels[role].header)
 
 
 def _between_rows(estimates: Sequence[Estimate], T: float, loop_T: float) -> tuple[list[Estimate], Note]:
