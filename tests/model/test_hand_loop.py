@@ -31,8 +31,8 @@ from vctune.model.sampled.hand_loop import (
     seen_in_hand,
     seen_in_limp_hand,
 )
-from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.proof.claims.margins_of_claims import Design, hand_margin
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand, plants_in_spring
+from vctune.proof.claims.margins_of_claims import Design, hand_margin, margin_in_spring
 from vctune.proof.enclosures.intervals import ENCLOSURES, between, decimal
 
 WHEEL = device_of({"mass": 0.4, "damping": 2.0, "sample_time": 1e-3})
@@ -392,3 +392,27 @@ def test_boxes_that_begin_at_no_hand():
             for one, other in zip(found, inside, strict=True):
                 away = abs(float(other) - float(one.mid))
                 assert not np.isfinite(one.rad) or away <= float(one.rad) + 1e-12 * abs(float(other)), (device, hand)
+
+
+@pytest.mark.parametrize("number", range(0, len(COMBINATIONS), 5))
+def test_the_loop_is_affine_in_the_stiffness_that_pulls_at_the_handle(number):
+    """And where both margins are positive in any stiffness, the margin is, at the hand's own and at any other."""
+    rng = np.random.default_rng((163, number))
+    device = with_parts(rng, number)
+    (gains, coupling), hand = ordinary_gains(device, rng), hand_for(device, rng)
+    hand = Hand(hand.mass, hand.damping, device.mass / device.sample_time**2 * float(10 ** rng.uniform(-4, 0)))
+    theta, x = np.geomspace(1e-3, 3.1, 60), hand.stiffness * device.sample_time**2 / device.mass
+    soft, stiff = (
+        loop_in_hand(each, theta, FLOATS) for each in plants_in_spring(device, hand, delays_of(device), FLOATS)
+    )
+    whole = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
+    for of in ("closed", "numerator"):
+        a, b, own = (getattr(each, of)(gains) for each in (soft, stiff, whole))
+        for part in ("even", "odd"):
+            first, last = getattr(a, part), getattr(b, part)
+            scale = np.abs(first) + np.abs(last) + 1e-30
+            assert np.abs(first + x * (last - first) - getattr(own, part)) / scale == pytest.approx(0, abs=1e-9)
+    design, plants = Design(device, gains, coupling), plants_in_spring(device, hand, delays_of(device), FLOATS)
+    sure, bent = margin_in_spring(plants, design, theta, 1.05, FLOATS)
+    margin = hand_margin(plant_in_hand(device, hand, delays_of(device), FLOATS), design, theta, 1.05, FLOATS)
+    assert (np.broadcast_to(margin, theta.shape)[(sure > 0) & (bent > 0)] > 0).all()

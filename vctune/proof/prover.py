@@ -148,6 +148,27 @@ def positive(margin: Margin, fixed: Values, near: Margin | None = None, rows: Se
     return own if near is None else by_place
 
 
+def either(first: Test, other: Margin, fixed: Values, low: float) -> Test:
+    """Return a test that also proves boxes from frequency `low` on in which both margins of another are positive."""
+
+    def decided(boxes: Boxes) -> Decided:
+        found = first(boxes)
+        left = np.flatnonzero(~found.proved & ~found.fails & (boxes.low[0] >= low))
+        if left.size:
+            part = boxes.subset(left)
+            numbers = variables(part.rows(), part.varied())
+            margin, sign = _polynomials(other(*_named(part, numbers, fixed)), numbers[0])
+            there, sure = (
+                by_polynomial(margin, part, least_over_boxes(margin), alone=True),
+                least_over_boxes(sign).bound > 0,
+            )
+            there.proved[~sure], there.room[~sure] = False, -np.inf
+            _replace(found, left, nearest([_part(found, left), there]))
+        return found
+
+    return decided
+
+
 def misses_zero(curve: Curve, fixed: Values, near: Margin | None = None) -> Test:
     """Return the test that a curve misses 0: its component in some direction is positive.
 
@@ -255,11 +276,20 @@ def _nearest_of(numbers: Sequence[Taylor], boxes: Boxes) -> Decided:
         return best
     part, parts = boxes.subset(left), [number.subset(left) for number in numbers]
     means = [_best_mean(a, b) for a, b in combinations(parts, 2)]
-    before = Decided(*(getattr(best, name)[..., left] for name in Decided.__slots__))
-    found = nearest([before, *(by_polynomial(mean, part, least_over_boxes(mean), alone=False) for mean in means)])
-    for name in ("proved", "point", "cost", "known", "room"):
-        getattr(best, name)[..., left] = getattr(found, name)
+    means_of = (by_polynomial(mean, part, least_over_boxes(mean), alone=False) for mean in means)
+    _replace(best, left, nearest([_part(best, left), *means_of]))
     return best
+
+
+def _part(decided: Decided, at: Integers) -> Decided:
+    """Return the results on some of the boxes."""
+    return Decided(*(getattr(decided, name)[..., at] for name in Decided.__slots__))
+
+
+def _replace(decided: Decided, at: Integers, by: Decided) -> None:
+    """Replace the results on some of the boxes, but not their failures."""
+    for name in ("proved", "point", "cost", "known", "room"):
+        getattr(decided, name)[..., at] = getattr(by, name)
 
 
 def _best_mean(a: Taylor, b: Taylor) -> Taylor:

@@ -130,14 +130,29 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
     return over_sample(mechanism_in_hand(device, hand, ops), device, delays, ops)
 
 
+def plants_in_spring(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -> tuple[PlantInHand, PlantInHand]:
+    """Return a device in a hand whose spring pulls with 0 and with m/T^2 instead of its stiffness, but is sampled with
+    it. The loop in the hand itself is an affine function of the stiffness between the two."""
+    sample, T = _sample(mechanism_in_hand(device, hand, ops), ops), device.sample_time
+    one = device.mass / (T * T)
+    pulled = (mechanism_in_hand(device, replace(hand, stiffness=stiffness), ops) for stiffness in (0, one))
+    soft, stiff = (over_sample(each, device, delays, ops, sample=sample._replace(rates=each.rates)) for each in pulled)
+    return soft, stiff
+
+
 def over_sample(
-    parts: Mechanism, device: Device, delays: Delays, ops: Arithmetic, *, let_go: bool = False
+    parts: Mechanism,
+    device: Device,
+    delays: Delays,
+    ops: Arithmetic,
+    *,
+    let_go: bool = False,
+    sample: Sample | None = None,
 ) -> PlantInHand:
     """Sample the equations of a device exactly, in a hand or let go."""
     T, estimate = device.sample_time, device.velocity
     at = {name: index for index, name in enumerate(parts.names)}
-    simple = len(parts.names) == 2  # without a mode that may be at a multiple of the sampling rate
-    sample = _rigid(parts, ops) or (_held(parts, at, ops) if simple or not let_go else _let_go(parts, ops))
+    sample = sample or _sample(parts, ops, let_go=let_go)
 
     def older(delay: Number, whole: Number, *, fractional: bool) -> Vector | None:
         return sample.older((delay - whole * T) / T) if fractional else None
@@ -184,6 +199,12 @@ class Sample(NamedTuple):
     older: Callable[[Number], Vector]  # b_1 as a function of the share of the sample for which the older force acts
 
 
+def _sample(parts: Mechanism, ops: Arithmetic, *, let_go: bool = False) -> Sample:
+    """Return a mechanism over one sample."""
+    simple = len(parts.names) == 2  # without a mode that may be at a multiple of the sampling rate
+    return _rigid(parts, ops) or (_held(parts, ops) if simple or not let_go else _let_go(parts, ops))
+
+
 def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
     """Return the sample of a rigid device without further states, in closed form."""
     if len(parts.names) > 2 or ops.arrays is None:
@@ -203,8 +224,9 @@ def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
     return Sample(parts.rates, step, parts.push, older)
 
 
-def _held(parts: Mechanism, at: dict[str, int], ops: Arithmetic) -> Sample:
+def _held(parts: Mechanism, ops: Arithmetic) -> Sample:
     """Return the sample of any mechanism by f(A), which keeps enclosures of boxes of hands narrow."""
+    at = {name: index for index, name in enumerate(parts.names)}
     over = _over_inertia(parts, at)
     rounded = half_coth(over, ops)
 

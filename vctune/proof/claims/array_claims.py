@@ -30,6 +30,7 @@ from vctune.model.sampled.plant_in_hand import (
     ServoInHand,
     delays_of,
     plant_in_hand,
+    plants_in_spring,
 )
 from vctune.model.sampled.servo_plant import ServoPlant
 from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go, return_difference, unturned
@@ -52,6 +53,7 @@ from vctune.proof.claims.margins_of_claims import (
     limp_margins_in_worlds,
     limp_strip_of_walls,
     low_margin,
+    margin_in_spring,
     margins_in_worlds,
     model_curve,
     resistance_margin,
@@ -202,6 +204,21 @@ def hands_margins(
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:
         found = margins_in_worlds(in_hand(v), design(v), theta, WorldsMet(worlds, factor), OPS)
         return tuple(sum_of(getattr(found, name)) for name in names)
+
+    return margins
+
+
+def margins_in_spring(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
+    """Return two margins that are both positive only where the claim holds in hands of every stiffness."""
+    device, factor = _uncertain_device(demands.device, uncertain), decimal(demands.factor)
+
+    def margins(theta: Number, v: Values) -> tuple[Number, ...]:
+        design = Design(device(v), gains_of(v), coupling_of(v))
+        plants = plants_in_spring(design.device, Hand.of(v), delays, OPS)
+        if SAMPLES_BEFORE in v:
+            there = replace(delays, loop=v[SAMPLES_BEFORE], felt=v[SAMPLES_BEFORE])
+            plants = replace(plants[0], delays=there), replace(plants[1], delays=there)
+        return margin_in_spring(plants, design, theta, factor, OPS)
 
     return margins
 

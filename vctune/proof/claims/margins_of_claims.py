@@ -12,7 +12,7 @@ from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import llewellyn_demand, moduli
 from vctune.model.loop.loop import loop_constants, loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
+from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import (
     NextToRest,
@@ -23,7 +23,7 @@ from vctune.model.sampled.hand_loop import (
     seen_in_hand,
     seen_in_limp_hand,
 )
-from vctune.model.sampled.impedance_display import ForceInHand
+from vctune.model.sampled.impedance_display import ForceInHand, Required
 from vctune.model.sampled.loop_in_worlds import (
     Disjuncts,
     Offered,
@@ -141,6 +141,30 @@ def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Nu
     """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14)."""
     required = required_in_hand(loop_in_hand(plant, theta, ops), design.gains)
     return room(design.coupling, design.device, required, factor, theta, ops)
+
+
+def margin_in_spring(
+    plants: tuple[PlantInHand, PlantInHand], design: Design, theta: Number, factor: Number, ops: Arithmetic
+) -> tuple[Number, Number]:
+    """Return two margins; where both are positive, `hand_margin` is for a spring of any stiffness.
+
+    It is a quadratic in the stiffness, whose discriminant and whose square term decide (model/README.md, section 14).
+    """
+    soft, stiff = (loop_in_hand(plant, theta, ops) for plant in plants)
+    F, P = soft.closed(design.gains), soft.numerator(design.gains)
+    F_1, P_1 = stiff.closed(design.gains) + F.scaled(-1), stiff.numerator(design.gains) + P.scaled(-1)
+    # from the stiffness with the least |F|, where F is across F_1 and nothing is left of the resonance
+    square, size = F.square, F_1.abs2()
+    across = (F_1.even * F.odd - F_1.odd * F.even) / size
+    F_0 = EvenOdd(-(square * (across * F_1.odd)), across * F_1.even, square)
+    P_0 = P + P_1.scaled(-((F.even * F_1.even + square * (F.odd * F_1.odd)) / size))
+
+    def term(size: Number, *pairs: tuple[EvenOdd, EvenOdd]) -> Number:
+        lost = [-0.5 * (p.odd * f.even - p.even * f.odd) for p, f in pairs]
+        return room(design.coupling, design.device, Required(sum(lost[1:], start=lost[0]), size), factor, theta, ops)
+
+    bent, linear = term(size, (P_1, F_1)), term(0 * size, (P_0, F_1), (P_1, F_0))
+    return 4 * (bent * term(square * (across * across * size), (P_0, F_0))) - linear * linear, bent
 
 
 def limp_hand_margin(
