@@ -312,9 +312,11 @@ def disc(rng: Rng) -> Drawn:
 
     def missed(posed: Tables, witness: Witness) -> bool:
         own, w = tuple(posed["coupling"].values()), witness.omega
-        shares = [np.array([turned, share]) for turned in np.linspace(0, 1, 3001) for share in (0.3, 0.7, 1.0)]
-        found = [float(needed(tables, gains, own, w, delta(w, place))) for place in shares]
-        best = shares[int(np.argmax(found))]
+        turns = np.linspace(0, 1, 1001)
+        for _ in range(2):  # the second time 1000 times as close
+            shares = [np.array([turned, share]) for turned in turns for share in (0.3, 0.7, 1.0)]
+            best = max(shares, key=lambda place: float(needed(tables, gains, own, w, delta(w, place))))
+            turns = best[0] + np.linspace(-1e-3, 1e-3, 1001)
         return exactly_needed(tables, gains, own, w, complex(delta(w, best))) * 1.05 > 1 - 1e-6
 
     return Drawn("passive", of, missed)
