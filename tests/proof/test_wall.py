@@ -148,3 +148,11 @@ def test_a_region_of_walls_ends_at_the_classical_line():
         spare[kind] |= {DEVICE["damping"] > k * DEVICE["sample_time"] / 2 + b for b, k in corners}
     assert spare == {"feasible": {True}, "infeasible": {False}, "undecided": {True, False}}
     assert found.areas["undecided"] < 0.03
+
+
+def test_the_firmware_of_a_wall_promises_no_other_environment():
+    coupling = {"damping": 0.0, "stiffness": 1500.0}
+    exported = vctune.export({"device": DEVICE, "environment": RIGID, "coupling": coupling})
+    files = {name: " ".join(str(text).replace("*", "").split()) for name, text in exported.files.items()}
+    assert all("always in contact" in files[f"vctune_controller.{ending}"] for ending in "ch")
+    assert not any("passive as" in text for text in files.values())

@@ -71,6 +71,7 @@ def variables(firmware: Firmware) -> dict[str, Any]:
         "problem_sha256": firmware.problem_sha256,
         "design_sha256": firmware.design_sha256,
         "proved": certified(firmware),
+        "wall": firmware.record.certificate is not None and firmware.record.certificate.wall is not None,
         "units": units,
         "system": SYSTEM[device.units],
         "limited": limited,
