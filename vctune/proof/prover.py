@@ -148,22 +148,35 @@ def positive(margin: Margin, fixed: Values, near: Margin | None = None, rows: Se
     return own if near is None else by_place
 
 
-def either(first: Test, other: Margin, fixed: Values, low: float) -> Test:
-    """Return a test that also proves boxes from frequency `low` on in which both margins of another are positive."""
+def either(first: Test, other: Margin, fixed: Values, low: float, easy: int) -> Test:
+    """Return a test that, after `easy` boxes, also proves boxes from frequency `low` on in which both margins of
+    another are positive."""
+    tested = 0
+
+    def over(part: Boxes) -> list[Taylor]:
+        numbers = variables(part.rows(), part.varied())
+        return _polynomials(other(*_named(part, numbers, fixed)), numbers[0])
+
+    def another(part: Boxes) -> Decided:
+        margin, sign = over(part)
+        found = by_polynomial(margin, part, least_over_boxes(margin), alone=True)
+        unsure = ~(least_over_boxes(sign).bound > 0)
+        found.proved[unsure], found.room[unsure] = False, -np.inf
+        # where it is not lost, its rows are better halved than those of a margin that is negative so far
+        tried = np.flatnonzero((found.room > -np.inf) & (found.room < 0))
+        if tried.size:
+            at = found.point[:, tried]
+            lost = over(replace(part.subset(tried), low=at, high=at))[0].enclosed().negative()
+            found.room[tried] = np.where(lost, -np.inf, 0.0)
+        return found
 
     def decided(boxes: Boxes) -> Decided:
+        nonlocal tested
+        tested += len(boxes)
         found = first(boxes)
         left = np.flatnonzero(~found.proved & ~found.fails & (boxes.low[0] >= low))
-        if left.size:
-            part = boxes.subset(left)
-            numbers = variables(part.rows(), part.varied())
-            margin, sign = _polynomials(other(*_named(part, numbers, fixed)), numbers[0])
-            there, sure = (
-                by_polynomial(margin, part, least_over_boxes(margin), alone=True),
-                least_over_boxes(sign).bound > 0,
-            )
-            there.proved[~sure], there.room[~sure] = False, -np.inf
-            _replace(found, left, nearest([_part(found, left), there]))
+        if tested > easy and left.size:
+            _replace(found, left, nearest([_part(found, left), another(boxes.subset(left))]))
         return found
 
     return decided

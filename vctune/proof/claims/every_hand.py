@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 from dataclasses import astuple, dataclass, replace
-from functools import partial
 from math import isnan, nextafter, pi
 
 import numpy as np
@@ -47,11 +45,11 @@ from vctune.proof.device_box import (
 )
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, decimal_or_inf, surely_negative
 from vctune.proof.outcome import Outcome, Verdict
-from vctune.proof.prover import Effort, Test, boxes_at_most, either, misses_zero, positive, prove
+from vctune.proof.prover import Effort, Test, either, misses_zero, positive, prove
 
 STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an uncertain mass
 # Number of boxes after which the prover also tries every stiffness at once, and least angle, rad, at which it does
-EASY, SLOWEST = 4_000, 1e-4
+EASY, SLOWEST = 1_000, 1e-4
 MAX_BOXES = 400_000  # Number of boxes after which the prover leaves the claim open
 # Distances from the ends of the angles, as shares of pi, at which the code looks for a witness
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
@@ -73,12 +71,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     if stable.verdict is not Verdict.PROVED:
         return stable
     asked = Asked(design, demands, box)
-    springs = demands.worlds is None and kind.own_loop
-    with boxes_at_most(EASY) if springs else nullcontext():
-        found = _decided(asked, asked.ends(), asked.tests)
-    if found.verdict is Verdict.UNDECIDED and springs:
-        again = _decided(asked, asked.ends(), partial(asked.tests, springs=True))
-        found = replace(again, boxes=found.boxes + again.boxes)
+    found = _decided(asked, asked.ends(), asked.tests)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
 
@@ -133,13 +126,13 @@ class Asked:
         reserve = self.demands.factor if self.shared else None
         return _ends(self.demands.hands, self.box, self.uncertain, corners, limp=self.limp, reserve=reserve)
 
-    def tests(self, part: Part, fixed: Values, *, springs: bool = False) -> list[Test]:
-        """Return the tests that prove the claim on a part of the boxes, with `springs` also for every stiffness."""
+    def tests(self, part: Part, fixed: Values) -> list[Test]:
+        """Return the tests that prove the claim on a part of the boxes, after many boxes also for every stiffness."""
         found = [self._test(part, fixed, lead) for lead in (LEADS if self.walls else LEADS[:1])]
-        if not springs:
+        if self.demands.worlds is not None or not self.design.device.kind.own_loop:
             return found
         every = margins_in_spring(self.demands, self.uncertain, part.delays)
-        return [either(test, every, fixed, SLOWEST) for test in found]
+        return [either(test, every, fixed, SLOWEST, EASY) for test in found]
 
     def _test(self, part: Part, fixed: Values, lead: float) -> Test:
         margins = hands_margins(self.demands, self.uncertain, part.delays, lead)
