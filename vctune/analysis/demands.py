@@ -13,7 +13,7 @@ from vctune.analysis.sampled_loop import loop_gain, sensitivity_of
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, series_coupling
 from vctune.model.loop.device_response import device_response
-from vctune.model.loop.llewellyn import llewellyn_demand
+from vctune.model.loop.llewellyn import llewellyn_demand, passive_alone
 from vctune.model.loop.loop import LoopResponse, loop_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
@@ -44,17 +44,26 @@ def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
     return loop_response(device_response(device, omega, FLOATS), gains, FLOATS)
 
 
-def stability_ratio(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R; -inf if the loop's resistance is not positive, inf if R <= 0."""
+def stability_ratio(
+    device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats, *, alone: bool = False
+) -> Floats:
+    """Return Re Z_c / R; -inf if the loop's resistance is not positive, inf if R <= 0.
+
+    With nothing behind (`alone`), it is the greatest number by which Z_c may be divided.
+    """
     loop = response(device, gains, omega)
-    return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), -inf)
+    return np.where(loop.resistance > 0, (_ratio_alone if alone else _ratio)(loop, coupling, omega), -inf)
 
 
-def ratio_or_resistance(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R, or the resistance of the loop relative to |N D| where this resistance is not positive."""
+def ratio_or_resistance(
+    device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats, *, alone: bool = False
+) -> Floats:
+    """Return `stability_ratio`, or the resistance of the loop relative to |N D| where this resistance is not
+    positive."""
     loop = response(device, gains, omega)
     size = np.sqrt(loop.D_scaled.abs2() / loop.scale2 * (1 if loop.numerator is None else loop.numerator.abs2()))
-    return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), loop.resistance / size)
+    ratio = (_ratio_alone if alone else _ratio)(loop, coupling, omega)
+    return np.where(loop.resistance > 0, ratio, loop.resistance / size)
 
 
 def _ratio(loop: LoopResponse, coupling: AnyCoupling, omega: Floats) -> Floats:
@@ -62,6 +71,12 @@ def _ratio(loop: LoopResponse, coupling: AnyCoupling, omega: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = 2 * loop.resistance * coupling_impedance(series_coupling(coupling), omega).re / needed
     return ratio if loop.operator_relief is None else np.where(needed > 0, ratio, inf)
+
+
+def _ratio_alone(loop: LoopResponse, coupling: AnyCoupling, omega: Floats) -> Floats:
+    held, driven = passive_alone(loop, coupling_impedance(series_coupling(coupling), omega))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(driven < 0, -held / driven, inf)
 
 
 def sampled_span(problem: Problem) -> tuple[float, float]:
@@ -103,7 +118,7 @@ def _ripple_delay(device: Device) -> float:
 def ratio_minima(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minima:
     """Return the local minima of Re Z_c / R over the stability band, the lowest first."""
     return local_minima(
-        lambda omega: stability_ratio(problem.device, gains, coupling, omega),
+        lambda omega: stability_ratio(problem.device, gains, coupling, omega, alone=problem.alone),
         demand_grid(problem.device, *sampled_span(problem)),
     )
 

@@ -66,7 +66,7 @@ def requirements(problem: Problem, gains: Gains, omega: Floats) -> Iterator[Requ
         yield in_hands(device, problem.hands_met, gains)
     if problem.any_hand:
         yield in_any_hand(device, gains)
-    if problem.passive:
+    if problem.passive and not problem.alone:
         yield on_band(device, gains, omega)
 
 

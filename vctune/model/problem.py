@@ -106,6 +106,11 @@ class Demands:
     rigid: bool = False  # whether the environment is rigid, so that the coupling of an impedance display is a wall
 
     @property
+    def alone(self) -> bool:
+        """Whether the claim about any passive hand is one with nothing behind the coupling."""
+        return self.passive and self.worlds is not None
+
+    @property
     def worlds_met(self) -> WorldsMet | None:
         """The required linear environments and the safety factor; None for every passive environment."""
         return None if self.worlds is None else WorldsMet(self.worlds.linear, self.factor)
@@ -162,6 +167,11 @@ class Problem:
     def passive(self) -> bool:
         """Whether the problem requires any passive hand on the band, on an admittance display."""
         return self.stability.criterion != "hands" and self.device.kind.banded
+
+    @property
+    def alone(self) -> bool:
+        """Whether the claim about any passive hand is one with nothing behind the coupling."""
+        return self.passive and self.worlds is not None
 
     @property
     def any_hand(self) -> bool:

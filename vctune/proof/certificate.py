@@ -149,6 +149,7 @@ def _walls(question: Question, known: Outcomes) -> Outcome:
 # The prover of each claim
 PROVERS: dict[ClaimId, Prover] = {
     "passive": lambda question, _: prove_conditions(question.design, question.demands, question.covered),
+    "alone": lambda question, _: prove_conditions(question.design, question.demands, question.covered),
     "sensitivity": lambda question, _: prove_sensitivity(*question.modelled),
     "stable_model": lambda question, _: prove_model_poles(*question.modelled),
     "stable": lambda question, _: prove_sampled_poles(*question.modelled),
@@ -197,9 +198,10 @@ def _certificate(question: Question) -> Certificate:
         for number, claim in enumerate(asked, 1):
             report_progress(partial("claim {} of {}".format, number, len(asked)))
             outcomes[claim] = _in_time(partial(PROVERS[claim], question, outcomes))
-        missed = demands.factor > 1 and demands.passive and outcomes["passive"].verdict is not Verdict.PROVED
+        of_band: ClaimId = "alone" if demands.alone else "passive"
+        missed = demands.factor > 1 and demands.passive and outcomes[of_band].verdict is not Verdict.PROVED
         less = replace(question, demands=replace(demands, factor=1.0))
-        without_factor = _in_time(partial(PROVERS["passive"], less, outcomes)) if missed else None
+        without_factor = _in_time(partial(PROVERS[of_band], less, outcomes)) if missed else None
     return Certificate(design=design, demands=demands, outcomes=outcomes, without_factor=without_factor, box=box)
 
 

@@ -65,7 +65,7 @@ def requirements(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[
         every = [least_ratios_in_any_hand(each, gains, coupling)[0] for each in devices]
         lowest = min(every, key=lambda minimum: minimum.ratio)
         found.append(_curves(problem, coupling, stated, {}, lowest.ratio, lowest.omega))
-    if problem.passive:
+    if problem.passive and not problem.alone:
         omega, cases = 2 * pi * frequencies(problem), posed.cases
         stated = [on_band(case.device, gains, omega) for case in cases]
         alone = {"R of the stated device": stated[0]} if len(cases) > 1 else {}

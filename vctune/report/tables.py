@@ -92,7 +92,8 @@ def _hands(problem: Problem) -> list[Line]:
     if problem.rigid:
         lines.append(Line("the coupling is a wall", "", "", "its far end does not move"))
     if problem.passive:
-        lines.append(Line("any passive hand", "", "", "on the stability band"))
+        behind = " with nothing behind" if problem.alone else ""
+        lines.append(Line(f"any passive hand{behind}", "", "", "on the stability band"))
         for name, number in (asdict(least) if least is not None else {}).items():
             lines.append(Line(f"that has at least the {units.translated(name)}", *quantity(number, units.of(name))))
     return lines

@@ -1,8 +1,9 @@
 """Find the mass and drag that are felt least with nothing behind them, for given gains (model/README.md, section 18).
 
 The loop is Z_c + Z_seen with Z_c = c (1 + tau s). It is stable for a great c, and stays so while c falls until a hand
-of the box puts a pole on the unit circle: there, its imaginary part is 0 and its real part not positive. So each tau
-has a least c, and the error of c and tau is left to minimise over tau alone.
+of the box puts a pole on the unit circle: there, its imaginary part is 0 and its real part not positive. In any passive
+hand, c has a least value at each frequency of the band. So each tau has a least c, and the error of c and tau is left
+to minimise over tau alone.
 """
 
 from __future__ import annotations
@@ -13,26 +14,33 @@ from math import exp, inf, log, pi
 
 import numpy as np
 
+from vctune.analysis.demands import demand_grid, response
 from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Posed
-from vctune.design.verdict.judge import Judgement, Status, judge_posed
+from vctune.design.verdict.judge import Judgement, judge_posed
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.hands import Hand, Hands, stacked
+from vctune.model.loop.llewellyn import passive_alone
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.proof.claims.registry import ClaimId
+from vctune.proof.claims.registry import claims_about
 from vctune.proof.outcome import Verdict
 from vctune.proof.prover import boxes_at_most
 
 SHARES = (0.0, 0.05, 0.3, 1.0)  # Hands of the box that are looked at first: shares of each range
 ANGLES = np.append(np.geomspace(1e-5, 0.5, 400), np.linspace(0.5, pi * (1 - 1e-9), 250)[1:])  # rad
 SLOWEST, QUICKEST, TAUS = 1e5, 1e-3, 33  # tau, in sample times, and number of values that are compared first
+ENDLESS = 1e12  # tau of a mass without drag, in sample times
 HALVINGS = 22  # of the logarithm of c
 ROUNDS, TIGHTER = 12, 4e-4  # proofs, and the reserve of the first beyond the estimate; it doubles with each
 MOST_BOXES = 20_000  # of a proof: with more reserve it needs few
+OF_COUPLING = claims_about("ratio", "in_hand")
+
+LeastScale = Callable[[float], float]  # the least c for a tau, by an estimate
 
 
 def has_nothing_behind(problem: Problem) -> bool:
@@ -46,20 +54,21 @@ def has_nothing_behind(problem: Problem) -> bool:
 @np.errstate(all="ignore")
 def least_felt(posed: Posed) -> Judgement | None:
     """Return the design with the least error that is proved, or else the last that was tried; None if there is none."""
-    bounds = posed.problem.bounds
+    bounds, demands = posed.problem.bounds, posed.demands
     gains = Gains(bounds.velocity.min, bounds.position.min)
 
     def best(devices: Sequence[Device], hands: Sequence[Hand], reserve: float) -> Coupling | None:
-        return _best(posed, gains, [_seen(device, gains, hands) for device in devices], reserve)
+        least = [_in_hands(device, gains, hands) for device in devices if demands.hands is not None]
+        least += [_on_band(device, gains, posed.span) for device in devices if demands.alone]
+        return _best(posed, gains, least, reserve)
 
-    return first_proved(posed, gains, best, "worlds")
+    return first_proved(posed, gains, best)
 
 
 def first_proved(
     posed: Posed,
     gains: Gains,
     best: Callable[[Sequence[Device], Sequence[Hand], float], AnyCoupling | None],
-    claim: ClaimId,
 ) -> Judgement | None:
     """Return the first of the best couplings that is proved, each estimated with the devices and hands that refuted the
     last and more reserve; or else the last that was tried."""
@@ -73,8 +82,8 @@ def first_proved(
         with boxes_at_most(MOST_BOXES):
             tried = judge_posed(posed, gains, coupling)
         outcomes = tried.certificate.outcomes
-        if tried.status is Status.CERTIFIED or outcomes[claim].verdict is Verdict.PROVED:  # else the gains fail
-            return tried
+        if all(outcomes[claim].verdict is Verdict.PROVED for claim in OF_COUPLING if claim in outcomes):
+            return tried  # certified, or the gains fail
         lost = [each for each in outcomes.values() if each.verdict is Verdict.REFUTED]
         new = [each.hand for each in lost if each.hand is not None and each.hand not in hands]
         others = [each.device for each in lost if each.device is not None and each.device not in devices]
@@ -87,6 +96,24 @@ def _hands_of(hands: Hands) -> list[Hand]:
     return list(dict.fromkeys(Hand(*numbers) for numbers in product(*ranges)))
 
 
+def _in_hands(device: Device, gains: Gains, hands: Sequence[Hand]) -> LeastScale:
+    """Return the least c in all of some hands."""
+    seen = _seen(device, gains, hands)
+    return lambda tau: _least_scale(1 + 1j * tau * (2 / device.sample_time) * np.tan(ANGLES / 2), seen)
+
+
+def _on_band(device: Device, gains: Gains, span: tuple[float, float]) -> LeastScale:
+    """Return the least c in any passive hand on the band."""
+    omega = demand_grid(device, *span)
+    loop = response(device, gains, omega)
+
+    def least(tau: float) -> float:
+        held, driven = passive_alone(loop, Pair(np.ones_like(omega), tau * omega))
+        return float(np.max(np.where(loop.resistance > 0, -driven / held, inf)))
+
+    return least
+
+
 def _seen(device: Device, gains: Gains, hands: Sequence[Hand]) -> Floats:
     """Return Z_seen in each hand at each angle, shape (hands, angles)."""
     plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
@@ -95,23 +122,24 @@ def _seen(device: Device, gains: Gains, hands: Sequence[Hand]) -> Floats:
     return np.broadcast_to(found, (len(hands), ANGLES.size))
 
 
-def _best(posed: Posed, gains: Gains, seen: list[Floats], reserve: float) -> Coupling | None:
+def _best(posed: Posed, gains: Gains, of_each: Sequence[LeastScale], reserve: float) -> Coupling | None:
     """Return the mass and drag with the least error of those that are stable in all hands, by an estimate."""
     problem, T = posed.problem, posed.problem.device.sample_time
-    least, most = log(QUICKEST * T), log(SLOWEST * T)
+    least, most, massive = log(QUICKEST * T), log(SLOWEST * T), problem.bounds.drag.max == 0
 
     def coupling(log_tau: float) -> Coupling | None:
         tau, bounds = exp(log_tau), problem.bounds
-        shape = 1 + 1j * tau * (2 / T) * np.tan(ANGLES / 2)
-        c = max(_least_scale(shape, each) for each in seen) * problem.stability.safety_factor * reserve
+        c = max(each(tau) for each in of_each) * problem.stability.safety_factor * reserve
         c = max(c, bounds.drag.min, bounds.mass.min / tau)
-        mass, drag = float(f"{c * tau:.8g}"), float(f"{c:.8g}")
+        mass, drag = float(f"{c * tau:.8g}"), 0.0 if massive else float(f"{c:.8g}")
         return Coupling(inf, mass, drag) if mass <= bounds.mass.max and drag <= bounds.drag.max else None
 
     def error(log_tau: float) -> float:
         found = coupling(log_tau)
         return inf if found is None else posed.error(gains, found)
 
+    if massive:
+        return coupling(log(ENDLESS * T))
     grid = np.linspace(least, most, TAUS)
     values = [error(at) for at in grid]
     k = int(np.argmin(values))

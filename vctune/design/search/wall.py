@@ -40,7 +40,7 @@ def stiffest_wall(posed: Posed) -> Judgement | None:
         multiples = [_in_any_hand(each) if problem.any_hand else _in_hands(each, hands) for each in devices]
         return _stiffest(problem, multiples, problem.stability.safety_factor * reserve)
 
-    return first_proved(posed, Gains(0.0, 0.0), best, "wall_in_any_hand" if problem.any_hand else "wall_in_hands")
+    return first_proved(posed, Gains(0.0, 0.0), best)
 
 
 def _in_any_hand(device: Device) -> Multiple:

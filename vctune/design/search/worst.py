@@ -55,7 +55,8 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
     assert box is not None
 
     def value(at: Floats) -> Floats:
-        return ratio_or_resistance(_device(box, list(at[1:])), gains, coupling, at[0])
+        device = _device(box, list(at[1:]))
+        return ratio_or_resistance(device, gains, coupling, at[0], alone=posed.problem.alone)
 
     ends = np.array([[low, high], *([box.low.number(key), box.high.number(key)] for key in box.uncertain)])
     least, at = _refined(value, box, _minima(value, box, demand_grid(box.high, low, high)), ends)

@@ -181,7 +181,8 @@ def check_message(judgement: Judgement) -> str:
 def _proved(judgement: Judgement) -> str:
     demands, units = judgement.certificate.demands, UNITS[judgement.device.units]
     low, high = (edge / (2 * pi) for edge in demands.band)
-    where = [f"from {low:.6g} to {high:.6g} Hz"] if demands.passive else []
+    behind = " in any passive hand with nothing behind" if demands.alone else ""
+    where = [f"from {low:.6g} to {high:.6g} Hz{behind}"] if demands.passive else []
     where += ["in any passive hand up to Nyquist"] if demands.any_hand else []
     where += ["against a rigid world"] if demands.rigid else []
     if demands.hands is not None:

@@ -228,10 +228,10 @@ class Judgement:
 
     @property
     def reserve_missed(self) -> str | None:
-        """A message for a design that is absolutely stable but misses the safety factor; None for any other design."""
+        """A message for a design that is stable but misses the safety factor; None for any other design."""
         if self.certificate.without_factor is None or self.certificate.proved_ratio is None:
             return None
-        return f"absolutely {self.stable_but}"
+        return self.stable_but if self.certificate.demands.alone else f"absolutely {self.stable_but}"
 
     @property
     def stable_but(self) -> str:

@@ -226,7 +226,9 @@ class DesignRecord(Document):
         place = (
             None if band is None else f"from {text(band[0])} to {text(band[1])} Hz, as far as the frequency model goes"
         )
-        passive = [f"absolutely stable in any passive hand {place}"] if place else []
+        alone = any(claim.id == "alone" for claim in self.certificate.claims)
+        stable = "stable in any passive hand with nothing behind" if alone else "absolutely stable in any passive hand"
+        passive = [f"{stable} {place}"] if place else []
         if self.certificate.any_hand:
             passive = [f"stable{without} {self.certificate.any_hand.promise}"]
         if self.certificate.wall:

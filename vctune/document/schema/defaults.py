@@ -49,10 +49,13 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
         radii = tuple(document.uncertainty.unmodelled)
         device = replace(device, servo=replace(device.servo, radii=radii))
     rigid = document.environment is not None and device.kind.inverse
-    # a servo, and a file with [environment], have the criterion "hands" only (rules.py refuses others)
-    has_a_choice = device.kind.own_loop and (document.environment is None or rigid)
+    # a servo has the criterion "hands" only, and a file with [environment] unless it states another (rules.py)
+    stated = "criterion" in document.stability.model_fields_set
+    has_a_choice = device.kind.own_loop and (document.environment is None or rigid or stated)
     criterion = document.stability.criterion if has_a_choice else "hands"
-    device = replace(device, operator=operator if criterion != "hands" else None)
+    # with nothing behind, the claim about any passive hand counts on no operator
+    operator = operator if criterion != "hands" and (document.environment is None or rigid) else None
+    device = replace(device, operator=operator)
     loop_lags = lags(device, FLOATS)
     lag = float(loop_lags.drive + loop_lags.estimate)
 
@@ -105,7 +108,8 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     loop_impedance = device.mass / lag + device.damping
     least = min(1e-8 * device.mass / device.sample_time, 1e-5 * loop_impedance)
     stated = (gains.velocity, gains.position, coupling.damping, coupling.mass)
-    drag_is_free = document.stability.criterion != "passive" and not all(isinstance(number, float) for number in stated)
+    with_drag = alone or document.stability.criterion != "passive"
+    drag_is_free = with_drag and not all(isinstance(number, float) for number in stated)
     return Bounds(
         velocity=_range(gains.velocity, least, 2 * loop_impedance),
         position=_range(gains.position, 0.0, 2 * loop_impedance / lag),

@@ -289,7 +289,8 @@ class StabilityTable(Table):
         '"hands": every hand of [operator], in the sampled loop at every frequency. "both": both claims; on band_hz '
         'it also covers hands that change in a passive way, which "hands" alone does not. The default is "hands" for a '
         "servo and for a file with [environment]. The environment is any passive one or, if the file has "
-        "[environment], any one in its box.",
+        "[environment], any one in its box; of such boxes only that of nothing (mass.max = 0, stiffness.max = 0) "
+        'allows "passive" and "both".',
     )
 
 

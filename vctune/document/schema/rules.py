@@ -152,11 +152,7 @@ def _environments(raw: dict[str, Any]) -> Found:
         )
     criterion, corner = _table(raw, "stability").get("criterion"), number_at(raw, "environment", "corner_hz")
     if criterion in ("passive", "both"):
-        yield (
-            ("stability", "criterion"),
-            f'"{criterion}" allows any passive hand with every passive environment, while [environment] states which '
-            'there are; write "hands", or leave out the criterion or [environment]',
-        )
+        yield from _any_hand_alone(raw, criterion)
     if _table(raw, "uncertainty").get("unmodelled"):
         yield ("uncertainty", "unmodelled"), "is not proved with [environment]; leave one of them out"
     if raw["environment"].get("walls") is not True:
@@ -176,6 +172,28 @@ def _environments(raw: dict[str, Any]) -> Found:
     if corner and T and corner * pi * T > 1:
         highest = float(f"{1 / (pi * T) * (1 - 5e-7):.6g}")  # rounded down to six digits
         yield ("environment", "corner_hz"), f"{corner:g} Hz is above 1/(pi sample_time); write at most {highest:g}"
+
+
+def _any_hand_alone(raw: dict[str, Any], criterion: str) -> Found:
+    """Yield why any passive hand cannot be asked for with a box of environments, or with nothing behind."""
+    most = [number_at(raw, "environment", *path) for path in (("mass", "max"), ("stiffness", "max"), ("stiffness",))]
+    if most[0] != 0 or 0 not in most[1:] or number_at(raw, "environment", "damping", "min"):
+        yield (
+            ("stability", "criterion"),
+            f'"{criterion}" allows any passive hand, which is proved with every passive environment or with nothing '
+            "behind (mass.max = 0, stiffness.max = 0), while [environment] states others; "
+            'write "hands", or leave out the criterion or [environment]',
+        )
+        return
+    band = _table(raw, "stability").get("band_hz")
+    for edge, endless in enumerate((0.0, inf)):
+        if isinstance(band, list) and band[edge : edge + 1] == [endless]:
+            yield ("stability", "band_hz", edge), f"{endless:g} has no proof with nothing behind; state another edge"
+    for path in (("gains", "velocity"), ("gains", "position")):
+        if number_at(raw, *path) is None:
+            yield path, f'is missing; with nothing behind, "{criterion}" asks for a mass and a drag for stated gains'
+    if _table(raw, "coupling").get("damping") not in (None, inf):
+        yield ("coupling", "damping"), "holds nothing with nothing behind; write inf, or leave it out"
 
 
 def _rigid_world(raw: dict[str, Any]) -> Found:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from vctune.model.loop.loop import LoopResponse
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.numbers.pair import re_conj_product
+from vctune.model.numbers.pair import Pair, re_conj_product
 
 
 def moduli(loop: LoopResponse, ops: Arithmetic) -> Number:
@@ -34,3 +34,10 @@ def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
 def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
     """Return R, the least feasible Re Z_c (model/README.md, section 4)."""
     return llewellyn_demand(loop, ops) / (2 * loop.resistance)
+
+
+def passive_alone(loop: LoopResponse, Z_c: Pair) -> tuple[Number, Number]:
+    """Return |Z_c|^2 r and Re(Z_c D conj C) times the loop's scale^2. Their sum is positive where the handle is passive
+    with nothing behind the coupling (model/README.md, section 18)."""
+    P = re_conj_product(loop.C_scaled, loop.D_scaled)
+    return Z_c.abs2() * loop.resistance * loop.scale2, Z_c.re * P + Z_c.im * loop.im_C_conj_D_scaled

@@ -44,7 +44,7 @@ from vctune.proof.claims.margins_of_claims import (
     any_hand_before_wall,
     any_hand_margin,
     clamped_margin,
-    conditions_margin,
+    conditions_of,
     hand_curve,
     hand_margin,
     high_margin,
@@ -141,7 +141,7 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         return Design(device(v), gains_of(v), coupling_of(v))
 
     return Claims(
-        conditions=lambda omega, v: conditions_margin(design(v), omega, factor, OPS),
+        conditions=lambda omega, v: conditions_of(demands)(design(v), omega, factor, OPS),
         conditions_near_zero=lambda omega, v: low_margin(design(v), omega, factor, OPS),
         conditions_near_infinity=lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
         sensitivity=lambda theta, v: sensitivity_margin(plant(v), gains_of(v), theta, limit, OPS),

@@ -28,7 +28,7 @@ from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
-    conditions_margin,
+    conditions_of,
     outwards,
     resistance_apart,
     resistance_margin,
@@ -436,7 +436,7 @@ def _conditions_fail(design: Design, demands: Demands, device: Device, omega: fl
     exact, factor = replace(design, device=device).converted(decimal), decimal(demands.factor)
 
     def fails(omega: float) -> bool:
-        if surely_negative(conditions_margin(exact, Enclosure(omega), factor, ENCLOSURES)):
+        if surely_negative(conditions_of(demands)(exact, Enclosure(omega), factor, ENCLOSURES)):
             return True
         return resistance_apart(device) and surely_negative(resistance_margin(exact, Enclosure(omega), ENCLOSURES))
 

@@ -9,10 +9,11 @@ from math import inf, nextafter, pi
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper, coupling_impedance
 from vctune.model.loop.device_response import DeviceResponse, device_response
-from vctune.model.loop.llewellyn import llewellyn_demand, moduli
+from vctune.model.loop.llewellyn import llewellyn_demand, moduli, passive_alone
 from vctune.model.loop.loop import loop_constants, loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
+from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import (
     NextToRest,
@@ -73,6 +74,18 @@ def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithm
     """Return 2 r (Re Z_c - factor R) at omega > 0, where r is the loop's resistance (model/README.md, section 4)."""
     loop = loop_response(device_response(design.device, omega, ops), design.gains, ops)
     return 2 * loop.resistance * coupling_impedance(design.series, omega).re - factor * llewellyn_demand(loop, ops)
+
+
+def alone_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
+    """Return the margin at omega > 0 of the handle's passivity with nothing behind a coupling of Z_c / factor."""
+    loop = loop_response(device_response(design.device, omega, ops), design.gains, ops)
+    held, driven = passive_alone(loop, coupling_impedance(design.series, omega))
+    return held + factor * driven
+
+
+def conditions_of(demands: Demands) -> Callable[[Design, Number, Number, Arithmetic], Number]:
+    """Return the margin of the claim about any passive hand: with every passive environment, or with nothing behind."""
+    return alone_margin if demands.alone else conditions_margin
 
 
 def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmetic) -> Number:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 ClaimId = Literal[
     "passive",
+    "alone",
     "sensitivity",
     "stable_model",
     "stable",
@@ -62,7 +63,21 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "stability band the device is stable in any passive hand with every passive environment. Outside the "
                 "band such a hand can make it oscillate."
             ),
-            asked=lambda demands, _: demands.passive,
+            asked=lambda demands, _: demands.passive and not demands.alone,
+        ),
+        Claim(
+            id="alone",
+            sentence="Re G_hh > 0, and the handle passive with nothing behind Z_c / safety_factor, on the band",
+            quantity="ratio",
+            margin="proof.claims.margins_of_claims.alone_margin",
+            witness="a frequency of the stability band",
+            label="any passive hand with nothing behind, on the band",
+            explain=(
+                "The impedance that a hand meets has a positive real part at every frequency of the stability band, in "
+                "the frequency model, which has no aliasing: no passive hand can make the free handle oscillate there. "
+                "With a proportional velocity loop the least mass is near K_v m/(K_v + b)."
+            ),
+            asked=lambda demands, _: demands.alone,
         ),
         Claim(
             id="sensitivity",
