@@ -49,7 +49,8 @@ class Required:
 def requirements(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Required]:
     """Return the requirement of each claim of a problem that compares the coupling with a resistance."""
     device, posed, found = problem.device, pose(problem), list[Required]()
-    if problem.rigid:  # nothing is offered to an environment: a wall has a limit, not a requirement
+    # a wall, and a handle with nothing behind it, have a limit: nothing is offered to an environment
+    if problem.rigid or (problem.worlds is not None and problem.worlds.nothing):
         return found
     devices = [device, *(case.device for case in posed.hand_cases if case.device != device)]
     if (hands := problem.hands_met) is not None:
@@ -65,7 +66,7 @@ def requirements(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[
         every = [least_ratios_in_any_hand(each, gains, coupling)[0] for each in devices]
         lowest = min(every, key=lambda minimum: minimum.ratio)
         found.append(_curves(problem, coupling, stated, {}, lowest.ratio, lowest.omega))
-    if problem.passive and not problem.alone:
+    if problem.passive:
         omega, cases = 2 * pi * frequencies(problem), posed.cases
         stated = [on_band(case.device, gains, omega) for case in cases]
         alone = {"R of the stated device": stated[0]} if len(cases) > 1 else {}

@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import NamedTuple
 
-from vctune.analysis.demands import unmodelled_maxima
+from vctune.analysis.demands import ratio_minima, unmodelled_maxima
+from vctune.design.prepared import pose
 from vctune.document.records.certificate_json import HandsRecord, InnerLoopRecord, WallRecord, WallsRecord
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.hands import QUANTITIES
+from vctune.model.numbers.units import hertz
 from vctune.model.parts import PART_NUMBERS, PARTS
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import BEFORE_WALL, IN_HANDS, ClaimId
@@ -104,6 +106,10 @@ def found(claim: ClaimId, record: DesignRecord, problem: Problem, required: Sequ
     loop, proof, units, stability = record.inner_loop, record.certificate, record.units, problem.stability
     if claim == "unmodelled" and record.design is not None:
         return f"peak {limit(float(-unmodelled_maxima(problem, record.design[0]).value[0]), up=True)}", "< 1"
+    if claim == "alone" and record.design is not None:
+        minima = (ratio_minima(case, *record.design) for case in pose(problem).cases)
+        ratio, at = min((float(each.value[0]), float(each.omega[0])) for each in minima)
+        return f"least ratio {in_place(ratio, hertz(at))}", f"≥ {stability.safety_factor:g}"
     if claim == "sensitivity" and loop is not None:
         return f"peak {peak_in_words(loop)}", f"≤ {stability.max_sensitivity:g}"
     if claim == "stable" and loop is not None:
