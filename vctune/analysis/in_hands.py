@@ -119,8 +119,9 @@ def _steepest(
     return steepest.joined(others)
 
 
-# Angles at which the code evaluates the environments of a box, relative to the worst angle
-WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
+# Half-widths of the windows, of the logarithm of the angle, in which the code looks for the ends of a violation, and
+# number of angles of each
+REACHES, FEWEST, WINDOW = (0.3, 0.01, 3e-4), 4, np.linspace(-1, 1, 121)
 
 
 def windows(
@@ -130,17 +131,23 @@ def windows(
     worst: Sequence[RatioInHand | RatioInAnyHand],
     met: WorldsMet,
 ) -> list[RatioInHand]:
-    """Return the ends of the windows of angles in which a design violates the constraint for a box of environments."""
+    """Return the ends and the middle of the windows of angles in which a design violates the constraint for a box of
+    environments. A shift of the window alone mends an end."""
     device, found = problem.device, list[RatioInHand]()
     for at in worst:
         if not isinstance(at, RatioInHand) or at.omega == 0 or at.ratio >= met.factor:
             continue
-        theta = np.minimum(at.omega * device.sample_time * WINDOW, pi)
-        loop = loop_in_hand(plant_in_hand(device, at.hand, delays_of(device), FLOATS), theta, FLOATS)
-        fails, middle = needs_in_hands(loop, device, gains, coupling, theta, met) > 1 / met.factor, WINDOW.size // 2
-        below, above = np.logical_and.accumulate(fails[middle::-1]), np.logical_and.accumulate(fails[middle:])
-        first, last = middle - np.count_nonzero(below), middle + np.count_nonzero(above)
-        for k in (max(first, 0), min(last, WINDOW.size - 1)):
+        plant = plant_in_hand(device, at.hand, delays_of(device), FLOATS)
+        for reach in REACHES:
+            theta, middle = np.minimum(at.omega * device.sample_time * np.exp(reach * WINDOW), pi), WINDOW.size // 2
+            needs = needs_in_hands(loop_in_hand(plant, theta, FLOATS), device, gains, coupling, theta, met)
+            fails = needs > 1 / met.factor
+            below, above = np.logical_and.accumulate(fails[middle::-1]), np.logical_and.accumulate(fails[middle:])
+            first, last = middle - int(below.sum()), middle + int(above.sum())
+            if last - first > FEWEST:
+                break
+        first, last = max(first, 0), min(last, WINDOW.size - 1)
+        for k in (first, (first + last) // 2, last):
             found.append(RatioInHand(at.ratio, float(theta[k] / device.sample_time), at.hand))
     return found
 

@@ -119,16 +119,17 @@ class Boxes:
         true."""
         return [True, *np.any(self.low[1:] < self.high[1:], axis=1).tolist()]
 
-    def divided(self, name: str, ratio: float) -> Boxes:
-        """Return the boxes, cut across a row of positive numbers into parts whose edges have at most a given ratio."""
+    def divided(self, name: str, ratio: float, beside: float = 0.0) -> Boxes:
+        """Return the boxes, cut across a row of numbers into parts whose edges, each plus `beside`, have
+        at most a given ratio."""
         row = self.names.index(name)
-        low, high = self.low[row], self.high[row]
+        low, high = self.low[row] + beside, self.high[row] + beside
         parts = np.maximum(np.ceil(np.log(high / low) / np.log(ratio)), 1).astype(np.intp)
         found = self.subset(np.repeat(np.arange(len(self)), parts))
         first = np.repeat(np.cumsum(parts) - parts, parts)
         number, whole = np.arange(parts.sum()) - first, np.repeat(parts, parts)
         least, most = found.low[row].copy(), found.high[row].copy()
-        edge = least * (most / least) ** (number / whole)
+        edge = (least + beside) * ((most + beside) / (least + beside)) ** (number / whole) - beside
         found.low[row] = np.where(number > 0, edge, least)
         found.high[row] = np.where(number < whole - 1, np.append(edge[1:], 0.0), most)
         return found

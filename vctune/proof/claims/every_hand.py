@@ -48,6 +48,7 @@ from vctune.proof.outcome import Outcome, Verdict
 from vctune.proof.prover import Effort, Test, either, misses_zero, positive, prove
 
 STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an uncertain mass
+SUM_STEP = 8.0  # Ratio of the edges of the first intervals of an uncertain mass together with the hand's
 # Number of boxes after which the prover also tries every stiffness at once, and least angle, rad, at which it does
 EASY, SLOWEST = 1_000, 1e-4
 MAX_BOXES = 400_000  # Number of boxes after which the prover leaves the claim open
@@ -239,7 +240,11 @@ def boxes_over(part: Part) -> Boxes:
     """Return the first boxes over the angle and all rows of a part, with one owner."""
     boxes = over_band(part.names, part.low, part.high, band_of(0.0, HALF_TURN, STEP))
     boxes = replace(boxes, owner=np.zeros_like(boxes.owner))
-    return boxes.divided(row_of("mass"), STEP) if row_of("mass") in part.names else boxes
+    if row_of("mass") not in part.names:
+        return boxes
+    if MASS in part.names:  # the reciprocal of the sum of both masses has no bound over a wide range of both
+        boxes = boxes.divided(MASS, SUM_STEP, boxes.low[boxes.names.index(row_of("mass"))].min())
+    return boxes.divided(row_of("mass"), STEP)
 
 
 def _in_doubt(
