@@ -229,9 +229,9 @@ def _step(posed: Posed, search: _Search) -> None:
     progress = not uphill and (joined or nearer or (admissible and solution.converged))
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
     search.trail.append(search.missed)
-    another = problem.worlds is not None and search.incumbent < inf and search.best is None
-    if another and len(search.trail) > STALLED:
-        search.finished = search.missed > search.trail[-1 - STALLED] / 2
+    known = search.best is not None or (problem.worlds is not None and search.incumbent < inf)
+    if known and not admissible and len(search.trail) > STALLED:
+        search.finished |= search.missed > search.trail[-1 - STALLED] / 2
 
 
 def _examine_start(posed: Posed, search: _Search, error: float) -> None:
