@@ -1,8 +1,7 @@
 """The simulation of devices as they are: velocity estimate, actuator, force sensor and a handle on a spring.
 
 Against loops whose matrices and impedances are worked out elsewhere (`oracles/loop.py`),
-against events that scipy integrates between (`parts_in_time`), against the certificate, and in the limits where a part
-is none.
+against events that scipy integrates between (`parts_in_time`), and against the certificate.
 """
 
 from __future__ import annotations
@@ -167,13 +166,6 @@ def test_let_go_with_the_environment_at_rest_it_is_the_loop_of_the_certificate(s
     assert stable_loop(device, gains, model=False) == (mode.radius < 1)
 
 
-def test_a_wall_of_any_stiffness_is_the_environment_at_rest():
-    hard = replace(NOTHING, damping=1e12)
-    for device in DEVICES.values():
-        moduli = np.abs(np.linalg.eigvals(loop_matrix(scene_of(device, hard, AWAY))))
-        assert np.abs(moduli - spectral_radius(device, GAINS)).min() < 1e-9
-
-
 # in time
 
 
@@ -266,94 +258,6 @@ def test_no_step_creates_energy_in_a_free_slide(h, stiffness):
             after = energy(at)
             assert after <= before + 1e-11 * first
             before = after
-
-
-# what is nearly nothing
-
-
-def force_of(device: Device, **changes) -> np.ndarray:
-    return run(scene_of(device, **changes)).force
-
-
-FAST = {
-    "actuator": (lambda f: replace(IDEAL, actuator=Actuator(f)), lambda lag: replace(IDEAL, delay=lag), 1),
-    "its second order": (
-        lambda f: replace(IDEAL, actuator=Actuator(f, 2)),
-        lambda lag: replace(IDEAL, delay=lag),
-        2,
-    ),
-    "force sensor": (
-        lambda f: replace(IDEAL, force_sensor=ForceSensor(f)),
-        lambda lag: replace(IDEAL, force_sensor=ForceSensor(delay=lag)),
-        1,
-    ),
-    "its second order too": (
-        lambda f: replace(IDEAL, force_sensor=ForceSensor(f, 2)),
-        lambda lag: replace(IDEAL, force_sensor=ForceSensor(delay=lag)),
-        2,
-    ),
-    "structure": (lambda f: replace(IDEAL, structure=Structure(0.1, f, 0.1)), lambda lag: IDEAL, 1),
-}
-"""A part by its frequency, what it is nearly by the lag, and its order."""
-
-
-@pytest.mark.parametrize("friction", [None, LUGRE], ids=["no friction", "friction"])
-@pytest.mark.parametrize("part", FAST)
-def test_a_fast_part_is_its_lag_and_a_stiff_handle_is_rigid(part, friction):
-    """To the square of its time; a filter of order 2, whose square is that of its lag, to the cube."""
-    fast, late, order = FAST[part]
-    changes = {"operator": replace(HAND, mass=0.0), "friction": friction}
-    gaps = [
-        np.abs(force_of(fast(f), **changes) - force_of(late(order**0.5 / (2 * np.pi * f)), **changes)).max()
-        for f in (1e4, 1e5)
-    ]
-    assert gaps[1] < 1e-4
-    if friction is None:
-        assert gaps[0] / gaps[1] == pytest.approx(10 ** (1 + order), rel=0.3)
-
-
-def test_what_is_too_fast_to_matter_does_not(monkeypatch):
-    """A million times the sampling rate. With friction, a hand's mass feels the friction's mean over the last step."""
-    fast = Device(
-        0.4, 2.0, 1e-3, 0.3e-3, "zoh", None, None, Actuator(1e9, 2), ForceSensor(1e9, 2), Structure(0.1, 1e6, 0.5)
-    )
-    ideal, light = replace(IDEAL, delay=0.3e-3), replace(HAND, mass=0.0)
-
-    def gap(**changes):
-        one, other = (run(scene_of(device, **changes)).force for device in (fast, ideal))
-        return np.abs(one - other).max()
-
-    assert gap() < 1e-7
-    assert gap(friction=LUGRE, operator=light) < 1e-4
-    assert gap(friction=LUGRE) < 2e-3
-    in_steps(monkeypatch, 256)
-    assert gap(friction=LUGRE) < 2e-4
-
-
-def test_a_fast_low_pass_in_the_firmware_is_none():
-    plain = replace(IDEAL, velocity=VelocityEstimate("difference"))
-    filtered = replace(IDEAL, velocity=VelocityEstimate("difference", 1e7, 2))
-    assert np.abs(force_of(filtered) - force_of(plain)).max() < 1e-12
-
-
-def test_a_handle_that_is_all_but_the_motor_is_the_motor():
-    """Frequency and ratio kept, a handle of no mass hangs on a spring of no stiffness: what counts is the other end."""
-    heavy = replace(IDEAL, structure=Structure(0.2, 1e5, 0.1))
-    light = replace(IDEAL, structure=Structure(1e-3, 1e5, 0.1))
-    assert np.abs(force_of(heavy) - force_of(light)).max() < 1e-3
-
-
-@pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES)
-def test_units_do_not_matter(device):
-    impedance, time = 7.0, 3e-3
-    mass, stiffness = impedance * time, impedance / time
-    hand = replace(HAND, mass=HAND.mass / mass, damping=HAND.damping / impedance, stiffness=HAND.stiffness / stiffness)
-    gains = Gains(GAINS.velocity / impedance, GAINS.position / stiffness)
-    coupling = Coupling(COUPLING.damping / impedance, COUPLING.mass / mass, COUPLING.drag / impedance)
-    rendered = Environment(0.2 / mass, 3.0 / impedance, 200.0 / stiffness, 0.0, False)
-    scaled = designed_scene(device.in_units(impedance, time), gains, coupling, experiment(rendered, hand))
-    scene = scene_of(device, Environment(0.2, 3.0, 200.0, 0.0, False))
-    assert fastest_mode(scaled).radius == pytest.approx(fastest_mode(scene).radius, abs=1e-9)
 
 
 # runs
