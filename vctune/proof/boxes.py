@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from math import inf
+from math import inf, nextafter, pi
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from vctune.proof.enclosures.taylor import Taylor
 Integers = NDArray[np.intp]
 
 FREQUENCY = "frequency"  # The name of the row of the frequency
+HALF_TURN = nextafter(pi, inf)  # theta = omega T at the Nyquist frequency, rounded upwards
 WHOLE_SAMPLES = "whole samples of device.delay"
 # The name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay
 SAMPLES_BEFORE = "whole samples before device.delay"

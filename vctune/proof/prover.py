@@ -14,7 +14,7 @@ import numpy as np
 
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
-from vctune.proof.boxes import CHUNK, FREQUENCY, Boxes, Integers, Values, in_chunks
+from vctune.proof.boxes import CHUNK, FREQUENCY, HALF_TURN, Boxes, Integers, Values, in_chunks
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, selected
 from vctune.proof.enclosures.taylor import LowerBound, Taylor, least_over_boxes, stacked, variables
 from vctune.running import check_time, report_progress
@@ -24,8 +24,8 @@ Margin = Callable[[Number, Values], Number]  # must be positive; of a tuple of n
 Curve = Callable[[Number, Values], Pair]  # must not be 0
 
 LOST = -1.0  # Least nearness to a proof: a margin that would not be positive even if it rose by its whole variation
-# Least relative width of an interval from frequency 0, whose ends no halving brings nearer in ratio. It is 1 at first,
-# and falls with the fourth root of the interval
+# Least relative width of an interval from frequency 0 or up to angle pi, whose distances from there no halving brings
+# nearer in ratio. It is 1 at first, and falls with the fourth root of the interval
 FROM_ZERO = 0.1
 NEAR_ZERO = 1e-3  # Least divisor in the relative width of a row, as a share of the row's range
 FREQUENCY_FIRST = 64.0  # Weight of the frequency's relative width where one of several margins has no bound
@@ -353,9 +353,9 @@ def _relative(boxes: Boxes) -> Floats:
     """Return the width of each row, relative to the row's values or to `NEAR_ZERO` of its range, the greater one."""
     sizes = np.abs(boxes.low) + np.abs(boxes.high) + NEAR_ZERO * boxes.spans
     sizes[0] = np.abs(boxes.low[0]) + np.abs(boxes.high[0])
-    relative = (boxes.high - boxes.low) / sizes
-    from_zero = np.maximum((boxes.high[0] / boxes.spans[0]) ** 0.25, FROM_ZERO)
-    relative[0] = np.where(boxes.low[0] == 0, from_zero, relative[0])
+    relative, width = (boxes.high - boxes.low) / sizes, boxes.high[0] - boxes.low[0]
+    for at_end, whole in ((boxes.low[0] == 0, boxes.spans[0]), (boxes.high[0] == HALF_TURN, HALF_TURN)):
+        relative[0] = np.where(at_end, np.maximum((width / whole) ** 0.25, FROM_ZERO), relative[0])
     return np.asarray(relative)
 
 

@@ -18,7 +18,18 @@ from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.proof.boxes import FREQUENCY, Boxes, Cells, Integers, Values, band_of, first_boxes, over_cells, over_each
+from vctune.proof.boxes import (
+    FREQUENCY,
+    HALF_TURN,
+    Boxes,
+    Cells,
+    Integers,
+    Values,
+    band_of,
+    first_boxes,
+    over_cells,
+    over_each,
+)
 from vctune.proof.claims.array_claims import OFFSET, SLOPE, bounded_in_any_hand, bounded_in_hands, claims_of
 from vctune.proof.claims.cells_in_hands import hold_in_hands
 from vctune.proof.claims.loop_claims import (
@@ -33,7 +44,7 @@ from vctune.proof.claims.loop_claims import (
     sampled_turns,
     sensitivity,
 )
-from vctune.proof.claims.margins_of_claims import HALF_TURN, outwards
+from vctune.proof.claims.margins_of_claims import outwards
 from vctune.proof.claims.registry import ClaimId, claims_asked
 from vctune.proof.enclosures.intervals import Flags, Floats, decimal
 from vctune.proof.prover import Effort, Margin, Proofs, lower_bound_over, positive, prove

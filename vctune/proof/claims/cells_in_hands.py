@@ -12,10 +12,9 @@ from vctune.model.hands import HAND
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
-from vctune.proof.boxes import Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands
+from vctune.proof.boxes import HALF_TURN, Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands
 from vctune.proof.claims.array_claims import SHARES, claims_of, limp_hands_margins
 from vctune.proof.claims.loop_claims import STEP
-from vctune.proof.claims.margins_of_claims import HALF_TURN
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
 from vctune.proof.prover import Effort, Margin, Test, positive, prove
 

@@ -15,7 +15,7 @@ from vctune.model.problem import Demands
 from vctune.model.sampled.loop_in_worlds import LEADS, posed, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
-from vctune.proof.boxes import SAMPLES_BEFORE, Boxes, Values, band_of, over_band
+from vctune.proof.boxes import HALF_TURN, SAMPLES_BEFORE, Boxes, Values, band_of, over_band
 from vctune.proof.claims.array_claims import (
     AT_REST,
     SHARES,
@@ -30,7 +30,6 @@ from vctune.proof.claims.crossing import refuted_by_one, worst_before_wall
 from vctune.proof.claims.delays import DELAY_ROWS, NEXT_TO, Ends, Part, parts_of, row_of
 from vctune.proof.claims.loop_claims import hand_turns, in_rad_per_s, of_design
 from vctune.proof.claims.margins_of_claims import (
-    HALF_TURN,
     Design,
     LoopDelay,
     any_hand_before_wall,

@@ -23,10 +23,9 @@ from vctune.model.numbers.units import KEYS, keys_of
 from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
 from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go
-from vctune.proof.boxes import Boxes, Cells, Integers, Values, band_of, joined, over_band
+from vctune.proof.boxes import HALF_TURN, Boxes, Cells, Integers, Values, band_of, joined, over_band
 from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.margins_of_claims import (
-    HALF_TURN,
     Design,
     conditions_of,
     outwards,

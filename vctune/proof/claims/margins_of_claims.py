@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
-from math import inf, nextafter, pi
+from math import inf, nextafter
 
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper, coupling_impedance
@@ -38,8 +38,6 @@ from vctune.model.sampled.loop_in_worlds import (
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand
 from vctune.model.sampled.velocity_loop import PlantLetGo, difference_slope, return_difference
 from vctune.model.worlds import WorldsMet
-
-HALF_TURN = nextafter(pi, inf)  # theta = omega T at the Nyquist frequency, rounded upwards
 
 
 @dataclass(frozen=True, slots=True)
