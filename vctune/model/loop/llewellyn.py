@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from vctune.model.loop.loop import LoopResponse
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.numbers.pair import Pair, re_conj_product
+from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 
 
 def moduli(loop: LoopResponse, ops: Arithmetic) -> Number:
@@ -39,5 +39,6 @@ def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
 def passive_alone(loop: LoopResponse, Z_c: Pair) -> tuple[Number, Number]:
     """Return |Z_c|^2 r and Re(Z_c D conj C) times the loop's scale^2. Their sum is positive where the handle is passive
     with nothing behind the coupling (model/README.md, section 18)."""
-    P = re_conj_product(loop.C_scaled, loop.D_scaled)
-    return Z_c.abs2() * loop.resistance * loop.scale2, Z_c.re * P + Z_c.im * loop.im_C_conj_D_scaled
+    C, D = loop.C_scaled, loop.D_scaled
+    driven = Z_c.re * re_conj_product(C, D) + Z_c.im * im_conj_product(C, D)
+    return Z_c.abs2() * loop.resistance * loop.scale2, driven
