@@ -99,3 +99,8 @@ def test_uncertain_devices_are_covered() -> None:
 def test_what_is_not_proved_is_refused(change: dict[str, Any], said: str) -> None:
     with pytest.raises(vctune.InputError, match=said):
         vctune.problem(stated(PLAIN, 80.0) | change)
+
+
+def test_a_bound_is_refused() -> None:
+    with pytest.raises(vctune.InputError, match="no proved bound"):
+        vctune.bound(stated(PLAIN, 80.0))

@@ -13,6 +13,7 @@ from typing import Any
 from vctune.api.argument_ranges import GAPS, STDIN
 from vctune.api.result import DESIGN_FILE, GAINS_FILE, Files, Line, Rows, Table, code_of, write
 from vctune.design.result import Solved
+from vctune.design.search.alone import has_nothing_behind
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve as find
 from vctune.design.verdict.design_record import record_of
@@ -86,9 +87,14 @@ def solve(
 
 def require_bounded(file: ProblemFile) -> None:
     """Check that vctune can bound the error of a problem's designs."""
+    found = None
     if file.problem.rigid:
-        message = "makes the coupling a wall, whose error has no proved bound; leave the gap out"
-        raise InputError.of(file.source, "contradiction", message, key="environment.stiffness")
+        found = "environment.stiffness", "makes the coupling a wall"
+    elif has_nothing_behind(file.problem):
+        found = "environment", "leaves mass and drag alone to choose"
+    if found is not None:
+        message = f"{found[1]}, whose error has no proved bound; leave the gap out"
+        raise InputError.of(file.source, "contradiction", message, key=found[0])
 
 
 def require_gap(gap: float) -> None:
