@@ -91,7 +91,7 @@ def test_uncertain_devices_are_covered() -> None:
     ("change", "said"),
     [
         ({"environment": {"mass": {"max": 1.0}, "stiffness": {"max": 0.0}}}, "with nothing behind"),
-        ({"gains": {"velocity": 3.0}}, "asks for a mass and a drag for stated gains"),
+        ({"gains": {"velocity": 3.0}}, "must be one number: with nothing behind"),
         ({"coupling": {"damping": 5.0}}, "holds nothing"),
         ({"stability": {"criterion": "passive", "band_hz": [0.0, 1 / (2 * pi)]}}, "state another edge"),
     ],

@@ -26,7 +26,7 @@ from vctune.running import OutOfTimeError, out_of_time
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality, SearchState
 
-NOT_ALONE = "no mass and drag within their bounds was found that is stable in every hand of the box"
+NOT_ALONE = "no mass and drag within their bounds was found that is stable in every hand that is asked for"
 MORE_FELT = "allow more coupling.drag or coupling.mass"
 NO_WALL = "no wall within the bounds of coupling was found that is stable in every hand"
 BOUND = "the search of every box"  # Name of the search of every box among the stages that a time limit may cut short

@@ -151,7 +151,7 @@ def _environments(raw: dict[str, Any]) -> Found:
             "the device renders, or leave it out",
         )
     criterion, corner = _table(raw, "stability").get("criterion"), number_at(raw, "environment", "corner_hz")
-    if criterion in ("passive", "both"):
+    if criterion in ("passive", "both") and "servo" not in _table(raw, "device"):  # a servo has no such criterion
         yield from _any_hand_alone(raw, criterion)
     if _table(raw, "uncertainty").get("unmodelled"):
         yield ("uncertainty", "unmodelled"), "is not proved with [environment]; leave one of them out"
@@ -191,7 +191,7 @@ def _any_hand_alone(raw: dict[str, Any], criterion: str) -> Found:
             yield ("stability", "band_hz", edge), f"{endless:g} has no proof with nothing behind; state another edge"
     for path in (("gains", "velocity"), ("gains", "position")):
         if number_at(raw, *path) is None:
-            yield path, f'is missing; with nothing behind, "{criterion}" asks for a mass and a drag for stated gains'
+            yield path, f'must be one number: with nothing behind, "{criterion}" asks for mass and drag for given gains'
     if _table(raw, "coupling").get("damping") not in (None, inf):
         yield ("coupling", "damping"), "holds nothing with nothing behind; write inf, or leave it out"
 
