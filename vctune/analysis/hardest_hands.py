@@ -40,7 +40,8 @@ from vctune.model.sampled.plant_in_hand import AnyPlantInHand, ServoInHand, as_o
 from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
-ROUNDS = 22  # Greatest number of stencils of a climb
+# Greatest number of stencils of a climb, by whether 1/ratio is smooth
+ROUNDS = {True: 16, False: 22}
 LEAST_STEP = 1e-4  # Step at which a climb ends, relative to its first step
 SHRINK = 8.0  # Greatest factor by which a leap reduces the steps
 LEAP = 4.0  # Greatest length of a leap, in steps
@@ -74,7 +75,7 @@ def climbed(
     centre, place, step = starts, starts, np.repeat(steps[:, None], climbs, axis=1)
     best, leapt_from, moved = np.full(climbs, -inf), step, np.full(starts.shape, False)
     leapt, failures = np.full(climbs, False), np.full(climbs, 0 if smooth else TRIALS)
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS[smooth]):
         check_time()
         nodes = np.clip(centre[..., None] + np.array([-1, 0, 1]) * step[..., None], low[..., None], high[..., None])
         found = np.nan_to_num(values(nodes), nan=-inf, posinf=inf)  # 0/0 is not a value
@@ -147,6 +148,9 @@ def _through_middle(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 FIRST_STEP = 0.2  # First step of the search for the worst hand, in the square roots of the shares of a hand's ranges
+# Greatest distance of the log of a start's angle from a resonance, for the climb to follow the resonance as the hand
+# changes: along it 1/ratio is a narrow curved ridge in the angle, the mass and the stiffness
+BESIDE = 0.5
 # Value of 1/ratio above which the search treats a coupling as active, that is, as one that supplies energy where it
 # must absorb energy
 DRIVEN = 1e6
@@ -268,12 +272,25 @@ def hardest_near(
         """Return the hands with given square roots of their shares of the box, shape (3, n, ...)."""
         return Hand(*(least + wide * root**2 for least, wide, root in zip(low, width, roots, strict=True)))
 
+    def resonance(hand: Hand) -> Floats:
+        """Return the angle at which a hand resonates with the mass of the device."""
+        return np.asarray(device.sample_time * np.sqrt((hand.stiffness + gains.position) / (device.mass + hand.mass)))
+
+    at_start = resonance(hand_at(starting[:, :, None, None]))
+    resonant = device.servo is None and met is None
+    beside = (np.abs(np.log(starts.at[:, None, None] / at_start)) < BESIDE) & resonant
+
+    def followed(hand: Hand) -> Floats:
+        """Return the factor by which the resonance of each climb that begins beside one moves with the hand."""
+        return np.where(beside, resonance(hand) / np.where(beside, at_start, 1.0), 1.0)
+
     def needs(nodes: Floats) -> Floats:
         """Return 1/ratio at each combination of the nodes of the roots and of the logarithm of the angle's factor."""
         roots = np.repeat(starting[:, :, None], combinations.shape[1], axis=2)
         for which, place, each in zip(free, combinations, nodes[:-1], strict=True):
             roots[which] = each[:, place]
-        hand, theta = hand_at(roots[..., None]), np.minimum(starts.at[:, None] * np.exp(nodes[-1]), pi)[:, None, :]
+        hand = hand_at(roots[..., None])
+        theta = np.minimum((starts.at[:, None] * np.exp(nodes[-1]))[:, None, :] * followed(hand), pi)
         if isinstance(servo, ServoInHand):  # a hand cannot move a servo
             plant: AnyPlantInHand = replace(servo, hand=hand)
         else:
@@ -295,4 +312,5 @@ def hardest_near(
     )
     roots = starting.copy()
     roots[free] = climb[:-1]
-    return need, PlacesInHands(np.minimum(starts.at * np.exp(climb[-1]), pi), hand_at(roots))
+    moved = followed(hand_at(roots[:, :, None, None]))[:, 0, 0]
+    return need, PlacesInHands(np.minimum(starts.at * np.exp(climb[-1]) * moved, pi), hand_at(roots))

@@ -43,6 +43,7 @@ PROOF_ROUNDS, MORE_DIGITS = 4, 2
 # the grid
 LONG_SHOTS = 2
 NEARLY = 0.1  # Greatest violation of a start, as a share, for `within_reach` to polish it
+OTHER_DESIGN = 1.001  # Least ratio of the errors of two optima that are not taken for the same design
 PROOF_BOXES = 300_000  # Number of boxes of undecided proofs after which the search ends and the design stays undecided
 # Number of delays on each side of the worst one that `worst_near` tries in each round, and number of rounds
 DELAYS_TRIED, DELAY_ROUNDS = 4, 6
@@ -76,11 +77,15 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
     polished = perf_counter()
     progress(f"proving{_best_known(optima, prepared.units.error)}")
     best, judgement = _best_proved(prepared, scanned, optima)
-    if judgement is None and optima:  # no optimum is proved: try the starts that the search skipped
-        tried = [optimum.start for optimum in optima]
-        others = replace(scanned, starts=[s for s in scanned.starts if s not in tried])
-        optima, _ = local_optima(prepared, others, progress, inf)
-        best, judgement = _best_proved(prepared, scanned, optima)
+    undecided = judgement is not None and judgement.status is Status.UNDECIDED
+    if optima and (judgement is None or undecided) and not out_of_time():  # try the starts that the search skipped
+        tried, near = [optimum.start for optimum in optima], WORTH_POLISHING * optima[0].error if undecided else 0.0
+        others = replace(scanned, starts=[s for s in scanned.starts if s not in tried and s.error > near])
+        more, _ = local_optima(prepared, others, progress, inf)
+        more = [each for each in more if not undecided or each.error > OTHER_DESIGN * optima[0].error]
+        another, proved = _best_proved(prepared, scanned, more)
+        if not undecided or (proved is not None and proved.status is Status.CERTIFIED):
+            optima, best, judgement = more, another, proved
     if judgement is not None and prepared.problem.transparency.weights.coupling == 0:
         with suppress(OutOfTimeError):
             judgement = _with_least_coupling(prepared, judgement)
