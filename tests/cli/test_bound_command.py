@@ -50,7 +50,7 @@ def test_a_gap_is_proved_and_shown(folder):
     assert strict(done.stdout)["optimality"] == found
     assert found["verdict"] == "proved" and 0 < found["gap"] <= 0.02
     page = (folder / "o/friction-wheel/report.html").read_text()
-    assert "No other design lowers the transparency error by more than" in page
+    assert "No other design lowers the error by more than" in page
 
 
 @pytest.mark.slow

@@ -330,7 +330,7 @@ def test_without_time_there_is_no_bound(wheel):
 
 def test_a_basin_that_was_missed_is_found(wheel):
     problem, best = wheel
-    poor = replace(best, acting_error=1.5 * best.acting_error)
+    poor = replace(best, error=1.5 * best.error)
     found = searched(problem, poor)
     assert found.proved and found.improved is not None
     assert found.improved.status is Status.CERTIFIED

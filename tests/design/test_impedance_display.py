@@ -22,7 +22,7 @@ import vctune
 from vctune.analysis.feel import feel
 from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.analysis.loops_in_hands import loops_in_hands
-from vctune.design.prepared import acting_terms, pose
+from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.design.verdict.check import CheckVerdict
 from vctune.design.verdict.design_record import record_of
@@ -342,9 +342,13 @@ def proved_infeasible(solved) -> bool:
     return solved.infeasibility is not None and solved.infeasibility.proved
 
 
-def test_what_cannot_change_is_not_optimised():
-    assert acting_terms(arm()) == ("coupling",)
-    assert "admittance" in acting_terms(arm(gains={"velocity": {"min": 0.0, "max": 2.0}}))
+def test_what_no_design_changes_is_no_part_of_the_error():
+    assert arm().counted == ("coupling",)
+    assert "admittance" in arm(gains={"velocity": {"min": 0.0, "max": 2.0}}).counted
+    found = solve(arm()).judgement
+    assert found.error == pytest.approx(found.transparency.coupling)
+    twice = judge(arm(), Gains(0, 0), SpringDamper(found.coupling.damping / 2, found.coupling.stiffness / 2))
+    assert twice.error == pytest.approx(2 * found.error)  # as soft again: the device's own mass does not hide it
 
 
 def test_uncertain_damping_counts_with_its_least():
@@ -425,7 +429,7 @@ def test_a_gains_file_without_gains_is_checked(tmp_path):
     assert "in any passive hand up to Nyquist" in passed.message
     assert failed.verdict is CheckVerdict.FAILED
     stiffness = next(repair for repair in failed.finding.repairs if repair.key == "coupling.stiffness")
-    assert 1150 < stiffness.new < 1200 and f"; {stiffness} would pass" in failed.message
+    assert 1150 < stiffness.new < 1200 and f"; {failed.finding.repairs[0]} would pass" in failed.message
     assert "drag" not in failed.message
 
 

@@ -201,7 +201,7 @@ def transparency_error(problem: Problem, gains: Gains, coupling: AnyCoupling) ->
 
 def _columns(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
     squares = error_terms(problem, gains, coupling, omega)
-    error = weighted_square(problem.transparency.weights, squares)
+    error = weighted_square(problem.weights, squares)
     return np.stack(np.broadcast_arrays(error, squares.admittance, squares.tracking, squares.coupling))
 
 

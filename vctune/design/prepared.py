@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 from vctune.analysis.demands import sampled_span, transparency_error
 from vctune.design.variables import Point
@@ -11,7 +11,7 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands, Problem
-from vctune.model.transparency import TERMS, TermName, Terms
+from vctune.model.transparency import TERMS, Terms
 from vctune.model.worlds import Worlds
 from vctune.proof.claims.delays import beside_whole_sample, next_to_whole_samples, reaching_whole_sample
 from vctune.proof.device_box import DeviceBox, device_box, in_longer_hands, moved_as_one
@@ -23,7 +23,7 @@ class Units:
 
     impedance: float  # Z_0, N s/m
     time: float  # T, s
-    error: float  # unit of the error: the greatest weight of a term that designs can change
+    error: float  # unit of the error: the greatest weight of a term
 
     def to_si(self, values: Point) -> Point:
         """Return a design's variables in SI units."""
@@ -84,7 +84,7 @@ class Prepared:
 
 def prepare(problem: Problem) -> Prepared:
     """Prepare a problem for the search."""
-    greatest = max(getattr(problem.transparency.weights, term) for term in acting_terms(problem))
+    greatest = max(astuple(problem.weights))
     units = Units(problem.transparency.reference_impedance, problem.device.sample_time, greatest)
     return Prepared(pose(problem), pose(_dimensionless(problem, units)), units)
 
@@ -141,27 +141,6 @@ def _posed(problem: Problem) -> Posed:
     return Posed(problem, cases, held, cases if worst else (problem,), box, problem.demands, sampled_span(problem))
 
 
-def with_acting_terms(posed: Posed) -> Posed:
-    """Return a copy of a problem with weight 0 for each term of the error that no design can change."""
-    weights = _acting_weights(posed.problem)
-    if weights == posed.problem.transparency.weights:
-        return posed
-
-    def weighted(problem: Problem) -> Problem:
-        return replace(problem, transparency=replace(problem.transparency, weights=weights))
-
-    return replace(posed, problem=weighted(posed.problem), objective=tuple(map(weighted, posed.objective)))
-
-
-def acting_terms(problem: Problem) -> tuple[TermName, ...]:
-    """Return the terms of the error that have a weight and can differ between designs."""
-    objective, device, fixed = problem.transparency, problem.device, set[str]()
-    if not device.kind.banded and objective.norm == "rms" and objective.weights.coupling > 0:
-        alike = problem.bounds.velocity.fixed
-        fixed = {"tracking", "admittance"} if alike else {"tracking"} if device.structure is None else set()
-    return tuple(term for term in TERMS if getattr(objective.weights, term) > 0 and term not in fixed)
-
-
 def of_one_device(problem: Problem) -> Problem | None:
     """Return a problem of an exactly known device with the same feasible couplings; None if there is none."""
     box = pose(problem).box
@@ -179,11 +158,6 @@ def with_device(problem: Problem, device: Device) -> Problem:
 
 
 def _dimensionless(problem: Problem, units: Units) -> Problem:
-    scaled, weights = problem.in_units(units.impedance, units.time), _acting_weights(problem)
+    scaled, weights = problem.in_units(units.impedance, units.time), problem.weights
     relative = Terms(*(getattr(weights, term) / units.error for term in TERMS))
     return replace(scaled, transparency=replace(scaled.transparency, weights=relative))
-
-
-def _acting_weights(problem: Problem) -> Terms:
-    weights, acting = problem.transparency.weights, acting_terms(problem)
-    return Terms(*(getattr(weights, term) if term in acting else 0.0 for term in TERMS))

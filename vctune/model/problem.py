@@ -11,7 +11,7 @@ from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import NEGLIGIBLE, Hand, Hands
 from vctune.model.numbers.units import UNITS, Units, hertz
-from vctune.model.transparency import Terms
+from vctune.model.transparency import TERMS, TermName, Terms
 from vctune.model.worlds import Worlds, WorldsMet
 
 Norm = Literal["rms", "peak"]
@@ -223,6 +223,23 @@ class Problem:
             worlds=self.worlds,
             rigid=self.rigid,
         )
+
+    @property
+    def counted(self) -> tuple[TermName, ...]:
+        """The terms that the error counts: those with a weight, without what an impedance display itself adds.
+
+        Without a K_v to choose, no design changes its two terms of free motion; without a structure, K_v changes one.
+        """
+        weights, own = self.transparency.weights, set[TermName]()
+        if self.device.kind.inverse and weights.coupling > 0:
+            own = {"tracking"} if self.device.structure is None else own
+            own = {"tracking", "admittance"} if self.bounds.velocity.fixed else own
+        return tuple(term for term in TERMS if getattr(weights, term) > 0 and term not in own)
+
+    @property
+    def weights(self) -> Terms:
+        """The weights of the terms of the error, 0 for a term that the error does not count."""
+        return Terms(**{term: getattr(self.transparency.weights, term) * (term in self.counted) for term in TERMS})
 
     @property
     def nyquist(self) -> float:

@@ -121,7 +121,7 @@ def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple
     squares."""
     hz = frequencies(problem)
     squares = error_terms(problem, gains, coupling, 2 * pi * hz)
-    each = (*astuple(squares), weighted_square(problem.transparency.weights, squares))
+    each = (*astuple(squares), weighted_square(problem.weights, squares))
     names = ("admittance", "tracking", "coupling", "error")
     return hz, {name: np.sqrt(square) + 0 * hz for name, square in zip(names, each, strict=True)}
 

@@ -88,7 +88,7 @@ def _transparency(design: Design, record: DesignRecord) -> Shown:
     terms, kind = record.transparency, design[0].device.kind
     assert terms is not None, "a design is judged"
     titles = {term: f"{IN_WORDS[term]}: {terms.labels[term]}" for term in kind.terms}
-    titles |= {"error": "all together"} if len(titles) > 2 else {}
+    titles |= {"error": "all that is counted" if terms.apart else "all together"} if len(titles) > 2 else {}
     rows = len(titles) // 2
     figure = Figure(figsize=(WIDTH, 0.9 + 1.7 * rows))
     panels = figure.subplots(rows, 2, squeeze=False, sharex=True).flat
@@ -99,7 +99,8 @@ def _transparency(design: Design, record: DesignRecord) -> Shown:
             axes.set_xlabel("")
     lines = dict(pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels()[::-1], strict=True))
     figure.legend(lines.values(), lines.keys(), loc="outside upper center", ncols=2 if len(lines) > 3 else 3)
-    size, most = max((getattr(terms, term) or 0.0, terms.labels[term]) for term in kind.terms)
+    counted = [term for term in kind.terms if term not in (terms.apart or ())]
+    size, most = max((getattr(terms, term) or 0.0, terms.labels[term]) for term in counted)
     shares = f"{quantity(size, digits=3)} of {quantity(terms.error, digits=3)}"
     finding = f"The largest term of the error is {most}: {shares}."
     reading = words("transparency", design[0], any("sensor, " in label for label in lines))

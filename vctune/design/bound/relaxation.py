@@ -74,7 +74,7 @@ class Objective:
         light, heavy = self._transmitted(shortest), self._transmitted(longest)
         coupled = 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / longest) * heavy)
         wanted = self.problem.transparency
-        return np.asarray((wanted.weights.coupling / wanted.reference_impedance) ** 2 * (b_0 * b_0 + coupled))
+        return np.asarray((self.problem.weights.coupling / wanted.reference_impedance) ** 2 * (b_0 * b_0 + coupled))
 
     def _transmitted(self, tau_c: Floats) -> Floats:
         """Return x^2/(1 + x^2), which is |Z_c/b_c|^2 and Re Z_c/b_c without drag, or its mean over log frequency."""
@@ -89,7 +89,7 @@ class Objective:
 def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) -> Objective:
     """Return the terms of a problem's squared error as quotients, with methods that bound them over boxes."""
     wanted, kind, omega = problem.transparency, problem.device.kind, None
-    weights, unit = wanted.weights, kind.reference(wanted.reference_impedance)
+    weights, unit = problem.weights, kind.reference(wanted.reference_impedance)
     scales = [(weights.admittance * unit) ** 2, weights.tracking**2]
     scales += [(weights.coupling / unit) ** 2] if kind.inverse else []
     if wanted.norm == "peak":

@@ -22,7 +22,7 @@ from vctune.design.bound.relaxation import (
     relaxation,
     without_integrator,
 )
-from vctune.design.prepared import Posed, acting_terms, with_acting_terms
+from vctune.design.prepared import Posed
 from vctune.design.search.shapes import SLACK, coupling_of
 from vctune.design.variables import coordinates
 from vctune.design.verdict.judge import Judgement
@@ -30,7 +30,6 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import PlacesInHands
 from vctune.model.problem import Problem, Range
-from vctune.model.transparency import TermName
 from vctune.proof.boxes import Cells, Integers
 from vctune.proof.claims.cells import by_integrator, pole_turns
 from vctune.proof.claims.loop_claims import of_cells
@@ -214,7 +213,6 @@ class Optimality:
     incumbent: float  # error of the best known design; inf without one
     proved: bool  # whether the bound is within the required gap
     improved: Judgement | None  # a better design than the given one; None if the search found none
-    terms: tuple[TermName, ...]  # terms of the error that the bound covers; empty if it covers all
     boxes: int  # number of computed lower bounds
     open: OpenNodes  # the remaining boxes; none if the gap is proved
 
@@ -255,10 +253,9 @@ def bound(
     progress: Callable[[SearchState], None] = lambda state: None,
 ) -> Optimality:
     """Prove a lower bound on the error of every feasible design of a problem (README.md, section 2)."""
-    given, posed = posed, with_acting_terms(posed)
     axes = axes_of(posed.problem)
     root = OpenNodes(axes.whole, np.zeros(1), np.zeros(1, bool))
-    search = _Search(posed, axes, _relaxed(posed, best), root, best.acting_error if best else inf)
+    search = _Search(posed, axes, _relaxed(posed, best), root, best.error if best else inf)
     rounds, reached = 0, 0.0
     with suppress(OutOfTimeError):
         if not {K_V, K_P} & set(axes.free):  # the search never halves fixed gains
@@ -279,9 +276,8 @@ def bound(
                     _try_best_node(search, improve)
                 _branch(search)
             rounds += 1
-    terms = acting_terms(posed.problem) if posed is not given else ()
     proved = not len(search.nodes)
-    return Optimality(reached, search.incumbent, proved, search.improved, terms, search.boxes, search.nodes)
+    return Optimality(reached, search.incumbent, proved, search.improved, search.boxes, search.nodes)
 
 
 def _prune(search: _Search, gap: float) -> None:
@@ -372,7 +368,7 @@ def _try_best_node(search: _Search, improve: Improve) -> None:
     _add_places(search, Gains(K_v, K_p), coupling_of(search.posed.problem, float(first[0]), tau_c, b_0))
     better = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
     if better is not None:
-        search.improved, search.incumbent = better, better.acting_error
+        search.improved, search.incumbent = better, better.error
 
 
 def _add_places(search: _Search, gains: Gains, coupling: AnyCoupling) -> None:

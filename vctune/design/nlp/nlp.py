@@ -90,7 +90,7 @@ def stated(
 ) -> Nlp:
     """Return the NLP of a dimensionless problem on a working set, from a start within a trust box."""
     problem, stability = posed.problem, posed.problem.stability
-    weights = problem.transparency.weights
+    weights = problem.weights
     scales = [0.0] * len(start)
     for coordinate in free:
         scales[coordinate.index] = coordinate.scale

@@ -233,7 +233,7 @@ def _within_bounds(problem: Problem, scale: Floats, at: Axes) -> tuple[Floats, F
 
 def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at: Axes) -> Floats:
     """Return the transparency error, with |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2, or |1/Z_c|^2 without b_0."""
-    averages, weights = samples.averages, problem.transparency.weights
+    averages, weights = samples.averages, problem.weights
     counted = samples.everywhere[: samples.objective]
     loops = [there.nodes.response(spread(gains)) for there in counted]
     kind = problem.device.kind
@@ -266,7 +266,7 @@ Index = tuple[int, ...]  # Index of a design on a grid with the axes K_v, corner
 def minima_of(problem: Problem, scores: Scores) -> list[Index]:
     """Return the local minima among the feasible designs of a grid, the best first."""
     ranks = scores.ranks()
-    if problem.transparency.weights.coupling > 0:
+    if problem.weights.coupling > 0:
         return local_minima(ranks)
     return [(*loop, *lowest(scores[loop])) for loop in local_minima(ranks.min(axis=(2, 3)))]
 

@@ -44,7 +44,7 @@ PROOF_ROUNDS, MORE_DIGITS = 4, 2
 LONG_SHOTS = 2
 NEARLY = 0.1  # Greatest violation of a start, as a share, for `within_reach` to polish it
 OTHER_DESIGN = 1.001  # Least ratio of the errors of two optima that are not taken for the same design
-PROOF_BOXES = 300_000  # Number of boxes of undecided proofs after which the search ends and the design stays undecided
+PROOF_BOXES = 200_000  # Number of boxes of undecided proofs after which the search ends and the design stays undecided
 # Number of delays on each side of the worst one that `worst_near` tries in each round, and number of rounds
 DELAYS_TRIED, DELAY_ROUNDS = 4, 6
 # Number of times that the search adds a hand that only the proof has found, and polishes the optimum again
@@ -129,7 +129,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     scanned = scan(scaled)
     optimum = polish(scaled, start, scanned, incumbent=target)
     judgement = _best_proved(prepared, scanned, [optimum])[1] if optimum is not None else None
-    if judgement is None or judgement.status is not Status.CERTIFIED or judgement.acting_error >= incumbent:
+    if judgement is None or judgement.status is not Status.CERTIFIED or judgement.error >= incumbent:
         return None
     return judgement
 

@@ -247,7 +247,7 @@ def least_resistance(problem: Problem, gains: Gains) -> Minima:
 
 
 def _error_peaks(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[ConstraintPoint]:
-    band, weights = problem.transparency.band, problem.transparency.weights
+    band, weights = problem.transparency.band, problem.weights
 
     def negative_error(omega: Floats) -> Floats:
         return -np.sqrt(weighted_square(weights, error_terms(problem, gains, coupling, omega)))

@@ -176,7 +176,7 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     return {
         "gains": gains,
         "coupling": coupling,
-        "transparency": TransparencyRecord(**asdict(judgement.transparency), **display),
+        "transparency": TransparencyRecord(**asdict(judgement.transparency), **_apart(problem), **display),
         "certificate": CertificateRecord(
             verdict=certificate.verdict.value,
             band_hz=[finite_hertz(band.min), finite_hertz(band.max)] if problem.passive else None,
@@ -191,6 +191,16 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
         "inner_loop": _inner_loop(problem, judgement) if problem.device.kind.own_loop else None,
         "uncertainty": _uncertainty(problem, judgement),
     }
+
+
+def _apart(problem: Problem) -> dict[str, Any]:
+    """Return the record of the terms that the error leaves out; empty if it counts all that the display has."""
+    apart = (
+        [term for term in problem.device.kind.terms if term not in problem.counted]
+        if problem.device.kind.inverse
+        else []
+    )
+    return {"apart": apart} if apart else {}
 
 
 def _display(problem: Problem) -> dict[str, Any]:
@@ -306,7 +316,6 @@ def optimality_record(found: Optimality) -> OptimalityRecord:
         gap=found.gap,
         verdict="proved" if found.proved else "open",
         boxes=found.boxes,
-        terms=list(found.terms) or None,
         error=found.incumbent,
     )
 

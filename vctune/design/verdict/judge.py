@@ -25,7 +25,7 @@ from vctune.analysis.in_hands import (
 )
 from vctune.analysis.in_worlds import corner_of
 from vctune.analysis.responses import Loop
-from vctune.design.prepared import Posed, pose, with_acting_terms, with_corner
+from vctune.design.prepared import Posed, pose, with_corner
 from vctune.design.search.worst import loudest, worst_inside
 from vctune.model.device import Device
 from vctune.model.display import Display
@@ -98,8 +98,6 @@ class Judgement:
     error : float
         The objective: the error on the nominal device, or the greatest error at the vertices of a box of
         devices.
-    acting_error : float
-        The objective with only the terms that can differ between designs; bounds on the error refer to it.
     margins : tuple of Margin
         The least Re Z_c / R of each claim on each device.
     peak_sensitivity, worst_sensitivity : float
@@ -115,7 +113,6 @@ class Judgement:
     coupling: AnyCoupling
     transparency: TransparencyError
     error: float
-    acting_error: float
     margins: tuple[Margin, ...]
     peak_sensitivity: float
     worst_sensitivity: float
@@ -316,7 +313,7 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
     with unlimited():
         on_band = margins_on_band(posed, gains, coupling)
         held = [*(margin for batch in in_hands for margin in batch), *_refuted(posed, gains, coupling, certificate)]
-        transparency, differing = transparency_error(posed.problem, gains, coupling), with_acting_terms(posed)
+        transparency = transparency_error(posed.problem, gains, coupling)
         error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
         sensitivity, omega = peak_sensitivity(posed, gains)
         return Judgement(
@@ -325,7 +322,6 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
             coupling=coupling,
             transparency=transparency,
             error=error,
-            acting_error=error if differing is posed else differing.error(gains, coupling),
             margins=(*on_band, *held),
             peak_sensitivity=sensitivity,
             worst_sensitivity=omega,

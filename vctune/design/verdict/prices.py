@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from math import exp, isclose
+from math import expm1, isclose
 
 import numpy as np
 
+from vctune.analysis.in_hands import least_ratios_near
 from vctune.design.nlp.nlp import lagrangian, stated
-from vctune.design.prepared import Prepared, prepare, with_acting_terms
+from vctune.design.prepared import Prepared, prepare
 from vctune.design.result import Polished, Solved
 from vctune.design.variables import coordinates, design_of
 from vctune.design.verdict.judge import Status
@@ -38,6 +39,7 @@ def with_prices(solved: Solved) -> Solved:
     if not polished.solution.converged:  # without convergence the multipliers are not derivatives
         return solved
     prepared, prices = prepare(solved.problem), list[Price]()
+    polished = _at_minima(prepared.scaled.problem, polished)
     here = _changed(prepared, polished, lambda device: device, lambda hand: hand)
     try:
         for number in _numbers(solved.problem):
@@ -46,6 +48,18 @@ def with_prices(solved: Solved) -> Solved:
     except OutOfTimeError:
         return replace(solved, cut=(*solved.cut, PRICES))
     return replace(solved, prices=sorted(prices, key=lambda price: price.change))
+
+
+def _at_minima(problem: Problem, polished: Polished) -> Polished:
+    """Return an optimum with its places in hands moved to the minima beside them: next to a sharp resonance the
+    constraint depends strongly on the place, and its multiplier is a derivative only at the minimum."""
+    working_set, law, met = polished.working_set.copy(), design_of(polished.values), problem.worlds_met
+    for k, place in enumerate(working_set.in_hand):
+        if problem.hands_met is None or place.hand is None or place.wall is not None:
+            continue
+        at = least_ratios_near([place.device], problem.hands_met, *law, place.omega, place.hand, met)[0]
+        working_set.in_hand[k] = replace(place, omega=at.omega, hand=at.hand)
+    return replace(polished, working_set=working_set)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,25 +100,24 @@ def _of_hand(name: str, edge: float, factor: float, hand: Hand) -> Hand:
     return replace(hand, **{name: factor * value}) if isclose(value, edge) else hand
 
 
-def _price(prepared: Prepared, polished: Polished, here: tuple[float, float], number: _Number) -> Price:
+def _price(prepared: Prepared, polished: Polished, here: float, number: _Number) -> Price:
     """Return the price of a parameter, for an increase or a decrease, whichever lowers the error."""
-    changes, (objective, others2) = [(0.0, -1)], here
-    acting2 = with_acting_terms(prepared.given).error(*design_of(prepared.units.to_si(polished.values))) ** 2
+    changes = [(0.0, -1)]
     for sign in (-1, 1):
         factor = 1 + sign * STEP
-        there, other2 = _changed(prepared, polished, partial(number.device, factor), partial(number.hand, factor))
-        change = (acting2 * exp(2 * (there - objective)) + other2) / (acting2 + others2) - 1
-        changes += [(change, sign)] if abs(change) < 2 * STEP * STEEPEST else []
+        there = _changed(prepared, polished, partial(number.device, factor), partial(number.hand, factor))
+        change = expm1(there - here)
+        changes += [(change, sign)] if abs(change) < STEP * STEEPEST else []
     change, sign = min(changes)
-    new, change = number.old * (1 + sign * BETTER), round(change / 2 * BETTER / STEP, 12)
+    new, change = number.old * (1 + sign * BETTER), round(change * BETTER / STEP, 12)
     return Price(key=number.key, old=number.old, new=new, change=change)
 
 
 def _changed(
     prepared: Prepared, polished: Polished, of_device: Callable[[Device], Device], of_hand: Callable[[Hand], Hand]
-) -> tuple[float, float]:
+) -> float:
     """Return the Lagrangian of the last NLP, whose objective is the logarithm of the error, after a change of all
-    devices and hands, and the sum of the squared terms of the error that are the same for every design."""
+    devices and hands."""
 
     def on(device: Device) -> Device:
         changed = of_device(device)
@@ -117,7 +130,7 @@ def _changed(
     problem, units, design = prepared.problem, prepared.units, prepared.units.to_si(polished.values)
     impedance, time = units.impedance, units.time
     other = prepare(replace(problem, device=of_device(problem.device)))
-    values, law = other.units.to_dimensionless(design), design_of(design)
+    values = other.units.to_dimensionless(design)
     integrator = polished.structure.integrator
     free = coordinates(other.scaled.problem, integrator=integrator)
     box = np.array([each.low for each in free]), np.array([each.high for each in free])
@@ -125,5 +138,4 @@ def _changed(
     given = stated(
         other.scaled, free, values, box, working_set, polished.panels, polished.tightening, integrator=integrator
     )
-    others2 = other.given.error(*law) ** 2 - with_acting_terms(other.given).error(*law) ** 2
-    return lagrangian(given, polished.solution), others2
+    return lagrangian(given, polished.solution)

@@ -22,7 +22,6 @@ from vctune.model.display import DISPLAYS
 from vctune.model.fields import Shown
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.numbers.units import UNITS, Units
-from vctune.model.transparency import TermName
 
 MAX_BYTES = 10_000_000
 KIND = "a design.json of `vctune solve`"
@@ -115,19 +114,7 @@ class OptimalityRecord(Part):
     gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]
     verdict: Literal["proved", "open"]
     boxes: int
-    terms: list[TermName] | None = None
-    error: Number  # of the best known design, in the terms that the bound covers
-
-    def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the terms that the bound covers, if it does not cover the whole error."""
-        if self.terms is not None:
-            yield Row(self.of, text(self.error), "in which designs differ")
-        yield from super().rows(units)
-
-    @property
-    def of(self) -> str:
-        """The name of the bounded error."""
-        return "transparency error" if self.terms is None else f"error of {' and '.join(self.terms)}"
+    error: Number  # of the best known design
 
 
 class UncertaintyRecord(Part):

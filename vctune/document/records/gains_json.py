@@ -7,13 +7,13 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Tag
 
-from vctune.document.records.part import DisplayPart, Number, Part, Row, filled, how_shown
+from vctune.document.records.part import DisplayPart, Number, Part, Row
 from vctune.model.device import Device
 from vctune.model.display import DISPLAYS, DisplayName
 from vctune.model.fields import Shown
 from vctune.model.gains import Coupling, SpringDamper
 from vctune.model.numbers.units import Units, UnitSystem
-from vctune.model.transparency import TERMS
+from vctune.model.transparency import TERMS, TermName
 
 
 class ProblemRecord(Part):
@@ -48,6 +48,9 @@ def term_labels(display: DisplayName) -> dict[str, str]:
     return {"admittance": "|Z_0 G_hh|", "tracking": "|1 - G_he|", "coupling": "|Z_c|/Z_0"}
 
 
+APART = "of the device itself when free, not counted"  # Note on a term that no design changes
+
+
 class TransparencyRecord(DisplayPart):
     """The error and its unweighted terms. An impedance display has the dual terms."""
 
@@ -55,12 +58,18 @@ class TransparencyRecord(DisplayPart):
     admittance: Annotated[Number, Shown("{labels[admittance]}")]
     tracking: Annotated[Number, Shown("{labels[tracking]}")]
     coupling: Annotated[Number, Shown("{labels[coupling]}")]
+    apart: list[TermName] | None = None  # terms that the error does not count, because no design changes them
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the error and its terms. Terms that are always 0 are left out."""
-        absent = {filled(self, shown.label, units) for term, shown in how_shown(type(self)).items()
-                  if term in TERMS and term not in DISPLAYS[self.display].terms}  # fmt: skip
-        yield from (row for row in super().rows(units) if row.label not in absent)
+        for name, row in zip(("error", *TERMS), super().rows(units), strict=True):
+            if name == "error" or name in self.terms:
+                yield row._replace(unit=APART) if name in (self.apart or ()) else row
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """The terms that are not always 0."""
+        return DISPLAYS[self.display].terms
 
     @property
     def labels(self) -> dict[str, str]:

@@ -50,7 +50,7 @@ STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an u
 SUM_STEP = 8.0  # Ratio of the edges of the first intervals of an uncertain mass together with the hand's
 # Number of boxes after which the prover also tries every stiffness at once, and least angle, rad, at which it does
 EASY, SLOWEST = 1_000, 1e-4
-MAX_BOXES = 400_000  # Number of boxes after which the prover leaves the claim open
+MAX_BOXES = 250_000  # Number of boxes after which the prover leaves the claim open
 # Distances from the ends of the angles, as shares of pi, at which the code looks for a witness
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 MAX_HALVINGS = 120  # Greatest number of halvings of a box: twenty in each of six rows
