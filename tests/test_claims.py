@@ -19,7 +19,7 @@ from walls import condition, grows, random_wall, speeds, with_share
 import vctune
 
 SIDES = (1e-3, -1e-3, 1e-5, -1e-5)
-MANY = max(DRAWS, 8)
+MANY = max(DRAWS, 4)
 """Problems of each kind in a slow run."""
 LONG = ("limp hands", "uncertain hands", "worlds")
 """Kinds whose proofs take seconds."""

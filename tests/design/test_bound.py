@@ -88,9 +88,9 @@ def test_no_random_design_is_below_the_bound(name, problems):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(20))
+@pytest.mark.parametrize("number", range(1, 21))  # the bound of the first takes minutes
 def test_a_million_random_designs_are_not_below_the_bound(number):
-    attacked(random_problems(20)[number], drawn(1_000_000))
+    attacked(random_problems(21)[number], drawn(1_000_000))
 
 
 @pytest.mark.slow

@@ -306,14 +306,14 @@ def test_stiff_and_extreme():
 
 
 @pytest.mark.slow
-def test_a_million_samples_in_bounded_memory(tmp_path):
+def test_half_a_million_samples_in_bounded_memory(tmp_path):
     path = tmp_path / "device.toml"
     text = (
         DEVICE
         + FIXED
-        + EXPERIMENTS.split('[[experiment]]\nname = "free"', maxsplit=1)[0].replace("cycles = 2", "cycles = 900")
+        + EXPERIMENTS.split('[[experiment]]\nname = "free"', maxsplit=1)[0].replace("cycles = 2", "cycles = 450")
     )
     path.write_text(text)
-    assert peak_memory("simulate", path, "--quiet", cwd=tmp_path) < 1_200_000
+    assert peak_memory("simulate", path, "--quiet", cwd=tmp_path) < 700_000
     (record,) = tmp_path.rglob("simulation.json")
-    assert json.loads(record.read_text())["experiments"][0]["samples"] >= 1_000_000
+    assert json.loads(record.read_text())["experiments"][0]["samples"] >= 500_000
