@@ -148,9 +148,9 @@ def positive(margin: Margin, fixed: Values, near: Margin | None = None, rows: Se
     return own if near is None else by_place
 
 
-def either(first: Test, other: Margin, fixed: Values, low: float, easy: int) -> Test:
-    """Return a test that, after `easy` boxes, also proves boxes from frequency `low` on in which both margins of
-    another are positive."""
+def either(first: Test, other: Margin, fixed: Values, easy: int) -> Test:
+    """Return a test that, after `easy` boxes, also proves boxes away from frequency 0 in which both margins of another
+    are positive."""
     tested = 0
 
     def over(part: Boxes) -> list[Taylor]:
@@ -174,7 +174,7 @@ def either(first: Test, other: Margin, fixed: Values, low: float, easy: int) -> 
         nonlocal tested
         tested += len(boxes)
         found = first(boxes)
-        left = np.flatnonzero(~found.proved & ~found.fails & (boxes.low[0] >= low))
+        left = np.flatnonzero(~found.proved & ~found.fails & (boxes.low[0] > 0))
         if tested > easy and left.size:
             _replace(found, left, nearest([_part(found, left), another(boxes.subset(left))]))
         return found

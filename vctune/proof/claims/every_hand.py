@@ -48,8 +48,7 @@ from vctune.proof.prover import Effort, Test, either, misses_zero, positive, pro
 
 STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an uncertain mass
 SUM_STEP = 8.0  # Ratio of the edges of the first intervals of an uncertain mass together with the hand's
-# Number of boxes after which the prover also tries every stiffness at once, and least angle, rad, at which it does
-EASY, SLOWEST = 1_000, 1e-4
+EASY = 1_000  # Number of boxes after which the prover also tries every stiffness at once
 MAX_BOXES = 250_000  # Number of boxes after which the prover leaves the claim open
 # Distances from the ends of the angles, as shares of pi, at which the code looks for a witness
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
@@ -132,7 +131,7 @@ class Asked:
         if self.demands.worlds is not None or not self.design.device.kind.own_loop:
             return found
         every = margins_in_spring(self.demands, self.uncertain, part.delays)
-        return [either(test, every, fixed, SLOWEST, EASY) for test in found]
+        return [either(test, every, fixed, EASY) for test in found]
 
     def _test(self, part: Part, fixed: Values, lead: float) -> Test:
         margins = hands_margins(self.demands, self.uncertain, part.delays, lead)
