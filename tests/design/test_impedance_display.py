@@ -349,6 +349,10 @@ def test_what_no_design_changes_is_no_part_of_the_error():
     assert found.error == pytest.approx(found.transparency.coupling)
     twice = judge(arm(), Gains(0, 0), SpringDamper(found.coupling.damping / 2, found.coupling.stiffness / 2))
     assert twice.error == pytest.approx(2 * found.error)  # as soft again: the device's own mass does not hide it
+    table = {"display": "impedance", "mass": 0.06, "damping": 0.1, "sample_time": 1e-3}
+    for weight, apart in ((1.0, ["admittance", "tracking"]), (0.0, None)):  # 0 removes a term
+        file = problem_of({"device": table, "transparency": {"weights": {"coupling": weight}}})
+        assert record_of(file, solve(file.problem)).transparency.apart == apart
 
 
 def test_uncertain_damping_counts_with_its_least():
