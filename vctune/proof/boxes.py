@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from math import inf, nextafter, pi
 from typing import Any
@@ -26,7 +26,7 @@ WHOLE_SAMPLES = "whole samples of device.delay"
 # The name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay
 SAMPLES_BEFORE = "whole samples before device.delay"
 WIDE = 2.0  # Ratio of the ends of an interval above which the prover halves it at the mean of the logarithms
-CHUNK = 4096  # Number of boxes that the prover evaluates together
+TOGETHER = 2**16  # Number of coefficients of a Taylor form that the prover evaluates together
 
 Values = Mapping[str, Number]  # Values of a claim by name
 
@@ -208,10 +208,17 @@ def over_each(cells: Cells, at: Floats | PlacesInHands) -> Boxes:
     return first_boxes((*places, *cells.keys), low, high, owner, np.zeros_like(owner))
 
 
+def chunks(boxes: Boxes) -> Iterator[Boxes]:
+    """Yield the boxes in chunks that are small enough for the processor's cache, and for a time limit between them."""
+    rows = len(boxes.names)
+    size = TOGETHER // ((rows + 1) * (rows + 2) // 2)
+    for start in range(0, max(len(boxes), 1), size):
+        yield boxes.subset(slice(start, start + size))
+
+
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
-    """Evaluate a function on all boxes, `CHUNK` boxes at a time, so that the arrays fit into the processor's cache."""
-    starts = range(0, max(len(boxes), 1), CHUNK)
-    return np.concatenate([f(boxes.subset(slice(i, i + CHUNK))) for i in starts], axis=-1)
+    """Evaluate a function on all boxes, a chunk at a time."""
+    return np.concatenate([f(chunk) for chunk in chunks(boxes)], axis=-1)
 
 
 def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
-from vctune.proof.boxes import CHUNK, FREQUENCY, HALF_TURN, Boxes, Integers, Values, in_chunks
+from vctune.proof.boxes import FREQUENCY, HALF_TURN, Boxes, Integers, Values, chunks, in_chunks
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, selected
 from vctune.proof.enclosures.taylor import LowerBound, Taylor, least_over_boxes, stacked, variables
 from vctune.running import check_time, report_progress
@@ -402,7 +402,7 @@ def _stage(boxes: int, open_: float) -> str:
 
 def _in_chunks(test: Test, boxes: Boxes) -> Decided:
     parts = []
-    for i in range(0, len(boxes), CHUNK):
+    for chunk in chunks(boxes):
         check_time()
-        parts.append(test(boxes.subset(slice(i, i + CHUNK))))
+        parts.append(test(chunk))
     return Decided(*(np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Decided.__slots__))
