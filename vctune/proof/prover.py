@@ -31,7 +31,7 @@ NEAR_ZERO = 1e-3  # Least divisor in the relative width of a row, as a share of 
 FREQUENCY_FIRST = 64.0  # Weight of the frequency's relative width where one of several margins has no bound
 WIDER = 0.1  # Exponent of a row's relative width in the weight of the row's cost
 BLUR = 2.0  # Greatest ratio of the uncertainty from the rows that must not be halved to that from the other rows
-FEW = 64  # Number of boxes up to which an array of boxes takes about as long as one box
+FEW = 128  # Number of boxes up to which an array of boxes takes about as long as one box
 
 _MOST: ContextVar[float] = ContextVar("most boxes", default=np.inf)
 
@@ -148,9 +148,9 @@ def positive(margin: Margin, fixed: Values, near: Margin | None = None, rows: Se
     return own if near is None else by_place
 
 
-def either(first: Test, other: Margin, fixed: Values, easy: int) -> Test:
+def either(first: Test, other: Margin, fixed: Values, easy: int = 0) -> Test:
     """Return a test that, after `easy` boxes, also proves boxes away from frequency 0 in which both margins of another
-    are positive."""
+    are positive. With `easy`, its results depend on what was tested before."""
     tested = 0
 
     def over(part: Boxes) -> list[Taylor]:
@@ -178,6 +178,22 @@ def either(first: Test, other: Margin, fixed: Values, easy: int) -> Test:
         if tested > easy and left.size:
             _replace(found, left, nearest([_part(found, left), another(boxes.subset(left))]))
         return found
+
+    return decided
+
+
+def narrowed(test: Test, narrow: Callable[[Boxes], Boxes]) -> Test:
+    """Return a test of boxes that are narrowed first. A box that then has low > high contains no point, so it is
+    proved."""
+
+    def empty(boxes: Boxes) -> Decided:
+        holds, rows = np.ones(len(boxes), bool), np.zeros_like(boxes.low)
+        return Decided(holds, ~holds, rows, rows, holds, np.full(len(boxes), np.inf))
+
+    def decided(boxes: Boxes) -> Decided:
+        boxes = narrow(boxes)
+        crossed = np.any(boxes.low > boxes.high, axis=0)
+        return _by_kind([(crossed, empty), (~crossed, test)], boxes)
 
     return decided
 

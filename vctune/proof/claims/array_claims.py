@@ -208,8 +208,11 @@ def hands_margins(
     return margins
 
 
-def margins_in_spring(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
-    """Return two margins that are both positive only where the claim holds in hands of every stiffness."""
+def margins_in_spring(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin | None:
+    """Return two margins that are both positive only where the claim holds in hands of every stiffness; None for a
+    servo and for a box of environments, which have none."""
+    if demands.worlds is not None or not demands.device.kind.own_loop:
+        return None
     device, factor = _uncertain_device(demands.device, uncertain), decimal(demands.factor)
 
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -12,17 +13,18 @@ from vctune.model.hands import HAND
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
-from vctune.proof.boxes import HALF_TURN, Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands
-from vctune.proof.claims.array_claims import SHARES, claims_of, limp_hands_margins
+from vctune.proof.boxes import FREQUENCY, HALF_TURN, Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands
+from vctune.proof.claims.array_claims import SHARES, claims_of, limp_hands_margins, margins_in_spring
 from vctune.proof.claims.loop_claims import STEP
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
-from vctune.proof.prover import Effort, Margin, Test, positive, prove
+from vctune.proof.prover import Effort, Margin, Test, either, narrowed, positive, prove
 
 EFFORT = Effort(max_halvings=80, max_boxes=30_000, few=0)
 TOGETHER = 128  # Number of cells that the prover treats together, so that their boxes fit into memory
 # Greatest K_p T^2/m, as a share of the width of the first interval of angles, for which the prover treats a cell
 # separately near theta = 0
 AT_REST = 0.1
+ROUNDING = 1e-9  # Allowance for the rounding of a share's limits, relative to them
 
 MASS = "coupling.mass"
 
@@ -75,7 +77,13 @@ def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
 def _in_hand(demands: Demands) -> Test:
     """Return the test that a margin in a hand is positive. Near theta = 0 it uses only the coupling's drag."""
     margin = claims_of(demands).in_hand
-    return positive(margin, {}, None if demands.device.kind.inverse else _by_drag(margin))
+    return _or_every_stiffness(demands, positive(margin, {}, None if demands.device.kind.inverse else _by_drag(margin)))
+
+
+def _or_every_stiffness(demands: Demands, test: Test) -> Test:
+    """Return a test that also proves boxes away from theta = 0 for every stiffness at once."""
+    every = margins_in_spring(demands, (), delays_of(demands.device))
+    return test if every is None else either(test, every, {})
 
 
 def _by_drag(margin: Margin) -> Margin:
@@ -92,7 +100,7 @@ def _proved_apart(demands: Demands, cells: Cells) -> Flags:
     stiffness = min(hands.high.stiffness, _stiffness_of(demands, first[1][0]))
     softer = replace(hands, high=replace(hands.high, stiffness=stiffness))
     proved = _prove(
-        positive(_by_drag(at_rest), {}),
+        narrowed(positive(_by_drag(at_rest), {}), partial(_with_possible_shares, demands)),
         _with_shares(over_hands(cells, softer, first)),
         len(cells),
     )
@@ -118,6 +126,21 @@ def _with_shares(boxes: Boxes) -> Boxes:
     rows = np.repeat(np.array(there, float)[:, None], len(boxes), axis=1)
     low, high = np.vstack((boxes.low, np.zeros_like(rows))), np.vstack((boxes.high, rows))
     return first_boxes((*boxes.names, *SHARES), low, high, boxes.owner, boxes.whole_samples)
+
+
+def _with_possible_shares(demands: Demands, boxes: Boxes) -> Boxes:
+    """Return boxes narrowed to the shares that the theta, stiffness and K_p in them may have; low > high if none is."""
+    unit = _stiffness_of(demands, 1.0)
+    low, high = (dict(zip(boxes.names, edge, strict=True)) for edge in (boxes.low.copy(), boxes.high.copy()))
+    # the terms of rho in N/m: K_p, the hand's stiffness and 2 sin(theta/2)
+    law, grip = ((low[key], high[key]) for key in (KEYS[1], HAND[2]))
+    turned = tuple(2 * np.sin(edge[FREQUENCY] / 2) * unit for edge in (low, high))
+    rest = turned[0] + grip[0], turned[1] + grip[1]
+    for share, (least, most), others in zip(SHARES, (law, grip), (rest, turned), strict=True):
+        # 0/0 limits nothing
+        low[share] = np.fmax(low[share], least / (least + others[1]) * (1 - ROUNDING))
+        high[share] = np.fmin(high[share], most / (most + others[0]) * (1 + ROUNDING))
+    return replace(boxes, low=np.stack(list(low.values())), high=np.stack(list(high.values())))
 
 
 def _prove(test: Test, boxes: Boxes, owners: int, *, whole_hands: bool = False) -> Flags:

@@ -128,10 +128,8 @@ class Asked:
     def tests(self, part: Part, fixed: Values) -> list[Test]:
         """Return the tests that prove the claim on a part of the boxes, after many boxes also for every stiffness."""
         found = [self._test(part, fixed, lead) for lead in (LEADS if self.walls else LEADS[:1])]
-        if self.demands.worlds is not None or not self.design.device.kind.own_loop:
-            return found
         every = margins_in_spring(self.demands, self.uncertain, part.delays)
-        return [either(test, every, fixed, EASY) for test in found]
+        return found if every is None else [either(test, every, fixed, EASY) for test in found]
 
     def _test(self, part: Part, fixed: Values, lead: float) -> Test:
         margins = hands_margins(self.demands, self.uncertain, part.delays, lead)

@@ -63,7 +63,7 @@ class Taylor:
             return _product(self, other, np.multiply, 1)
         mid, rad = _mid_and_rad(other)
         coefficients, radii = self.coefficients * mid, self.radii * (np.abs(mid) + rad)
-        radii[-1] += (rad + UNIT * np.abs(mid)) * self.magnitudes.polynomial + TINY
+        radii[-1] += (rad + UNIT * np.abs(mid)) * np.abs(self.coefficients).sum(axis=0) + TINY
         return Taylor(self.row_count, coefficients, radii * SWOLLEN)
 
     __radd__, __rmul__ = __add__, __mul__
