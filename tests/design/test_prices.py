@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from math import hypot
 
 import pytest
 from command import run
@@ -95,8 +96,15 @@ def test_prices_are_those_of_solving_again(name):
         key = price.key.removeprefix("device.")
         assert price.old == problem.device.number(key)
         changed = replace(problem, device=problem.device.with_numbers({key: price.new}))
-        error = solve(changed).judgement.error
-        assert price.change == pytest.approx(error / solved.judgement.error - 1, abs=tolerance), key
+        again = solve(changed).judgement
+        assert price.change == pytest.approx(again.error / solved.judgement.error - 1, abs=tolerance), key
+        free = free_feel(again) / free_feel(solved.judgement) - 1 if problem.device.kind.inverse else None
+        assert price.free == pytest.approx(free, abs=1e-8), key
+
+
+def free_feel(judgement):
+    """Both terms of free motion, each with the weight 1: of impedance displays without a K_v to choose."""
+    return hypot(judgement.transparency.admittance, judgement.transparency.tracking)
 
 
 def test_a_change_of_units_changes_nothing():

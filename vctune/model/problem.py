@@ -237,6 +237,12 @@ class Problem:
         return tuple(term for term in TERMS if getattr(weights, term) > 0 and term not in own)
 
     @property
+    def apart(self) -> tuple[TermName, ...]:
+        """The terms with a weight that the error does not count: what is felt of the device itself when free."""
+        weights = self.transparency.weights
+        return tuple(term for term in TERMS if getattr(weights, term) > 0 and term not in self.counted)
+
+    @property
     def weights(self) -> Terms:
         """The weights of the terms of the error, 0 for a term that the error does not count."""
         return Terms(**{term: getattr(self.transparency.weights, term) * (term in self.counted) for term in TERMS})

@@ -99,7 +99,8 @@ def limits(record: DesignRecord) -> list[tuple[str, str, str]]:
         found.append(("Worst hand", hands.worst_hand.in_words(record.units) + beyond, ""))
     best = min(record.prices or [], key=lambda price: price.change, default=None)
     if best is not None and best.worth != "no difference":
-        found.append(("Best change of the device", f"{best.key} better by 1 %: error {best.worth}", ""))
+        when_free = f", felt when free {best.worth_free}" if best.worth_free else ""
+        found.append(("Best change of the device", f"{best.key} better by 1 %: error {best.worth}{when_free}", ""))
     return found
 
 

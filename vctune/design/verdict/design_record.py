@@ -54,7 +54,6 @@ from vctune.model.loop.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import finite_hertz, hertz
 from vctune.model.problem import Problem
-from vctune.model.transparency import TERMS
 from vctune.proof.claims.delays import delay_in_samples
 from vctune.proof.claims.registry import BEFORE_WALL, CLAIMS, IN_HANDS, claims_about
 from vctune.proof.outcome import Outcome, Verdict, worst_verdict
@@ -196,8 +195,7 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
 
 def _apart(problem: Problem) -> dict[str, Any]:
     """Return the record of the weighted terms that the error does not count; empty if it counts them all."""
-    apart = [term for term in TERMS if getattr(problem.transparency.weights, term) > 0 and term not in problem.counted]
-    return {"apart": apart} if apart else {}
+    return {"apart": list(problem.apart)} if problem.apart else {}
 
 
 def _display(problem: Problem) -> dict[str, Any]:

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from math import expm1, isclose
+from math import expm1, hypot, isclose
 
 import numpy as np
 
+from vctune.analysis.demands import transparency_error
 from vctune.analysis.in_hands import least_ratios_near
 from vctune.design.nlp.nlp import lagrangian, stated
 from vctune.design.prepared import Prepared, prepare
 from vctune.design.result import Polished, Solved
 from vctune.design.variables import coordinates, design_of
-from vctune.design.verdict.judge import Status
+from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.records.design_json import Price
 from vctune.model.device import Device
 from vctune.model.hands import Hand
@@ -44,7 +45,10 @@ def with_prices(solved: Solved) -> Solved:
     try:
         for number in _numbers(solved.problem):
             check_time()
-            prices.append(_price(prepared, polished, here, number))
+            change, sign = _change(prepared, polished, here, number)
+            price = Price(key=number.key, old=number.old, new=number.old * (1 + sign * BETTER), change=change)
+            free = _of_free_feel(solved.problem, judgement, number, sign) if solved.problem.apart else None
+            prices.append(price if free is None else price.model_copy(update={"free": free}))
     except OutOfTimeError:
         return replace(solved, cut=(*solved.cut, PRICES))
     return replace(solved, prices=sorted(prices, key=lambda price: price.change))
@@ -100,8 +104,8 @@ def _of_hand(name: str, edge: float, factor: float, hand: Hand) -> Hand:
     return replace(hand, **{name: factor * value}) if isclose(value, edge) else hand
 
 
-def _price(prepared: Prepared, polished: Polished, here: float, number: _Number) -> Price:
-    """Return the price of a parameter, for an increase or a decrease, whichever lowers the error."""
+def _change(prepared: Prepared, polished: Polished, here: float, number: _Number) -> tuple[float, int]:
+    """Return the change of the error for a parameter that is better by 1 %, and 1 if greater is better or -1."""
     changes = [(0.0, -1)]
     for sign in (-1, 1):
         factor = 1 + sign * STEP
@@ -109,8 +113,19 @@ def _price(prepared: Prepared, polished: Polished, here: float, number: _Number)
         change = expm1(there - here)
         changes += [(change, sign)] if abs(change) < STEP * STEEPEST else []
     change, sign = min(changes)
-    new, change = number.old * (1 + sign * BETTER), round(change * BETTER / STEP, 12)
-    return Price(key=number.key, old=number.old, new=new, change=change)
+    return round(change * BETTER / STEP, 12), sign
+
+
+def _of_free_feel(problem: Problem, judgement: Judgement, number: _Number, sign: int) -> float:
+    """Return the relative change of what is felt of the device itself when free, which no design changes."""
+
+    def felt(problem: Problem) -> float:
+        found = transparency_error(problem, judgement.gains, judgement.coupling)
+        weights = problem.transparency.weights
+        return hypot(*(getattr(weights, term) * getattr(found, term) for term in problem.apart))
+
+    changed = replace(problem, device=number.device(1 + sign * BETTER, problem.device))
+    return round(felt(changed) / felt(problem) - 1, 12)
 
 
 def _changed(

@@ -41,6 +41,10 @@ def design_of(value: Any, source: str) -> DesignRecord:
 NO_DIFFERENCE = 5e-5
 
 
+def _in_words(change: float) -> str:
+    return "no difference" if abs(change) < NO_DIFFERENCE else f"{100 * change:+.2f} %"
+
+
 class Price(Part):
     """The effect on the least error of improving one parameter of the device while the rest of the problem stays."""
 
@@ -48,11 +52,17 @@ class Price(Part):
     old: float  # the value, and a value that is better by 1 %, in SI units and hertz
     new: float
     change: float  # first-order change of the least error as a share of this error; at most 0
+    free: float | None = None  # relative change of the terms that the error does not count; null if it counts all
 
     @property
     def worth(self) -> str:
         """The effect of improving the number on the error, in words."""
-        return "no difference" if abs(self.change) < NO_DIFFERENCE else f"{100 * self.change:+.2f} %"
+        return _in_words(self.change)
+
+    @property
+    def worth_free(self) -> str:
+        """The effect on what is felt of the device itself when free, in words."""
+        return "" if self.free is None else _in_words(self.free)
 
     def cells(self, units: Units) -> tuple[str, str, str]:
         """Return the value, a better value, and their unit."""
