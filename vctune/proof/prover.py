@@ -158,6 +158,7 @@ def either(first: Test, other: Margin, fixed: Values, easy: int = 0) -> Test:
         return _polynomials(other(*_named(part, numbers, fixed)), numbers[0])
 
     def another(part: Boxes) -> Decided:
+        check_time()
         margin, sign = over(part)
         found = by_polynomial(margin, part, least_over_boxes(margin), alone=True)
         unsure = ~(least_over_boxes(sign).bound > 0)
