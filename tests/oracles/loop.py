@@ -25,7 +25,8 @@ class Loop:
     """A device's table, its gains (K_v, K_p), and mass, damping and stiffness of a hand and of an environment.
 
     The coupling is (b_c, m_c, b_0), of an impedance display (b_c, k_c). Without a coupling nothing is behind the port.
-    Resonators are mass, damping and stiffness of what hangs on a handle beside the hand.
+    Resonators are mass, damping and stiffness of what hangs on a handle beside the hand. A rule is mass, damping and
+    stiffness of ROS 2's admittance_controller, which then takes the place of coupling and environment.
     """
 
     device: Mapping[str, Any]
@@ -35,6 +36,7 @@ class Loop:
     world: Triple = NOTHING
     num: Arithmetic = field(default=DOUBLES)
     resonators: tuple[Triple, ...] = ()
+    rule: Triple | None = None
 
     @property
     def kind(self) -> str:
@@ -224,6 +226,9 @@ def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> t
         new["firmware"] = num.array([force])
         if given is not None:
             v_e, out = given, force
+        elif loop.rule is not None:  # the acceleration of the velocity and the position of a sample ago
+            M, D, S = (num.number(x) for x in loop.rule)
+            v_e = out = get["v_e"][0] + T * (force - D * get["v_e"][0] - S * get["x_e"][0]) / M
         else:
             b_c, m_c, b_0 = loop.coupling
             rigid = math.isinf(b_c)
@@ -238,7 +243,8 @@ def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> t
         if loop.kind == "servo":
             command = (v_e + get["v_e"][0]) / 2 if loop.device["servo"].get("command") == "position" else v_e
         else:
-            command = K_v * (v_e - new["smoothed"][-1]) + K_p * (get["x_e"][0] + T / 2 * v_e - x)
+            led = get["x_e"][0] + (T / 2 if loop.rule is None else T) * v_e
+            command = K_v * (v_e - new["smoothed"][-1]) + K_p * (led - x)
         new["v_e"] = num.array([v_e])
     if loop.kind == "impedance" and given is not None:
         v_e = 0
@@ -298,7 +304,7 @@ def matrix(loop: Loop, *, at_rest: bool = False) -> np.ndarray:
     held, tied, hung = (
         loop.hand[2] != 0,
         loop.kind == "admittance" and loop.gains[1] != 0,
-        loop.world[2] != 0 or at_rest,
+        (loop.world if loop.rule is None else loop.rule)[2] != 0 or at_rest,
     )
     drop = [x_e] if at_rest or (not hung and not tied) else []
     if not held and not (tied and hung):  # everything else is where it is from the motor

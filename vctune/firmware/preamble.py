@@ -67,14 +67,14 @@ def assumptions(firmware: Firmware) -> list[str]:
         f"sample and is held{sampled}; {rendered}. The "
         f"proof does not cover static friction, a limited {units.force_name}, quantisation and the rounding of each "
         "operation.",
+        *_left_to_caller(device, units),
     ]
 
 
 def _left_to_caller(device: Device, units: Units) -> list[str]:
-    """Return a sentence on the parts of a servo's firmware that the exported equations lack: the filter of the force
-    and the servo's own spring. Return nothing if the device has neither."""
-    assert device.servo is not None
-    share, stiffness = device.sensing.filter_coefficient, device.servo.stiffness
+    """Return a sentence on the parts of the firmware that the exported equations lack: the filter of the force and a
+    servo's own spring. Return nothing if the device has neither."""
+    share, stiffness = device.sensing.filter_coefficient, device.servo and device.servo.stiffness
     parts = [] if share is None else [f"filters the samples of the {units.force_name} with a = {share!r}"]
     if stiffness is not None:
         parts.append(

@@ -62,7 +62,7 @@ def known_of(log_map: LogMap, sample_time: float) -> Known:
         parts["velocity"] = replace(parts.get("velocity", VelocityEstimate()), source="difference")
     delays = {} if stated.delay is None else {"delay": stated.delay}
     if SENSOR in parts:
-        through = sensor_response(parts[SENSOR], 0.0, FLOATS)
+        through = sensor_response(parts[SENSOR], sample_time, 0.0, FLOATS)
         delays["sensor_delay"] = 0.0 if through is None else float(through.lag)
     return Known(parts, delays, velocity, stated.display)
 

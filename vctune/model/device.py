@@ -63,6 +63,7 @@ class Device:
         Key('Kind of display. "admittance": force in, velocity out. "impedance": motion in, force out.'),
     ] = "admittance"
     servo: Internal[Servo | None] = None
+    summed: Internal[bool] = False  # whether the firmware's x_e is x_e + T v_e, as ROS 2's, not the trapezoidal sum
     units: Annotated[
         UnitSystem,
         Key(

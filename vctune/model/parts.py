@@ -65,7 +65,7 @@ class Actuator:
 
 @record
 class ForceSensor:
-    """The sensor of the hand's force, and for a servo the admittance controller's filter of its samples."""
+    """The sensor of the hand's force, and the firmware's filter of its samples."""
 
     bandwidth_hz: Annotated[
         Positive | None,
@@ -90,7 +90,8 @@ class ForceSensor:
     filter_coefficient: Annotated[
         Portion | None,
         Key(
-            "Coefficient a of the controller's filter y += a (x - y), 0 < a <= 1, of a servo. Default: no filter.",
+            "Coefficient a of the firmware's filter of the sensed samples, y += a (x - y), 0 < a <= 1. Default: no "
+            "filter.",
             "ratio",
             certain=True,
         ),

@@ -4,7 +4,7 @@ design for a servo as parameters of a ROS 2 admittance_controller."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, floor, log, log10, pi, sqrt
 from typing import Any
 
@@ -16,8 +16,7 @@ from vctune.model.gains import Coupling
 from vctune.model.problem import Problem
 
 OF_FILE = ("admittance", "ft_sensor")  # Names of the tables of a parameter file
-# Keys under which the joint problem states the controller's filter: for a servo, and for any other device
-FILTER_OF_SAMPLES, FILTER_AS_CORNER = "force_sensor.filter_coefficient", "force_sensor.bandwidth_hz"
+FILTER = "force_sensor.filter_coefficient"  # Key under which the joint problem states the controller's filter
 
 
 NOTHING = {"mass": {"max": 0.0}, "stiffness": {"max": 0.0}}  # [environment] of an arm: nothing virtual behind it
@@ -56,9 +55,10 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
     axis, T = Admittance(axis="", line=0, **document["admittance"]), float(device["sample_time"])
     coupling = coupling_of_admittance(axis, T, servo="servo" in device)
     if "servo" in device:
-        device = _as_servo(device, axis, coefficient)
-    elif coefficient < 1:
-        device = _with_filter(device, FILTER_AS_CORNER, corner_hz(coefficient, T))
+        device = _as_servo(device, axis)
+    if coefficient < 1:
+        part, name = FILTER.split(".")
+        device = {**device, part: {**device.get(part, {}), name: coefficient}}
     numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
     tables = {key: table for key, table in document.items() if key not in OF_FILE}
     if "servo" not in device and tables.get("environment") == NOTHING:  # the controller's spring is the environment
@@ -67,17 +67,17 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
     return {**tables, "device": device, "coupling": numbers}
 
 
-def _as_servo(device: dict[str, Any], axis: Admittance, coefficient: float) -> dict[str, Any]:
-    """Return the device's table with the spring and the filter of the controller added to the servo."""
+def followed(problem: Problem) -> Problem:
+    """Return a problem whose velocity loop follows the controller's own position, x + T v at each sample."""
+    return replace(problem, device=replace(problem.device, summed=problem.device.kind.own_loop))
+
+
+def _as_servo(device: dict[str, Any], axis: Admittance) -> dict[str, Any]:
+    """Return the device's table with the spring of the controller added to the servo."""
     servo = {key: value for key, value in device["servo"].items() if key != "command"}
     if axis.stiffness > 0:
         servo["stiffness"] = axis.stiffness
-    return _with_filter({**device, "servo": servo}, FILTER_OF_SAMPLES, coefficient)
-
-
-def _with_filter(device: dict[str, Any], key: str, number: float) -> dict[str, Any]:
-    part, name = key.split(".")
-    return {**device, part: {**device.get(part, {}), name: number}}
+    return {**device, "servo": servo}
 
 
 def corner_hz(coefficient: float, sample_time: float) -> float:
@@ -147,7 +147,7 @@ def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFil
     """Return the parameters that render designs, one design for each selected axis."""
     for key, values in (
         ("device.sample_time", {design.device.sample_time for design in designs}),
-        (f"device.{FILTER_OF_SAMPLES}", {design.filter_coefficient for design in designs}),
+        (f"device.{FILTER}", {design.filter_coefficient for design in designs}),
     ):
         if len(values) > 1:
             message = f"differs between axes: {', '.join(f'{value:g}' for value in sorted(values))}; write one for all"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from decimal import Decimal
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from vctune.design.ros.admittance import (
-    FILTER_AS_CORNER,
     arm_tables,
     as_problem,
     corner_hz,
     coupling_of_admittance,
     document_of_both,
+    followed,
     problems_of_axes,
 )
 from vctune.design.verdict.check import VERDICTS, Checked, CheckVerdict, DesignFinding, check_message, finding_of
@@ -33,7 +34,7 @@ from vctune.model.device import Device
 from vctune.model.numbers.units import UNITS, Units, UnitSystem
 from vctune.model.problem import Problem
 
-SAME_RATE = 0.01  # Greatest relative difference between update_rate and 1/sample_time
+DIGITS = 3  # Least number of digits to which a sample_time must be 1/update_rate; the proof is at the file's rate
 SLOW = 0.1  # Share of the Nyquist frequency below which vctune warns of a filter's corner frequency
 
 
@@ -89,12 +90,17 @@ def _require_rate(problem: ProblemFile, path: Path, given: AdmittanceFile) -> No
     if given.rate is None:
         return
     (key, rate, line), T = given.rate, problem.problem.device.sample_time
-    if abs(rate * T - 1) > SAME_RATE:
+    digits = max(len(f"{Decimal(repr(T)).normalize():e}".partition("e")[0].replace(".", "")), DIGITS)
+    if float(f"{1 / rate:.{digits}g}") != T:
         stated = toml.Lines(problem.text).locate(("device", "sample_time"))
-        message = f"{rate:g} Hz contradicts device.sample_time = {T:g} s, {1 / T:.4g} Hz, of {problem.source}"
+        message = f"{rate:g} Hz contradicts device.sample_time = {T!r} s, {1 / T:.6g} Hz, of {problem.source}"
         message += f":{stated}" if stated else ""
         raise InputError.of(
-            str(path), "contradiction", f"{message}; write the rate at which the loop runs", key=key, line=line
+            str(path),
+            "contradiction",
+            f"{message}; write the rate at which the loop runs, or sample_time = {1 / rate:.6g}",
+            key=key,
+            line=line,
         )
 
 
@@ -142,22 +148,22 @@ def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittanc
 
 
 def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
-    """Return the problem's tables with the criterion "hands" and, unless the device is a servo, with its fixed
-    gains."""
-    bounds, sensor = problem.problem.bounds, problem.problem.device.sensing
+    """Return the problem's tables at the file's rate with the criterion "hands" and, unless the device is a servo,
+    with its fixed gains."""
+    bounds = problem.problem.bounds
     if not problem.problem.device.kind.senses_force:
         message = '"impedance", and an admittance_controller makes an admittance display; name a problem of one'
         raise InputError.of(problem.source, "other-kind", message, key="device.display")
     document = arm_tables(problem.document)
+    if given.rate is not None:
+        document["device"] = {**document["device"], "sample_time": 1 / given.rate[1]}
     if not problem.problem.device.kind.own_loop:
         return document
     if not (bounds.velocity.fixed and bounds.position.fixed):
         message = "are not fixed, and a file of ROS 2 has none: fix velocity and position, the loop that follows it"
         raise InputError.of(problem.source, "not-fixed", message, key="gains")
-    if sensor.bandwidth_hz is not None and given.filter_coefficient < 1:
-        message = "stands in the place of filter_coefficient: leave one of them out, or set filter_coefficient to 1"
-        raise InputError.of(problem.source, "contradiction", message, key=f"device.{FILTER_AS_CORNER}")
-    document.pop("uncertainty", None)
+    known = {key: width for key, width in document.pop("uncertainty", {}).items() if key != "unmodelled"}
+    document |= {"uncertainty": known} if known else {}
     document["gains"] = {"velocity": bounds.velocity.min, "position": bounds.position.min}
     return document
 
@@ -167,7 +173,7 @@ def _checked(
     problem: ProblemFile, tables: dict[str, Any], given: AdmittanceFile, axis: Admittance, progress: Progress
 ) -> Checked:
     """Check one axis; the result does not contain its name."""
-    T = problem.problem.device.sample_time
+    T = float(tables["device"]["sample_time"])
     looped = problem.problem.device.kind.own_loop
     coupling = coupling_of_admittance(axis, T, servo=not looped)
     if coupling.mass <= 0 or coupling.drag < 0:
@@ -177,11 +183,12 @@ def _checked(
         return _unproved(verdict, "ros-step", _explicit(axis, T, problem.problem.units), axis)
     document = document_of_both(tables, given, axis)
     file = problem_file(toml_text(as_problem(document)), Path(problem.source))
+    file = replace(file, problem=followed(file.problem))
     progress(f"proving {axis.axis}")
     judgement = judge(file.problem, *file.problem.fixed_design)
     repairs = repairs_of_axis(document, file.problem, judgement, progress)
     finding = finding_of(file, judgement, repairs, [])
-    traps = [note.line for note in (*given.notes, *_traps(axis, given.filter_coefficient, problem.problem.device))]
+    traps = [note.line for note in (*given.notes, *_traps(axis, given.filter_coefficient, file.problem.device))]
     finding = replace(finding, warnings=[*traps, *finding.warnings])
     parts, line, verdict = [check_message(judgement)], axis.line, VERDICTS[judgement.status]
     if judgement.status is Status.VIOLATED and finding.repairs is not None:
@@ -238,8 +245,7 @@ def repairs_of_axis(
     if judgement.status is not Status.VIOLATED:
         return None
     changes = [*_of_file(document), *parameter_changes(as_problem(document), problem)]
-    of_file = FILTER_AS_CORNER if document["ft_sensor"]["filter_coefficient"] < 1 else ""
-    own = [each for each in changes if each.path[0] != "coupling" and each.key != f"device.{of_file}"]
+    own = [each for each in changes if each.path[0] != "coupling"]
     found = find_repairs(document, own, progress, _posed)
     return sorted(map(_in_yaml, found), key=lambda repair: (repair.key not in TUNED, repair.rank))
 
@@ -258,7 +264,8 @@ def remedy(repairs: Sequence[Repair], source: str) -> str:
 
 
 def _posed(document: dict[str, Any]) -> Problem | None:
-    return pose(as_problem(document), "")[0]
+    problem, _ = pose(as_problem(document), "")
+    return problem and followed(problem)
 
 
 def _in_yaml(repair: Repair) -> Repair:

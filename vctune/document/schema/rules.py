@@ -265,8 +265,6 @@ def _low_passes(raw: dict[str, Any]) -> Found:
     for part, each in ((key, each) for key, of in PARTS.items() for each in of.numbers if each.order_key):
         if each.order_key in _table(device, part) and each.name not in device[part]:
             yield ("device", part, each.order_key), f"is of a low-pass; write {each.name} too, or leave it out"
-    if "filter_coefficient" in _table(device, "force_sensor") and "servo" not in device:
-        yield ("device", "force_sensor", "filter_coefficient"), "is of a servo's admittance controller; leave it out"
     velocity, usual = _table(device, "velocity"), "difference" if device.get("display") == "impedance" else "measured"
     if "resolution" in velocity and velocity.get("from", usual) == "measured":
         yield ("device", "velocity", "resolution"), 'is of a position that is differenced; write from = "difference"'

@@ -90,6 +90,8 @@ def problem_digest(problem: Problem) -> str:
         del stated["hands"]
     if not problem.rigid:
         del stated["rigid"]
+    if not problem.device.summed:
+        del stated["device"]["summed"]
     velocity = stated["device"]["velocity"] or {}
     if resolution := velocity.pop("resolution", None):
         stated["device"]["resolution"] = resolution

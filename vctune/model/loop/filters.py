@@ -84,9 +84,13 @@ def firmware_low_pass(
     """Return the response of one of the firmware's low-passes of the velocity, a/(1 - p/z), at z = e^(j omega T)."""
     if estimate.filter_hz is None:
         return None
+    return one_pole(*low_pass_coefficients(estimate.filter_hz, sample_time, ops), sample_time, omega, ops)
+
+
+def one_pole(a: Number, p: Number, sample_time: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
+    """Return the response a/(1 - p/z), p = 1 - a, of the firmware's filter y += a (x - y), at z = e^(j omega T)."""
     theta, T = omega * sample_time, sample_time
     half_sinc = ops.sinc(theta / 2)
-    a, p = low_pass_coefficients(estimate.filter_hz, T, ops)
     chord2 = half_sinc * half_sinc * (theta * theta)  # |1 - e^(-j theta)|^2
     reciprocal = 1 / (a * a + p * chord2)  # 1/|1 - p/z|^2
     return FilterResponse(
@@ -96,14 +100,18 @@ def firmware_low_pass(
     )
 
 
-def sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> FilterResponse | None:
-    """Return F_s, the response of the sensed force to the hand's force, at s = j omega."""
+def sensor_response(sensor: ForceSensor, sample_time: Number, omega: Number, ops: Arithmetic) -> FilterResponse | None:
+    """Return F_s, the response of the sensed force to the hand's force, at s = j omega, with the filter of its
+    samples."""
     response = None
     if sensor.bandwidth_hz is not None:
         response = low_pass(sensor.bandwidth_hz, sensor.order, omega, ops)
     if not ops.is_zero(sensor.delay):
         delay = pure_delay(sensor.delay, omega, ops)
         response = delay if response is None else response.times(delay, omega * omega)
+    if sensor.filter_coefficient is not None:
+        passed = one_pole(sensor.filter_coefficient, 1 - sensor.filter_coefficient, sample_time, omega, ops)
+        response = passed if response is None else response.times(passed, omega * omega)
     return response
 
 

@@ -77,12 +77,15 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
         return _force_in_hand(plant, found[len(plant.push)], position, at.cos, at.square)
     open_loop, velocity, position, felt = _answers(plant, at, number, states, d, plant.felt[0])
     unit = T / plant.mass
+    integrated = felt.scaled(T * at.cos)  # K_p (T/2) (z + 1)/(z - 1) times 2 j s
+    if plant.summed:  # K_p T z/(z - 1)
+        integrated = integrated + felt * EvenOdd(0, T, at.square)
     return LoopInHand(
         open=open_loop,
         velocity=velocity.scaled(unit),
         position=position.scaled(unit * T),
         seen_velocity=felt * EvenOdd(0, 2, at.square),
-        seen_position=felt.scaled(T * at.cos),
+        seen_position=integrated,
     )
 
 
@@ -101,8 +104,9 @@ def required_in_limp_hand(
     """Return `required_in_hand` divided by rho^2, near the limit in which theta, the hand's stiffness and K_p are 0."""
     F, felt = _next_to_rest(plant, velocity, theta, rest, ops)
     # with K_p = integrator rho m/T^2 and 2 s = turned rho, both terms of the law have the denominator j turned
-    push = rest.integrator * (plant.mass / plant.sample_time) * ops.cos(theta / 2)
-    P = felt * EvenOdd(push, velocity, F.square)
+    push = rest.integrator * (plant.mass / plant.sample_time)
+    ahead = push * (rest.rho / 2) if plant.summed else 0
+    P = felt * EvenOdd(push * ops.cos(theta / 2), velocity + ahead, F.square)
     return Required(P.even * F.odd - P.odd * F.even, F.abs2())
 
 
@@ -171,6 +175,8 @@ def _answers(
             carried = carried + open_loop.scaled(share) * back
         felt = felt + carried * number(2 * at.square, 2 * at.cos)
     felt = felt * at.late(delays.felt, number)
+    if plant.share is not None:
+        felt = felt * number(*one_pole(plant.share, at.cos, at.square))
     if plant.low_pass is not None:
         a = plant.low_pass
         passed, once = number(a * at.cos, a), number(a * at.cos, 2 - a)
@@ -190,12 +196,17 @@ def _force_in_hand(
     if plant.low_pass is not None:
         # a quotient, unlike in `loop_in_hand`, so that `met` does not contain the filter, and enclosures for boxes of
         # hands stay tight
-        a, rest = plant.low_pass, 2 - plant.low_pass
-        below = 1 / (a * a * (cos * cos) + rest * rest * square)
-        passed = EvenOdd((a * cos * cos + rest * square) * (a * below), 2 * (a - 1) * a * (cos * below), square)
+        passed = EvenOdd(*one_pole(plant.low_pass, cos, square), square)
         for _ in range(plant.order):
             velocity = velocity * passed
     return ForceInHand(open_loop, velocity.scaled(unit), met.scaled(unit), position.scaled(unit * plant.sample_time))
+
+
+def one_pole(a: Number, cos: Number, square: Number) -> tuple[Number, Number]:
+    """Return the even and the odd part of a/(1 - (1 - a)/z), the firmware's y += a (x - y)."""
+    rest = 2 - a
+    below = 1 / (a * a * (cos * cos) + rest * rest * square)
+    return (a * cos * cos + rest * square) * (a * below), 2 * (a - 1) * a * (cos * below)
 
 
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:

@@ -54,6 +54,12 @@ def posed(worlds: Worlds, factor: float) -> tuple[str, ...]:
     return "resistive", *above, *(() if _endless(worlds.high.stiffness) else ("below",))
 
 
+def real_at_nyquist(coupling: Coupling, worlds: Worlds) -> bool:
+    """Return whether coupling and an environment of the box have no reactance at theta = pi, whatever the stiffness: a
+    mass by the trapezoidal rule is rigid there."""
+    return not coupling.rigid and bool(worlds.low.mass == 0)
+
+
 def disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:

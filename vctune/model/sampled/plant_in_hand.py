@@ -98,6 +98,8 @@ class PlantInHand:
     difference: bool = False  # whether the firmware differences positions to get the velocity
     low_pass: Number | None = None  # a and r of the firmware's low-passes of the velocity
     order: int = 0
+    share: Number | None = None  # a of the filter of the sensed force
+    summed: bool = False  # whether x_e is x_e + T v_e, instead of the trapezoidal rule
     meets_position: bool = False  # whether the environment acts on the position, as on an impedance display
 
     @property
@@ -186,6 +188,8 @@ def over_sample(
         difference=estimate is not None and estimate.source == "difference",
         low_pass=low_pass,
         order=order,
+        share=device.sensing.filter_coefficient,
+        summed=device.summed,
         meets_position=not device.kind.senses_force,
     )
 

@@ -19,7 +19,7 @@ from vctune.model.numbers.arithmetic import FLOATS, Number
 from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.impedance_display import ForceInHand
-from vctune.model.sampled.loop_in_worlds import Disjuncts, sum_of
+from vctune.model.sampled.loop_in_worlds import Disjuncts, real_at_nyquist, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.margins_of_claims import Design, margins_in_worlds
@@ -130,6 +130,8 @@ def _lost(design: Design, demands: Demands, hands: list[Hand], angles: Floats) -
     crossed = (above[:, :-1] < 0) & (below[:, 1:] < 0) | (below[:, :-1] < 0) & (above[:, 1:] < 0)
     share = np.clip(above[:, :-1] / (above[:, :-1] - above[:, 1:]), 0.0, 1.0)
     there = np.where(crossed, resistive[:, :-1] + share * (resistive[:, 1:] - resistive[:, :-1]), np.inf)
+    if angles[-1] == pi and real_at_nyquist(design.series, demands.worlds):
+        there[:, -1] = np.minimum(there[:, -1], resistive[:, -1])
     places = there.argmin(axis=1)
     return there[np.arange(len(hands)), places], places
 
@@ -165,6 +167,10 @@ def _crossing(design: Design, demands: Demands, hand: Hand, low: float, high: fl
     def is_below(theta: float) -> bool:
         return surely_negative(at(theta, theta)[2])
 
+    if high == pi and real_at_nyquist(design.series, demands.worlds):
+        last = margins_in_worlds(plant, exact, ENCLOSURES.pi, met, ENCLOSURES)
+        if surely_negative(sum_of(last.resistive)):
+            return pi
     rising = is_above(low) and is_below(high)
     if not rising and not (is_below(low) and is_above(high)):
         return None

@@ -12,7 +12,7 @@ from vctune.model.gains import SpringDamper
 from vctune.model.hands import MASS, STIFFNESS, Hand, Hands, stacked
 from vctune.model.numbers.units import keys_of
 from vctune.model.problem import Demands
-from vctune.model.sampled.loop_in_worlds import LEADS, posed, sum_of
+from vctune.model.sampled.loop_in_worlds import LEADS, posed, real_at_nyquist, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 from vctune.proof.boxes import HALF_TURN, SAMPLES_BEFORE, Boxes, Values, band_of, over_band
@@ -298,8 +298,11 @@ def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float,
     plant = plant_in_hand(exact.device, hand.mapped(decimal), delays, ENCLOSURES)
     if demands.worlds is None:
         return surely_negative(hand_margin(plant, exact, at, factor, ENCLOSURES))
+    ends = theta == pi and real_at_nyquist(design.series, demands.worlds)  # and a pole may pass z = -1
+    at = ENCLOSURES.pi if ends else at
     found = margins_in_worlds(plant, exact, at, WorldsMet(demands.worlds.converted(decimal), factor), ENCLOSURES)
-    return all(surely_negative(sum_of(getattr(found, name))) for name in posed(demands.worlds, demands.factor))
+    names = ("resistive",) if ends else posed(demands.worlds, demands.factor)
+    return all(surely_negative(sum_of(getattr(found, name))) for name in names)
 
 
 def _ends(
