@@ -176,3 +176,28 @@ def test_balls_hold_what_doubles_say():
         for delay in (0.01421, 0.0143, 0.01439):
             one = replace(B, servo=replace(B.servo, delay=delay))
             assert found.contains(arb(float(required_at(one, hand, np.array([theta]))[0]), 1e-8))
+
+
+LATE = ForceSensor(50.0, 2, 0.004, 0.2)
+"""Of bandwidth, order, delay and share of the filter; a filter of 0.2 at 2 ms is 8 ms late."""
+LATE_SERVO = Servo(0.03, 20.0, 2, command="position")
+
+
+@pytest.mark.parametrize(
+    ("servo", "sensor", "parts"),
+    [
+        (LATE_SERVO, LATE, (1.0, 1.0, 30.0, 11.2539540, 8.5015816, 8.0)),
+        (replace(LATE_SERVO, order=1), LATE, (1.0, 1.0, 30.0, 7.9577472, 8.5015816, 8.0)),
+        (LATE_SERVO, replace(LATE, order=1), (1.0, 1.0, 30.0, 11.2539540, 7.1830989, 8.0)),
+        (LATE_SERVO, replace(LATE, delay=0.0), (1.0, 1.0, 30.0, 11.2539540, 4.5015816, 8.0)),
+        (LATE_SERVO, replace(LATE, bandwidth_hz=None), (1.0, 1.0, 30.0, 11.2539540, 4.0, 8.0)),
+        (LATE_SERVO, replace(LATE, filter_coefficient=None), (1.0, 1.0, 30.0, 11.2539540, 8.5015816, 0.0)),
+        (replace(LATE_SERVO, command="velocity"), None, (1.0, 0.0, 30.0, 11.2539540, 0.0, 0.0)),
+    ],
+)
+def test_each_part_of_the_latency_is_the_one_computed_by_hand(servo: Servo, sensor: ForceSensor | None, parts) -> None:
+    """In ms: 1/(2 pi f) of order 1, sqrt(2) times as much of order 2, for the servo and for the sensor."""
+    found = latency(servo_device(2e-3, servo, sensor), FLOATS)
+    shown = (found.hold, found.interpolation, found.delay, found.lag, found.sensor, found.filter)
+    assert 1e3 * np.array(shown) == pytest.approx(parts, abs=1e-6)
+    assert 1e3 * found.total == pytest.approx(sum(parts), abs=1e-6)

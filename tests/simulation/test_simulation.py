@@ -298,3 +298,32 @@ def test_sampled_loop_without_a_hand_is_the_designs():
     scene = designed_scene(DEVICE, GAINS, Coupling(1e6, 1e-6, 1e3), experiment(NOTHING, ghost))
     moduli = np.abs(np.linalg.eigvals(loop_matrix(scene)))
     assert np.min(np.abs(moduli - spectral_radius(DEVICE, GAINS))) < 1e-9
+
+
+@pytest.mark.parametrize("rule", ["backward", "trapezoid", "explicit"])
+@pytest.mark.parametrize("late", [1, 2, 5])
+@pytest.mark.parametrize("parts", [(0.3, 0.0, 0.0), (0.0, 4.0, 500.0), (0.3, 4.0, 500.0)], ids=["mass", "spring", "all"])
+def test_a_late_environment_gives_the_force_of_earlier_samples(rule, late: int, parts) -> None:
+    """Each part of the force, from all v_e of the run by NumPy's sums, is the one of `late` samples before."""
+    T, (mass, damping, stiffness), zero = DEVICE.sample_time, parts, 0.002
+    scene = designed_scene(DEVICE, GAINS, COUPLING, experiment(Environment(*parts, zero, False, rule, late)))
+    c, force, v = controller_of(scene.law), [], []
+    state = at_rest(c, 0.0, 0.0)
+    for x, velocity, pushed in np.random.default_rng(5).normal(size=(60, 3)) * [1e-3, 1e-2, 1.0]:
+        state, command = control(c, state, Measurement(x, velocity, pushed), FLOATS)
+        force.append(command.environment)
+        v.append(state.desired)
+    speed = np.array(v)
+    before = np.concatenate([[0.0], speed[:-1]])
+    place = T * np.cumsum({"backward": speed, "trapezoid": (speed + before) / 2, "explicit": before}[rule])
+    inertia = mass * (speed - before) / T
+    if rule == "trapezoid":  # F_k + F_(k-1) = 2 m (v_k - v_(k-1))/T
+        signs = (-1.0) ** np.arange(60)
+        inertia = signs * np.cumsum(signs * 2 * inertia)
+    # the difference of explicit Euler looks ahead by one sample
+    own = np.concatenate([inertia[1:], [0.0]]) if rule == "explicit" else inertia
+    expected = own + damping * speed + stiffness * (place - zero)
+    assert np.array(force[late:]) == pytest.approx(expected[:-late], rel=1e-9, abs=1e-9)
+    # the spring rests at 0 before the run; nothing else acts before the first v_e has had its effect
+    own_first = late - (rule == "explicit")
+    assert np.array(force[:own_first]) == pytest.approx(np.zeros(own_first), abs=1e-12)
