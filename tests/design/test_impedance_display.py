@@ -19,6 +19,7 @@ from loop import seen as answer
 from scipy.optimize import minimize_scalar
 
 import vctune
+from vctune.analysis.demands import transparency_error
 from vctune.analysis.feel import feel
 from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.analysis.loops_in_hands import loops_in_hands
@@ -530,3 +531,36 @@ def test_where_the_coupling_drives_no_multiple_of_R_is_asked_for(count):
         judged = judge(arm(device, criterion="hands", factor=1.5), Gains(0.0, 0.0), coupling)
         assert judged.status is not Status.CERTIFIED or (given >= required).all()
     assert driving > count / 6
+
+
+WEIGHTS = {"admittance": 2.0, "tracking": 3.0, "coupling": 0.5}
+LOOSE = {"handle_mass": 0.02, "frequency_hz": 80.0, "damping_ratio": 0.05}
+
+
+@pytest.mark.parametrize("coupled", [True, False])
+@pytest.mark.parametrize(
+    ("structure", "free", "counted"),
+    [
+        ({}, False, {"coupling"}),
+        ({}, True, {"admittance", "coupling"}),
+        ({"structure": LOOSE}, False, {"coupling"}),
+        ({"structure": LOOSE}, True, {"admittance", "tracking", "coupling"}),
+    ],
+    ids=["rigid, no K_v", "rigid", "flexible, no K_v", "flexible"],
+)
+def test_the_error_counts_what_a_design_can_change(structure, free: bool, counted: set[str], coupled: bool) -> None:
+    """A term that stays over two K_v and two couplings is the device's own; with it alone in weights all count."""
+    weights = {**WEIGHTS, "coupling": WEIGHTS["coupling"] * coupled}
+    velocity = {"min": 0.0, "max": 1.0} if free else 0.0
+    device = {"display": "impedance", "mass": 0.1, "damping": B, "sample_time": T, **structure}
+    posed = problem_of(
+        {"device": device, "gains": {"velocity": velocity}, "transparency": {"weights": weights}}
+    ).problem
+    speeds = (0.0, 0.3) if free else (0.0,)
+    laws = [(Gains(K_v, 0.0), SpringDamper(b_c, 50.0)) for K_v in speeds for b_c in (0.1, 0.2)]
+    found = [transparency_error(posed, *law) for law in laws]
+    moved = {term for term in WEIGHTS if len({round(getattr(each, term), 9) for each in found}) > 1}
+    assert moved == counted
+    expected = counted if coupled else {"admittance", "tracking"}
+    for each in found:
+        assert each.error == pytest.approx(np.hypot.reduce([weights[t] * getattr(each, t) for t in expected]), rel=1e-9)

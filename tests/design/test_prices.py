@@ -15,6 +15,7 @@ from vctune.design.verdict.design_record import active, record_of
 from vctune.design.verdict.judge import Status
 from vctune.design.verdict.prices import with_prices
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
+from vctune.model.hands import Hands
 from vctune.model.parts import NUMBERS
 
 REAL = """
@@ -170,3 +171,41 @@ def test_the_library_is_asked_for_them():
     path = ROOT / "problems/friction-wheel.toml"
     assert solve(path).prices is None
     assert solve(path, prices=True).prices == with_prices(solve(read_problem(path))).prices
+
+
+def test_each_end_of_a_hand_s_range_has_its_own_price() -> None:
+    """By the key that states it; the price of three ends is that of solving the problem with another end."""
+    ends = {"mass": (0.5, 2.0), "damping": (3.0, 30.0), "stiffness": (100.0, 1000.0)}
+    lines = [f"{name} = {{ min = {low}, max = {high} }}\n" for name, (low, high) in ends.items()]
+    servo = "[device]\nsample_time = 2e-3\nservo = { delay = 0.03, bandwidth_hz = 20.0, order = 2 }\n"
+    problem = parse_problem(f"{servo}[operator]\n{''.join(lines)}", "x", "x")
+    solved = with_prices(solve(problem))
+    assert solved.prices is not None and solved.judgement is not None
+    found = {price.key.removeprefix("operator."): price for price in solved.prices if "operator" in price.key}
+    assert {key: price.old for key, price in found.items()} == {
+        f"{name}.{end}": edges[k] for name, edges in ends.items() for k, end in enumerate(("min", "max"))
+    }
+    for key in ("mass.max", "damping.min", "stiffness.max"):
+        name, end = key.split(".")
+        low, high = problem.hands.low, problem.hands.high
+        hands = Hands(
+            **{
+                "low": low,
+                "high": high,
+                end.replace("min", "low").replace("max", "high"): replace(
+                    low if end == "min" else high, **{name: found[key].new}
+                ),
+            }
+        )
+        again = solve(replace(problem, hands=hands)).judgement
+        assert found[key].change < -1e-4
+        assert found[key].change == pytest.approx(again.error / solved.judgement.error - 1, abs=2e-4), key
+
+
+def test_one_number_for_a_hand_has_one_price_without_an_end() -> None:
+    servo = "[device]\nsample_time = 2e-3\nservo = { delay = 0.03, bandwidth_hz = 20.0, order = 2 }\n"
+    hands = "[operator]\nmass = 1.0\ndamping = { min = 0.0, max = 30.0 }\nstiffness = 800.0\n"
+    prices = with_prices(solve(parse_problem(servo + hands, "x", "x"))).prices
+    assert prices is not None
+    found = {price.key: price.old for price in prices if "operator" in price.key}
+    assert found == {"operator.mass": 1.0, "operator.damping.max": 30.0, "operator.stiffness": 800.0}

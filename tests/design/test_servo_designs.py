@@ -6,13 +6,16 @@ import json
 import tomllib
 from dataclasses import replace
 from math import inf
+from typing import Any
 
 import numpy as np
 import pytest
 from conftest import ROOT
 
+import vctune
 from vctune import solve
 from vctune.analysis.loops_in_hands import loops_in_hands
+from vctune.design.prepared import pose
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
 from vctune.document.text.errors import InputError
@@ -139,3 +142,65 @@ def test_an_uncertain_servo_is_designed_for_its_whole_box():
 
 def _uncertain(text: str):
     return tomllib.loads(text)["uncertainty"]
+
+
+HANDS_MET = {
+    "mass": {"min": 0.0, "max": 3.0}, "damping": {"min": 0.0, "max": 30.0}, "stiffness": {"min": 0.0, "max": 500.0},
+}  # fmt: skip
+
+
+def checked(delay: float, sensed: float, drag: float = 900.0) -> dict[str, Any]:
+    """Return the certificate of a servo of order 1 at 1 kHz with two delays in ms."""
+    device = {"sample_time": 1e-3, "servo": {"delay": delay / 1e3, "bandwidth_hz": 30.0}}
+    if sensed:
+        device["force_sensor"] = {"delay": sensed / 1e3}
+    coupling = {"damping": inf, "mass": 5.0, "drag": drag}
+    found = vctune.check({"device": device, "operator": HANDS_MET, "coupling": coupling}).finding
+    assert found is not None
+    return found.record()["certificate"]
+
+
+@pytest.mark.parametrize(
+    ("delays", "whole"),
+    [
+        ([(1.0, 0.0), (0.4, 0.6)], 1),
+        ([(2.0, 0.0), (1.4, 0.6), (0.5, 1.5)], 2),
+        ([(0.97, 0.0), (0.6, 0.37)], 1),
+        ([(1.04, 0.0), (0.1, 0.94)], 1),
+        ([(1.1, 0.0), (0.4, 0.7)], None),
+        ([(0.6, 0.0), (0.2, 0.4)], None),
+    ],
+)
+def test_the_sum_of_both_delays_is_what_may_be_a_whole_sample(delays: list[tuple[float, float]], whole: int) -> None:
+    """Only the sum counts: the same samples, the same delay, the same ratio, however it is divided."""
+    found = [checked(*pair) for pair in delays]
+    for each in found:
+        beside = each.get("whole_sample")
+        assert (beside and beside["samples"], beside and beside["delay"]) == (whole, whole and whole / 1e3)
+        assert each["hands"]["min_ratio"] == pytest.approx(found[0]["hands"]["min_ratio"], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("delay", "sensed", "key", "share", "whole"),
+    [
+        (0.4, 0.6, "servo.delay", 0.25, {1.0}),
+        (0.4, 0.6, "force_sensor.delay", 0.25, {1.0}),
+        (1.4, 0.65, "servo.delay", 0.5, {2.0}),
+        (1.4, 0.1, "servo.delay", 0.5, {1.0, 2.0}),
+        (0.3, 0.3, "force_sensor.delay", 0.5, set()),
+        (1.0, 0.0, "servo.delay", 0.1, {1.0}),
+    ],
+)
+def test_a_box_is_posed_on_both_sides_of_each_sum_of_a_whole_sample(
+    delay: float, sensed: float, key: str, share: float, whole: set[float]
+) -> None:
+    """The sums that lie in the box, 1e-7 samples below and above."""
+    text = f"[device]\nsample_time = 1e-3\nservo = {{ delay = {delay}e-3, bandwidth_hz = 30.0 }}\n"
+    text += f"force_sensor = {{ delay = {sensed}e-3 }}\n" if sensed else ""
+    text += "".join(
+        ["[operator]\n", *(f"{name} = {{ min = 0.0, max = {HANDS_MET[name]['max']} }}\n" for name in HANDS_MET)]
+    )
+    posed = pose(parse_problem(f"{text}[uncertainty]\n'{key}' = {share}\n", "x", "x"))
+    sums = [1e3 * (each.device.servo.delay + each.device.sensing.delay) for each in posed.hand_cases]
+    beside = {round(each) + (1e-7 if each > round(each) else -1e-7) for each in sums if abs(each - round(each)) < 2e-7}
+    assert beside == {number + side for number in whole for side in (-1e-7, 1e-7)}

@@ -12,6 +12,7 @@ import pytest
 from arithmetic import DOUBLES
 from conftest import mostly_slow
 from frequency import demanded, mechanism, offered
+from loop import Loop, sensitivity
 
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
@@ -165,3 +166,47 @@ def test_a_disc_is_worst_at_its_edge():
             most = np.maximum(around.required, 0).max() * (1 + 1e-4) + 1e-9
             assert (within.resistance > 0).all() and np.maximum(within.required, 0).max() <= most
     assert met > 100
+
+
+SPRUNG = "[device]\nmass = 0.4\ndamping = 0.2\nsample_time = 1e-3\n"
+"""A device whose loop has a peak of |1 - S| that is a quarter above that of |S|."""
+ANGLES = tuple(
+    np.concatenate([np.geomspace(1e-4, 3e-3, 200), np.geomspace(3e-3, 0.3, 2600), np.linspace(0.3, pi, 200)])
+)
+
+
+@cache
+def sprung(gains: tuple[float, float], angles: tuple[float, ...] = ANGLES) -> tuple[np.ndarray, np.ndarray]:
+    """Return angles, and |1 - S| of the sampled loop there, as the oracle has it."""
+    loop, theta = Loop(tomllib.loads(SPRUNG)["device"], gains), np.array(angles)
+    return theta, np.abs(1 - sensitivity(loop, np.exp(1j * theta)))
+
+
+@pytest.mark.parametrize(
+    ("gains", "limit", "radii"),
+    [
+        *(((10.0, 200.0), 1.1, f"[1.0, {r}]") for r in (0.47, 0.48, 0.72, 0.73, 0.9)),
+        ((10.0, 200.0), 1.1, "[0.1, 0.01], [3.0, 0.9], [100.0, 0.1]"),
+        ((10.0, 200.0), 1.1, "[0.1, 0.9], [3.0, 0.4], [100.0, 0.9]"),
+        ((10.0, 200.0), 1.1, "[0.5, 0.01], [1.5, 0.47], [3.0, 0.9]"),
+        # |S| of 9.4 exceeds its limit, which then says nothing of |1 - S|
+        *(((5.0, 3000.0), 2.0, f"[1.0, {r}]") for r in (0.1, 0.11, 0.3333, 0.3334, 0.6)),
+        ((5.0, 3000.0), 9.5, "[1.0, 0.0952]"),
+        ((5.0, 3000.0), 9.5, "[1.0, 0.105]"),
+        ((5.0, 3000.0), 9.5, "[1.0, 0.1063]"),
+    ],
+)
+def test_the_quick_answer_about_a_disc_is_that_of_the_whole_circle(
+    gains: tuple[float, float], limit: float, radii: str
+) -> None:
+    """Proved where r |1 - S| < 1 on 3000 frequencies, refuted elsewhere, on both sides of r = 1/(1 + limit)."""
+    asked = f"max_sensitivity = {limit}\n[uncertainty]\nunmodelled = [{radii}]\n"
+    given, table = parse_problem(SPRUNG + DEMANDS + asked, "x", "x"), np.log(tomllib.loads(f"r = [{radii}]")["r"])
+    theta, around = sprung(gains)
+    most = (np.exp(np.interp(np.log(theta / (2 * pi * 1e-3)), *table.T)) * around).max()
+    assert abs(most - 1) > 2e-3, "too near to tell"
+    found = judge(given, Gains(*gains), Coupling(10.0, 1.0, 0.0)).certificate.outcomes["unmodelled"]
+    assert found.verdict is (Verdict.PROVED if most < 1 else Verdict.REFUTED)
+    if found.witness is not None:
+        _, (there,) = sprung(gains, (found.witness * 1e-3,))
+        assert np.exp(np.interp(np.log(found.witness / (2 * pi)), *table.T)) * there > 1

@@ -302,7 +302,9 @@ def test_sampled_loop_without_a_hand_is_the_designs():
 
 @pytest.mark.parametrize("rule", ["backward", "trapezoid", "explicit"])
 @pytest.mark.parametrize("late", [1, 2, 5])
-@pytest.mark.parametrize("parts", [(0.3, 0.0, 0.0), (0.0, 4.0, 500.0), (0.3, 4.0, 500.0)], ids=["mass", "spring", "all"])
+@pytest.mark.parametrize(
+    "parts", [(0.3, 0.0, 0.0), (0.0, 4.0, 500.0), (0.3, 4.0, 500.0)], ids=["mass", "spring", "all"]
+)
 def test_a_late_environment_gives_the_force_of_earlier_samples(rule, late: int, parts) -> None:
     """Each part of the force, from all v_e of the run by NumPy's sums, is the one of `late` samples before."""
     T, (mass, damping, stiffness), zero = DEVICE.sample_time, parts, 0.002
