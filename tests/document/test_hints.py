@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import pytest
 from command import run, strict
 from conftest import DEVICE, FIXED, for_passive_hands
 
 from vctune.document.doubts import doubts
 from vctune.document.reading import parse_problem, read_problem
-from vctune.document.text.errors import InputError
+from vctune.document.text.errors import Code, InputError
 from vctune.exit_codes import ExitCode
 
 GOOD = for_passive_hands(DEVICE + FIXED.format(160.0))
@@ -86,3 +88,112 @@ def test_a_mass_in_grams_and_a_log_in_the_place_of_a_problem_are_told(tmp_path):
     (tmp_path / "log.csv").write_text("time_s,position_m\n0,0\n")
     with pytest.raises(InputError, match=r"`vctune identify .*log\.csv` makes a problem file"):
         read_problem(tmp_path / "log.csv")
+
+
+HELD = DEVICE + FIXED.format(160.0)
+DESKTOP = '[device]\ndisplay = "impedance"\nmass = 0.06\ndamping = 0.1\nsample_time = 1e-3\n'
+ROTARY = DEVICE.replace("[device]\n", '[device]\nunits = "rotary"\n')
+GRIP = "[operator]\nstiffness = { min = 0.0, max = 1e3 }\ndamping = 1.0\nmass = 1.0\n"
+BOX = "[environment]\nmass = { min = 0.1, max = 5.0 }\nstiffness = { max = 2000.0 }\n"
+WALLS = BOX.replace("min = 0.1", "min = 0.0") + "walls = true\n"
+SPRINGS = WALLS.replace("walls = true\n", "")
+TOOL = SPRINGS + "damping = { min = 1.0 }\n"
+
+
+def rendering(box: str, environment: str) -> str:
+    """Return a problem with a box of environments and an experiment."""
+    return f'{HELD}{box}[[experiment]]\nname = "one"\nenvironment = {{ {environment} }}\n'
+
+
+DOUBTS = {
+    "a sample of 0.1 s": ("warn-sample-time", HELD.replace("1e-3", "0.1"), HELD.replace("1e-3", "0.0999"), "is 0.1 s"),
+    "samples in ms": ("warn-sample-time", HELD.replace("1e-3", "0.5"), HELD, "milliseconds? Then write 0.0005"),
+    "samples in us": ("warn-sample-time", HELD.replace("1e-3", "500.0"), HELD, "microseconds? Then write 0.0005"),
+    "50 g": ("warn-mass", HELD.replace("0.4", "50.0"), HELD.replace("0.4", "49.9"), "Then write 0.05"),
+    "5 kg in g": ("warn-mass", HELD.replace("0.4", "5000.0"), HELD.replace("0.4", "5001.0"), "Then write 5"),
+    "a linear mass": ("warn-mass", DEVICE.replace("0.4", "60.0"), (ROTARY + GRIP).replace("0.4", "60.0"), "in grams"),
+    "a grip of 1e6": (
+        "warn-stiffness", HELD + GRIP.replace("1e3", "1e6"), HELD + GRIP.replace("1e3", "9.9e5"),
+        "is 1e+06 N/m; is it in N/m",
+    ),
+    "a rotary grip": (
+        "warn-stiffness", ROTARY + GRIP.replace("1e3", "2e6"), ROTARY + GRIP, "is 2e+06 N m/rad; is it in N m/rad",
+    ),
+    "a reserved name": ("warn-name", f'name = "con"\n{HELD}', f'name = "cone"\n{HELD}', "the folder is _con"),
+    "moves before a rigid world": (
+        "warn-environment",
+        f'{DESKTOP}[environment]\nstiffness = inf\n[[experiment]]\nname = "one"\nenvironment = {{ stiffness = 9.0 }}\n',
+        f'{DESKTOP}[[experiment]]\nname = "one"\nenvironment = {{ stiffness = 9.0 }}\n', "an environment that moves",
+    ),
+    "a wall in a box of springs": (
+        "warn-environment", rendering(SPRINGS, "stiffness = 9.0, wall = true"),
+        rendering(SPRINGS, "stiffness = 9.0"), "a wall that comes and goes",
+    ),
+    "a damped wall": (
+        "warn-environment", rendering(WALLS, "stiffness = 9.0, damping = 1.0, wall = true"),
+        rendering(WALLS, "stiffness = 9.0, wall = true"), "a wall with a damper",
+    ),
+    "a damper that is no wall": (
+        "warn-environment", rendering(WALLS, "damping = 1.0, stiffness = 9.0, wall = true"),
+        rendering(WALLS, "damping = 1.0, stiffness = 9.0"), "a wall with a damper",
+    ),
+    "a late force": (
+        "warn-environment", rendering(WALLS, "stiffness = 9.0, late = 1"), rendering(WALLS, "stiffness = 9.0, late = 0"),
+        "a force 1 samples late",
+    ),
+    "a mass by backward Euler": (
+        "warn-environment", rendering(BOX, "mass = 1.0"), rendering(BOX, "mass = 1.0, rule = 'trapezoid'"),
+        "a mass by backward Euler",
+    ),
+    "a mass by explicit Euler": (
+        "warn-environment", rendering(BOX, "mass = 1.0, rule = 'explicit'"),
+        rendering(BOX, "mass = 1.0, rule = 'trapezoid'"), "a mass by explicit Euler",
+    ),
+    "a spring by explicit Euler": (
+        "warn-environment", rendering(WALLS, "stiffness = 9.0, rule = 'explicit'"),
+        rendering(WALLS, "stiffness = 9.0, rule = 'backward'"), "a spring by explicit Euler",
+    ),
+    "a mass below the box": (
+        "warn-environment", rendering(BOX, "mass = 0.09, rule = 'trapezoid'"),
+        rendering(BOX, "mass = 0.1, rule = 'trapezoid'"), "a mass of 0.09 kg",
+    ),
+    "a mass above the box": (
+        "warn-environment", rendering(BOX, "mass = 5.1, rule = 'trapezoid'"),
+        rendering(BOX, "mass = 5.0, rule = 'trapezoid'"), "a mass of 5.1 kg",
+    ),
+    "a damper below the box": (
+        "warn-environment", rendering(TOOL, "damping = 0.9"), rendering(TOOL, "damping = 1.0"), "a damping of 0.9 N s/m",
+    ),
+    "a spring above the box": (
+        "warn-environment", rendering(WALLS, "stiffness = 2001.0"), rendering(WALLS, "stiffness = 2000.0"),
+        "a stiffness of 2001 N/m",
+    ),
+}  # fmt: skip
+"""Each doubt: its code, a file that gives it, the nearest one that gives none, and words of it."""
+
+
+@pytest.mark.parametrize("name", DOUBTS)
+def test_each_doubt_is_given_where_it_is_due_and_not_beside_it(name: str) -> None:
+    code, doubted, sound, words = DOUBTS[name]
+    (found,) = doubts(parse_problem(doubted, "x", "x"))
+    assert found.code == code and words in found.text
+    assert list(doubts(parse_problem(sound, "x", "x"))) == []
+
+
+def test_no_doubt_about_a_problem_is_without_its_smallest_file() -> None:
+    """Doubts are the codes of `vctune explain` that begin with warn- and that neither a design nor a log gives."""
+    of_designs, of_logs = {"warn-band-edge", "warn-bound", "warn-idle"}, {"warn-gain", "warn-residual", "warn-yields"}
+    every = {code for code in get_args(Code) if code.startswith("warn-")}
+    assert every == {code for code, *_ in DOUBTS.values()} | of_designs | of_logs
+
+
+def test_each_experiment_has_its_own_doubt() -> None:
+    """And each doubt its experiment's name and the place of its key."""
+    second = '[[experiment]]\nname = "two"\nenvironment = { stiffness = 9.0, late = 2 }\n'
+    third = '[[experiment]]\nname = "three"\nenvironment = { stiffness = 3000.0 }\n'
+    found = list(doubts(parse_problem(rendering(WALLS, "stiffness = 9.0") + second + third, "x", "x")))
+    assert [note.path for note in found] == [
+        ("experiment", 1, "environment", "late"),
+        ("experiment", 2, "environment", "stiffness"),
+    ]
+    assert "'two'" in found[0].text and "'three'" in found[1].text
