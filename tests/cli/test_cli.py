@@ -8,13 +8,14 @@ import signal
 import subprocess
 import sys
 import tomllib
-from itertools import product
+from itertools import permutations, product
 from pathlib import Path
 
 import pytest
 from command import process, run, started, strict, wait_for_work, wait_until
 from conftest import FIXED, ROOT, for_passive_hands, mostly_slow
 
+from vctune.cli.runner import worst
 from vctune.design.verdict import repair as repairing
 from vctune.exit_codes import ExitCode
 
@@ -367,3 +368,9 @@ def test_a_file_of_several_axes_has_an_unknown_key(tmp_path):
     done = run("solve", "arm.toml", cwd=tmp_path)
     assert done.returncode == ExitCode.BAD_INPUT and done.stdout == ""
     assert len(done.stderr.splitlines()) == 1 and "axis: unknown key" in done.stderr
+
+
+@pytest.mark.parametrize("codes", [codes for n in (1, 2, 3, 4) for codes in permutations((0, 1, 2, 3), n)])
+def test_the_worst_of_several_codes(codes: tuple[int, ...]) -> None:
+    """Bad input, else failed, else undecided, else 0, whatever the order."""
+    assert worst(codes) == next(code for code in (2, 1, 3, 0) if code in codes)

@@ -10,9 +10,11 @@ import subprocess
 import sys
 from contextvars import ContextVar
 from itertools import count
+from pathlib import Path
 
+import click
 import pytest
-from command import run
+from command import run, strict
 
 import vctune
 from vctune import running
@@ -286,3 +288,84 @@ def test_a_mistake_of_units_has_an_answer(change, monkeypatch):
     found = vctune.solve({"name": "doubtful", "device": device, **operator})
     assert boxes and sum(boxes) <= 1_250_000
     assert found.status in ("certified", "undecided", "infeasible") and not found.cut
+
+
+POOR = GAINS.replace("damping = 160.0", "damping = 80.0")
+
+
+def test_repairs_that_a_limit_cut_are_not_called_complete(folder, ticks) -> None:
+    """None that was found, or some of all, with a warning; never that there are none."""
+    (folder / "poor.toml").write_text(PASSIVE + POOR.replace("0.37", "1e-4"))
+    whole = asked(folder, "check", "poor.toml")
+    (full,) = strict(run("check", "poor.toml", "--json", cwd=folder).stdout)
+    assert full["repairs"] and full["warnings"] == [] and full["status"] == "violated"
+    known = [repair["key"] for repair in full["repairs"]]
+    for share, found in ((0.2, False), (0.4, False), (0.9, True)):
+        ticks()
+        limit = ("--time-limit", int(share * whole))
+        (part,) = strict(run("check", "poor.toml", "--json", *limit, cwd=folder).stdout)
+        assert part["status"] == "violated" and any(said.endswith("[time-limit]") for said in part["warnings"])
+        keys = part["repairs"] and [repair["key"] for repair in part["repairs"]]
+        assert keys == (known if found else None), "nobody knows yet that there are none"
+        ticks()
+        said = run("check", "poor.toml", *limit, cwd=folder).stdout
+        assert "no change of one number passes" not in said and ("would pass" in said) is found
+
+
+def saves(monkeypatch, *texts: tuple[Path, str]) -> None:
+    """Save a file each time the command waits for one; then end it, by an error that leaves its output."""
+    left = list(texts)
+
+    def sleep(_seconds: float) -> None:
+        if not left:
+            raise click.UsageError("saved for the last time")
+        path, text = left.pop(0)
+        path.write_text(text)
+
+    monkeypatch.setattr("vctune.cli.runner.time.sleep", sleep)
+
+
+def test_watch_ends_each_search_at_its_limit(folder, ticks, monkeypatch) -> None:
+    saves(monkeypatch)
+    done = run("solve", "device.toml", "--watch", "--time-limit", 5, cwd=folder)
+    assert "for the last time" in done.stderr and "[time-limit]" in done.stdout
+    assert solved(folder)["status"] == "undecided" and solved(folder)["gains"] is None
+
+
+def test_the_limit_of_watch_is_that_of_one_save(folder, ticks, monkeypatch) -> None:
+    """Two searches take longer than the limit, and each of them less."""
+    limit = int(1.5 * asked(folder, "solve", "device.toml"))
+    saves(monkeypatch, (folder / "device.toml", PASSIVE.replace("2.0", "2.01")))
+    ticks()
+    done = run("solve", "device.toml", "--watch", "--time-limit", limit, cwd=folder)
+    assert "for the last time" in done.stderr and "[time-limit]" not in done.stdout + done.stderr
+    assert solved(folder)["status"] == "certified" and "2.01" in solved(folder)["problem"]["text"]
+    assert done.stdout.count("device: certified") == 2
+
+
+@pytest.mark.parametrize(
+    ("names", "code"),
+    [
+        (("poor", "fixed"), ExitCode.FAILED),
+        (("fixed", "fixed"), ExitCode.UNDECIDED),
+        (("bad", "fixed", "fixed"), ExitCode.BAD_INPUT),
+        pytest.param(("bad", "poor", "fixed"), ExitCode.BAD_INPUT, marks=pytest.mark.slow),
+    ],
+)
+def test_the_code_of_files_of_which_the_last_has_no_time(folder, ticks, names: tuple[str, ...], code: ExitCode) -> None:
+    """Undecided is worse than passed, failed than undecided, and what cannot be read than all of them."""
+    (folder / "poor.toml").write_text(PASSIVE + POOR.replace("0.37", "1e-4"))
+    (folder / "bad.toml").write_text("[device]\n")
+    limit = asked(folder, "check", *(f"{name}.toml" for name in names[:-1])) + 2
+    ticks()
+    done = run("check", *(f"{name}.toml" for name in names), "--time-limit", limit, cwd=folder)
+    assert "1 undecided" in done.stdout and done.returncode == code
+
+
+def test_the_code_of_an_infeasible_and_an_undecided_problem(folder, ticks) -> None:
+    (folder / "vague.toml").write_text(PASSIVE + "[uncertainty]\nunmodelled = [[1.0, 2.0]]\n")
+    limit = asked(folder, "solve", "vague.toml") + 2
+    ticks()
+    done = run("solve", "vague.toml", "device.toml", "--time-limit", limit, cwd=folder)
+    assert [solved(folder, name)["status"] for name in ("vague", "device")] == ["infeasible", "undecided"]
+    assert done.returncode == ExitCode.FAILED
