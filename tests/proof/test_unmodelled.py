@@ -16,9 +16,11 @@ from loop import Loop, sensitivity
 
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
+from vctune.design.verdict.design_record import claim_records, device_record
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
 from vctune.model.gains import Coupling, Gains
+from vctune.model.parts import Unmodelled
 from vctune.proof.outcome import Verdict
 
 FACTOR, BAND = 1.05, (0.5, 100.0)
@@ -210,3 +212,26 @@ def test_the_quick_answer_about_a_disc_is_that_of_the_whole_circle(
     if found.witness is not None:
         _, (there,) = sprung(gains, (found.witness * 1e-3,))
         assert np.exp(np.interp(np.log(found.witness / (2 * pi)), *table.T)) * there > 1
+
+
+@pytest.mark.parametrize("name", mostly_slow(DEVICES, ["ideal"]))
+def test_the_direction_of_a_refuting_response_is_in_degrees(name: str) -> None:
+    """The response that design.json names gives energy, as the oracle has it; the text names the same angle."""
+    given, tables = parse_problem(DEVICES[name] + DEMANDS + DISC, "x", "x"), tomllib.loads(DEVICES[name])
+    records = claim_records(given, judge(given, Gains(0.0, 0.0), Coupling(10.0, 1.0, 0.0)))
+    (claim,) = (each for each in records if each.id == "passive")
+    assert claim.witness_device is not None and claim.witness_device.unmodelled is not None
+    found, hz = claim.witness_device.unmodelled, claim.witness_hz
+    delta = found.share * radius(hz) * np.exp(1j * np.radians(found.phase_deg))
+    P_hh = mechanism(tables["device"], 2j * pi * hz, DOUBLES)[0]
+    assert (P_hh * (1 + delta)).real <= 1e-12 * abs(P_hh) < P_hh.real
+    assert any(f"at {found.phase_deg:.4g} deg" in str(row) for row in claim.rows(given.units))
+
+
+@pytest.mark.parametrize("degrees", [0.0, 45.0, 90.0, 225.0, 359.0])
+def test_a_response_in_the_disc_is_recorded_in_degrees(degrees: float) -> None:
+    problem = parse_problem(DEVICES["ideal"] + DEMANDS + DISC, "x", "x")
+    off = Unmodelled(((1.0, 0.1),), 0.5, degrees * pi / 180)
+    found = device_record(replace(problem.device, unmodelled=off), problem).unmodelled
+    assert found is not None and (found.share, found.phase_deg) == (0.5, pytest.approx(degrees, abs=1e-9))
+    assert str(found) == str(off) == f"response off by 0.5 r at {degrees:g} deg"
