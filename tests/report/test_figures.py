@@ -4,23 +4,33 @@ from __future__ import annotations
 
 import itertools
 import re
+import tomllib
+from dataclasses import astuple
 from functools import cache
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from arithmetic import DOUBLES
 from conftest import DEVICE, FIXED, for_passive_hands, mostly_slow
+from frequency import demanded, low_pass, mechanism, offered
+from loop import Loop, seen, sensitivity
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb, to_rgba
+from matplotlib.figure import Figure
 from pages import PARTS, SERVO, recorded
 
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.records.design_json import design_of
 from vctune.model.gains import Coupling, Gains
+from vctune.model.problem import Problem
 from vctune.report.curves import requirements
 from vctune.report.design_figures import design_figures
 from vctune.report.experiments import simulation_figure
 from vctune.report.page import summary
+from vctune.report.panels import draw_error, draw_impedance, draw_nyquist, draw_ratio, draw_required
 from vctune.report.paths import DESIGN_FIGURES
 from vctune.report.study_figures import BAD, GOOD, OPEN
 from vctune.report.style import GREY, PAPER, svg
@@ -172,6 +182,163 @@ def test_the_limit_the_safety_factor_and_the_least_ratio_are_apart(drawn):
     for kind in ("any passive hand", "least operator"):
         low, high = drawn(kind)[0].figure.axes[1].get_ylim()
         assert 0.05 / (high - low) > 0.07 and low < 1.0
+
+
+# values of what is drawn, by the oracles
+
+BOX = DEVICE + HELD + "[uncertainty]\nmass = 0.1\ndamping = 0.2\n"
+VALUED = {
+    "any passive hand": KINDS["any passive hand"],
+    "least operator": KINDS["least operator"],
+    "every part": for_passive_hands(KINDS["every part"]),
+}
+
+
+def stated(text: str) -> tuple[dict[str, Any], Problem, Gains, Coupling]:
+    """Return the tables of a problem that fixes a design, as the oracles read them, the problem and the design."""
+    problem = parse_problem(text, "x", "x")
+    gains, coupling = problem.fixed_design
+    assert isinstance(coupling, Coupling)
+    return tomllib.loads(text), problem, gains, coupling
+
+
+def line(axes: Axes, label: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the data of the line whose label begins so."""
+    (found,) = (each for each in axes.lines if str(each.get_label()).startswith(label))
+    return np.asarray(found.get_xdata(), float), np.asarray(found.get_ydata(), float)
+
+
+def panel() -> Axes:
+    return Figure().subplots()
+
+
+@pytest.mark.parametrize("kind", VALUED)
+def test_the_drawn_requirement_and_coupling_are_those_of_the_formulas(kind: str) -> None:
+    tables, problem, gains, coupling = stated(VALUED[kind])
+    axes = draw_required(panel(), problem, gains, coupling)
+    hz, required = line(axes, "required, R")
+    expected = demanded(tables, astuple(gains), 2j * np.pi * hz, DOUBLES).required
+    there = np.isfinite(required) & (required > 1e-6 * np.nanmax(required))
+    assert there.sum() > 50 and required[there] == pytest.approx(expected[there], rel=1e-6)
+    hz, shown = line(axes, "coupling, Re")
+    assert shown == pytest.approx(offered(astuple(coupling), 2j * np.pi * hz, DOUBLES).real, rel=1e-9)
+    if kind == "least operator":
+        bare = demanded({"device": tables["device"]}, astuple(gains), 2j * np.pi * hz, DOUBLES).required
+        assert line(axes, "R without operator")[1][there] == pytest.approx(bare[there], rel=1e-6)
+
+
+def test_the_drawn_requirement_of_a_box_is_that_of_its_worst_device() -> None:
+    """Of the four corners; the stated device alone asks for less, and has a line of its own."""
+    tables, problem, gains, coupling = stated(for_passive_hands(BOX))
+    axes = draw_required(panel(), problem, gains, coupling)
+    hz, required = line(axes, "required, R")
+    each = [
+        demanded({"device": tables["device"] | {"mass": m, "damping": b}}, astuple(gains), 2j * np.pi * hz, DOUBLES)
+        for m, b in [(0.4, 2.0), *itertools.product((0.36, 0.44), (1.6, 2.4))]
+    ]
+    own, most = each[0].required, np.max([one.required for one in each], axis=0)
+    assert required == pytest.approx(most, rel=1e-6) and np.nanmax(most / own) > 1.05
+    assert line(axes, "R of the stated device")[1] == pytest.approx(own, rel=1e-6)
+    ratio = draw_ratio(panel(), problem, gains, coupling)
+    hz, shown = line(ratio, "Re Z_c / R")
+    assert shown == pytest.approx(offered(astuple(coupling), 2j * np.pi * hz, DOUBLES).real / most, rel=1e-6)
+    band = (hz >= problem.stability.band.min / (2 * np.pi)) & (hz <= problem.stability.band.max / (2 * np.pi))
+    (at,), (least,) = line(ratio, "least: ")
+    assert least == pytest.approx(shown[band].min(), rel=2e-2) and least <= shown[band].min() * (1 + 1e-9)
+    assert least == pytest.approx(np.interp(at, hz, shown), rel=1e-3)
+    assert line(ratio, "1: the limit")[1] == pytest.approx(1.0)
+    assert line(ratio, "safety factor")[1] == pytest.approx(problem.stability.safety_factor)
+
+
+def test_no_hand_and_no_device_of_a_box_asks_for_more_than_is_drawn() -> None:
+    """And one of the vertices of hands on one of the corners of devices asks for nearly as much."""
+    tables, problem, gains, coupling = stated(BOX + "[stability]\ncriterion = 'hands'\n")
+    hz, required = line(draw_required(panel(), problem, gains, coupling), "required, R")
+    chosen = np.flatnonzero(np.isfinite(required) & (hz > 1.0))[::5]
+    z, most = np.exp(2e-3j * np.pi * hz[chosen]), np.full(chosen.size, -np.inf)
+    box = [
+        (getattr(problem.hands.low, name), getattr(problem.hands.high, name))
+        for name in ("mass", "damping", "stiffness")
+    ]
+    for m, b in itertools.product((0.36, 0.44), (1.6, 2.4)):
+        for hand in itertools.product(*box):
+            loop = Loop(tables["device"] | {"mass": m, "damping": b}, astuple(gains), hand=hand)
+            most = np.maximum(most, -seen(loop, z).real)
+    assert (most <= required[chosen] * (1 + 1e-3)).all()
+    assert np.median(most / required[chosen]) > 0.9
+
+
+@pytest.mark.parametrize("kind", ["any passive hand", "every part"])
+def test_margins_are_marked_on_the_curve(kind: str) -> None:
+    """Of L = 1/S - 1 by the oracle: the phase margin's mark on the unit circle, the gain margin's on the real axis."""
+    tables, problem, gains, _ = stated(VALUED[kind])
+    axes, theta = draw_nyquist(panel(), problem, gains), np.geomspace(3e-2, np.pi, 6000)
+    L = 1 / sensitivity(Loop(tables["device"], astuple(gains)), np.exp(1j * theta)) - 1
+
+    def off(label: str) -> float:
+        """Return the greatest distance of a line near -1 from the curve."""
+        x, y = line(axes, label)
+        place = (x + 1j * y)[np.hypot(x, y) < 2, None]
+        return float(np.abs(place - L).min(axis=1).max())
+
+    assert off("L up to Nyquist") < 3e-3
+    (x,), (y,) = line(axes, "phase margin")
+    assert off("phase margin") < 3e-3 and np.hypot(x, y) == pytest.approx(1.0) and y != 0
+    drawn_x, drawn_y = line(axes, "L up to Nyquist")
+    assert np.hypot(drawn_x - x, drawn_y - y).min() < 0.1
+    (x,), (y,) = line(axes, "gain margin")
+    assert off("gain margin") < 3e-3 and y == 0 and -1 < x < 0
+    crossing = np.flatnonzero(np.diff(np.abs(L) > 1))
+    margin = min(180 - np.degrees(np.abs(np.angle(L[crossing]))))
+    labels = [str(each.get_label()) for each in axes.lines]
+    said = dict(found for each in labels for found in re.findall(r"(\w+) margin \D*([\d.]+)", each))
+    assert float(said["phase"]) == pytest.approx(margin, rel=1e-2)
+    assert float(said["gain"]) == pytest.approx(-20 * np.log10(-x), rel=1e-2)
+    (circle,) = axes.patches
+    assert np.hypot(*(circle.get_path().vertices + [1, 0]).T) == pytest.approx(1 / problem.stability.max_sensitivity)
+    assert np.hypot(*line(axes, "unit circle")) == pytest.approx(1.0) and line(axes, "-1") == ([-1], [0])
+
+
+@pytest.mark.parametrize("kind", VALUED)
+def test_the_drawn_error_and_its_terms_are_those_of_the_formulas(kind: str) -> None:
+    weights = (
+        "[transparency]\nweights = { admittance = 2.0, tracking = 3.0, coupling = 0.5 }\nreference_impedance = 7.0\n"
+    )
+    tables, problem, gains, coupling = stated(VALUED[kind] + weights)
+    hz, total = line(draw_error(panel(), problem, gains, coupling), "designed")
+    s = 2j * np.pi * hz
+    at, without = (demanded({"device": tables["device"]}, law, s, DOUBLES) for law in (astuple(gains), (0.0, 0.0)))
+    terms = {
+        "admittance": 7.0 * np.abs(at.G_hh), "tracking": np.abs(at.tracking),
+        "coupling": np.abs(offered(astuple(coupling), s, DOUBLES)) / 7.0,
+    }  # fmt: skip
+    for part, expected in terms.items():
+        axes = draw_error(panel(), problem, gains, coupling, part)
+        assert line(axes, "designed")[1] == pytest.approx(expected, rel=1e-6)
+        if part == "admittance":
+            assert line(axes, "uncontrolled")[1] == pytest.approx(7.0 * np.abs(without.G_hh), rel=1e-6)
+    weighted = [w * terms[part] for part, w in {"admittance": 2.0, "tracking": 3.0, "coupling": 0.5}.items()]
+    assert total == pytest.approx(np.hypot.reduce(weighted), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["any passive hand", "every part"])
+def test_what_the_hand_feels_is_drawn_with_its_environments(kind: str) -> None:
+    """1/(G_hh + G_he F_s/(Z_c + Z_e)), beside |Z_e| and the device alone."""
+    tables, problem, gains, coupling = stated(VALUED[kind])
+    axes = draw_impedance(panel(), problem, gains, coupling)
+    hz, _ = line(axes, "free")
+    s, own = 2j * np.pi * hz, {"device": tables["device"]}
+    at, Z_c = demanded(own, astuple(gains), s, DOUBLES), offered(astuple(coupling), s, DOUBLES)
+    F_s = low_pass(tables["device"].get("force_sensor", {}), s, DOUBLES)
+    for label, Z_e in (("free", 0 * s), ("14 N s/m", 14.0 + 0 * s), ("200 N/m", 200.0 / s)):
+        assert line(axes, label)[1] == pytest.approx(np.abs(1 / (at.G_hh + at.G_he * F_s / (Z_c + Z_e))), rel=1e-6)
+    assert line(axes, "rigid")[1] == pytest.approx(np.abs(1 / at.G_hh), rel=1e-6)
+    assert line(axes, "ideal")[1] == pytest.approx(14.0)
+    (spring,) = (each for each in axes.lines if each.get_label() == "_" or str(each.get_label()).startswith("_child"))
+    assert np.asarray(spring.get_ydata()) == pytest.approx(200.0 / (2 * np.pi * hz))
+    assert line(axes, "bare device")[1] == pytest.approx(
+        np.abs(1 / mechanism(tables["device"], s, DOUBLES)[0]), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("kind", ["hands", "any passive hand", "impedance", "servo"])
