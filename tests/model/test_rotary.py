@@ -7,7 +7,8 @@ from dataclasses import astuple
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from command import run
+from conftest import ROOT, mostly_slow
 
 from vctune import solve
 from vctune.design.verdict.design_record import claim_records, design_record
@@ -16,8 +17,9 @@ from vctune.document.reading import parse_problem, problem_file
 from vctune.document.schema.statement import statement
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml import toml_text
+from vctune.exit_codes import ExitCode
 from vctune.model.hands import Hand
-from vctune.model.numbers.units import LINEAR, QUANTITIES, ROTARY
+from vctune.model.numbers.units import LINEAR, QUANTITIES, ROTARY, Units
 from vctune.model.problem import HUMAN_HANDS
 
 FILE = Path("device.toml")
@@ -129,3 +131,62 @@ def test_the_inertia_is_called_mass(called, key):
     message = refused(stated(DEVICE.replace("mass", called), HANDS, "rotary"))
     assert f"device.{called}: unknown key; of a rotary device too it is called {key}" in message
     assert "device.mass: is missing; it is required: Moving inertia, kg m2." in message
+
+
+KNOB = DEVICE + '[stability]\ncriterion = "passive"\n'
+LAW = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.37\n"
+SPRING = """[[experiment]]
+name = "spring"
+environment = { stiffness = 200.0, damping = 1.0, mass = 0.1 }
+operator = { to = 0.005, speed = 0.05, cycles = 1, damping = 2.0, stiffness = 1000.0 }
+baseline = { kp = 30.0, kd = 2.0, mass = 0.3, damping = 5.0 }
+"""
+FILES = {
+    "study.toml": 'problem = "good.toml"\n[axes]\n"device.damping" = [1.0, 2.0]\n"device.mass" = [0.4, 0.5]\n',
+    "good.toml": KNOB + LAW.format(160.0) + SPRING,
+    "poor.toml": KNOB + LAW.format(80.0),
+    "free.toml": KNOB,
+}
+COMMANDS = {
+    "sweep": ("sweep", "study.toml", "--executor", "serial"),
+    "prices": ("solve", "free.toml"),
+    "repairs": ("solve", "poor.toml"),
+    "simulate": ("simulate", "good.toml"),
+    "region": ("region", "free.toml", "--resolution", "0.125"),
+    "compare": ("compare", "good.toml", "poor.toml"),
+    "export": ("export", "good.toml"),
+    "bound": ("bound", "free.toml", "results/free/design.json", "--gap", "0.5"),
+}
+AFTER = r"(?<=[\d ] )|(?<=\[)|(?<=, )|(?<=\">)|(?<=: \")|(?<=\d</td><td>)"
+"""Where a unit stands: behind a number or two spaces, in brackets, behind the name of an axis, alone in a cell."""
+
+
+def written(command: str, units: str, folder: Path) -> str:
+    """Return all that a command prints and writes about a linear or a rotary device."""
+    folder.mkdir()
+    for name, text in FILES.items():
+        (folder / name).write_text(text if name == "study.toml" else f"[device]\n{LINES[units]}{text}")
+    if command == "bound":
+        run("solve", "free.toml", cwd=folder)
+    done = run(*COMMANDS[command], cwd=folder, report=True)
+    assert done.returncode in (ExitCode.OK, ExitCode.FAILED), done.stderr
+    made = [path for path in sorted(folder.rglob("results/**/*")) if path.suffix in {".csv", ".json", ".html", ".svg"}]
+    return "\n".join([done.stdout, done.stderr, *(path.read_text() for path in made)])
+
+
+def units_in(text: str, system: Units) -> list[str]:
+    """Return the units of one system that stand in a text, in their order, without those of the other."""
+    other = {LINEAR: ROTARY, ROTARY: LINEAR}[system]
+    ours, theirs = ({each.of(quantity) for quantity in QUANTITIES} for each in (system, other))
+    every = "|".join(map(re.escape, sorted(ours | theirs, key=len, reverse=True)))
+    found = re.findall(rf"(?:{AFTER})({every})(?![\w/(])", re.sub("[\u202f\u00b7]", " ", text).replace("\u00b2", "2"))
+    return [unit for unit in found if unit in ours]
+
+
+@pytest.mark.parametrize("command", mostly_slow(COMMANDS, ("sweep", "export")))
+def test_every_command_states_the_units_of_a_rotary_device(command: str, tmp_path: Path) -> None:
+    """None of a linear one, and in each place that of the quantity which a linear device has there."""
+    linear, rotary = (written(command, units, tmp_path / units) for units in LINES)
+    assert units_in(rotary, LINEAR) == units_in(linear, ROTARY) == []
+    same = {LINEAR.of(quantity): ROTARY.of(quantity) for quantity in QUANTITIES}
+    assert units_in(rotary, ROTARY) == [same[unit] for unit in units_in(linear, LINEAR)] != []
