@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import tomllib
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from functools import cache
 from typing import Any
 from xml.etree import ElementTree
@@ -22,6 +22,7 @@ from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
 from pages import PARTS, SERVO, recorded
 
+import vctune
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.records.design_json import design_of
 from vctune.model.gains import Coupling, Gains
@@ -32,11 +33,12 @@ from vctune.report.experiments import simulation_figure
 from vctune.report.page import summary
 from vctune.report.panels import draw_error, draw_impedance, draw_nyquist, draw_ratio, draw_required
 from vctune.report.paths import DESIGN_FIGURES
-from vctune.report.study_figures import BAD, GOOD, OPEN
+from vctune.report.study_figures import BAD, GOOD, OPEN, region_figure, sweep_figure
 from vctune.report.style import GREY, PAPER, svg
 from vctune.simulation.scene import stroke_time
 from vctune.simulation.simulation_record import CURVE_POINTS, simulation_record
 from vctune.simulation.two_runs import simulate
+from vctune.study.region import Kind
 
 HELD = FIXED.format(160.0) + "drag = 3.0\n"
 IMPEDANCE = """[device]
@@ -295,7 +297,8 @@ def test_margins_are_marked_on_the_curve(kind: str) -> None:
     assert float(said["phase"]) == pytest.approx(margin, rel=1e-2)
     assert float(said["gain"]) == pytest.approx(-20 * np.log10(-x), rel=1e-2)
     (circle,) = axes.patches
-    assert np.hypot(*(circle.get_path().vertices + [1, 0]).T) == pytest.approx(1 / problem.stability.max_sensitivity)
+    x, y = np.asarray(circle.get_path().vertices).T
+    assert np.hypot(x + 1, y) == pytest.approx(1 / problem.stability.max_sensitivity)
     assert np.hypot(*line(axes, "unit circle")) == pytest.approx(1.0) and line(axes, "-1") == ([-1], [0])
 
 
@@ -339,6 +342,64 @@ def test_what_the_hand_feels_is_drawn_with_its_environments(kind: str) -> None:
     assert line(axes, "bare device")[1] == pytest.approx(
         np.abs(1 / mechanism(tables["device"], s, DOUBLES)[0]), rel=1e-6
     )
+
+
+def test_the_points_of_a_sweep_are_those_of_their_designs() -> None:
+    """The error of each certified design over its axis, on the stated device's yardstick, and marks without one."""
+    text = for_passive_hands(DEVICE + FIXED.format(160.0))
+    masses = (0.25, 0.3, 0.35, 0.4, 0.5, 0.55)
+    file = tomllib.loads(text)
+    axes = sweep_figure(vctune.sweep(file, {"device.mass": list(masses)}).table, grid=True).axes[0]
+    judged = {mass: vctune.judge(*stated(text.replace("0.4", str(mass)))[1:]) for mass in masses}
+    good = [mass for mass, each in judged.items() if each.status.value == "certified"]
+    assert 0 < len(good) < len(masses)
+    x, y = line(axes, "certified")
+    assert x[np.isfinite(y)] == pytest.approx(good)
+    errors, yardstick = [], stated(text)[1].transparency
+    for mass in good:
+        problem = replace(stated(text.replace("0.4", str(mass)))[1], transparency=yardstick)
+        errors.append(vctune.judge(problem, *problem.fixed_design).error)
+    assert y[np.isfinite(y)] == pytest.approx(errors, rel=1e-9)
+    assert list(line(axes, "no certified design")[0]) == [mass for mass in masses if mass not in good]
+
+
+def test_the_cells_of_a_region_are_drawn_with_their_areas() -> None:
+    """As shares of the plane, and tau K_p = b + K_v with a lag of half a sample."""
+    found = vctune.region(tomllib.loads(for_passive_hands(DEVICE)), resolution=0.125)
+    axes = region_figure(found.file.problem, found.region, found.designs).axes[0]
+    names = {Kind.FEASIBLE: "proved feasible", Kind.INFEASIBLE: "proved infeasible", Kind.UNDECIDED: "undecided"}
+    patches = {str(patch.get_label()): patch for patch in axes.patches}
+    for kind, name in names.items():
+        corners = np.asarray(patches[name].get_path().vertices)
+        corners = corners[: len(corners) // 5 * 5].reshape(-1, 5, 2)
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        inside = (low >= 0).all(axis=1)
+        assert np.prod(high - low, axis=1)[inside].sum() == pytest.approx(found.region.area(kind), abs=1e-9)
+    x, y = line(axes, "τ K_p")
+    (K_v, K_p), share = found.region.plane.edges, np.linspace(0, 1, found.region.plane.side + 1)
+    there = (x > 0) & (y > 0) & np.isfinite(x + y)
+    velocity, position = np.interp(x[there], share, K_v), np.interp(y[there], share, K_p)
+    assert there.any() and 0.5e-3 * position == pytest.approx(2.0 + velocity, rel=1e-2)
+
+
+def test_what_an_experiment_asks_for_is_drawn_beside_what_was_felt() -> None:
+    """The dashed line is the force of the environment: that of its spring, only in front of a wall, or its damper."""
+    for environment, asked in (
+        ("stiffness = 200.0, zero = 0.002", lambda x: 200.0 * (x - 0.002)),
+        ("stiffness = 200.0, zero = 0.002, wall = true", lambda x: np.maximum(200.0 * (x - 0.002), 0.0)),
+        ("damping = 14.0", lambda v: 14.0 * v),
+    ):
+        text = DEVICE + EXPERIMENTS.replace("damping = 0.0 }", f"{environment} }}", 1).replace(
+            "0.02, cycles = 2", "0.01, cycles = 1"
+        )
+        problem = parse_problem(text, "x", "x")
+        design = Gains(150.0, 6000.0), Coupling(160.0, 0.35, 0.0)
+        record = simulation_record(
+            ProblemFile(problem, text), *design, [simulate(problem, *design, problem.experiments[0])]
+        )
+        for axes in simulation_figure(record).figure.axes:
+            x, force = (np.asarray(values) for values in axes.lines[1].get_data())
+            assert x.size > 50 and force == pytest.approx(asked(x), abs=1e-9), environment
 
 
 @pytest.mark.parametrize("kind", ["hands", "any passive hand", "impedance", "servo"])

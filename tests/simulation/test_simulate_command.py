@@ -213,6 +213,52 @@ def test_hysteresis_of_coulomb_friction():
     assert found.handle_energy == pytest.approx(6 * 0.3 * 0.05, rel=1e-2)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_non_overlap_is_the_greatest_distance_whichever_curve_is_above(sign: float) -> None:
+    """A lagging and a leading force; and one that drifts with the way, from the second outward to the third inward."""
+    spring = Environment(0.0, 0.0, 200.0, 0.0, False)
+    assert measured(lambda x, v: 200 * x + sign * 0.3 * np.sign(v), spring).non_overlap == pytest.approx(0.6, rel=1e-3)
+
+    def drifting(x, v):
+        return 200 * x + sign * 10.0 * np.cumsum(np.abs(np.diff(x, prepend=x[0])))
+
+    # at a tenth of a stroke of 0.05 m the ways are 2.1 and 5.9 strokes
+    assert measured(drifting, spring).non_overlap == pytest.approx(10.0 * 3.8 * 0.05, rel=1e-2)
+
+
+def test_handle_and_environment_have_energies_of_their_own() -> None:
+    """Of different forces; what either gives back of what it had not received is its deficit."""
+    sine, nothing = replace(HAND, motion="sine"), Environment(0.0, 0.0, 0.0, 0.0, False)
+    found = measured(lambda x, v: 14 * v, nothing, sine, environment_force=lambda x, v: -3 * v)
+    assert found.environment_energy == pytest.approx(-3 / 14 * found.handle_energy)
+    assert (found.handle_deficit, found.environment_deficit) == (0.0, pytest.approx(-found.environment_energy))
+    other = measured(lambda x, v: -3 * v, nothing, sine, environment_force=lambda x, v: 14 * v)
+    assert (other.handle_deficit, other.environment_deficit) == (pytest.approx(-other.handle_energy), 0.0)
+
+
+def test_a_mass_a_damper_and_a_spring_are_fitted_together() -> None:
+    sine, T = replace(HAND, motion="sine"), 1e-3
+    found = measured(
+        lambda x, v: 2 * np.gradient(v, T) + 3 * v + 50 * (x - 0.01), Environment(2.0, 3.0, 50.0, 0.01, False), sine
+    )
+    values = {name: (fit.value, fit.asked) for name, fit in found.fits.items()}
+    assert values == {
+        name: (pytest.approx(asked), asked) for name, asked in (("mass", 2.0), ("damping", 3.0), ("stiffness", 50.0))
+    }
+    assert found.offset == pytest.approx(-0.5)
+
+
+def test_a_command_of_either_sign_is_at_the_limit() -> None:
+    """Half of the samples at the lower limit, a quarter at the upper one; the greatest may be negative."""
+    traces = traced(lambda x, v: 0 * x)
+    quarter = np.arange(traces.motor.size) % 4
+    motor = np.choose(quarter, [-0.25, -0.25, 0.25, 0.1])
+    at_limit = metrics(replace(traces, motor=motor), Environment(0.0, 0.0, 0.0, 0.0, False), HAND, 0.25)
+    assert at_limit.saturated == pytest.approx(0.75, abs=1e-3) and at_limit.peak_motor == 0.25
+    below = metrics(replace(traces, motor=np.minimum(motor, 0.1)), Environment(0.0, 0.0, 0.0, 0.0, False), HAND, 0.3)
+    assert (below.saturated, below.peak_motor) == (0.0, 0.25)
+
+
 def test_a_damper_and_its_energy():
     sine = replace(HAND, motion="sine")
     found = measured(lambda x, v: 14 * v, Environment(0.0, 14.0, 0.0, 0.0, False), sine)
