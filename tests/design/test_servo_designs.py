@@ -164,11 +164,11 @@ def checked(delay: float, sensed: float, drag: float = 900.0) -> dict[str, Any]:
     ("delays", "whole"),
     [
         ([(1.0, 0.0), (0.4, 0.6)], 1),
-        ([(2.0, 0.0), (1.4, 0.6), (0.5, 1.5)], 2),
+        pytest.param([(2.0, 0.0), (1.4, 0.6), (0.5, 1.5)], 2, marks=pytest.mark.slow),
         ([(0.97, 0.0), (0.6, 0.37)], 1),
-        ([(1.04, 0.0), (0.1, 0.94)], 1),
+        pytest.param([(1.04, 0.0), (0.1, 0.94)], 1, marks=pytest.mark.slow),
         ([(1.1, 0.0), (0.4, 0.7)], None),
-        ([(0.6, 0.0), (0.2, 0.4)], None),
+        pytest.param([(0.6, 0.0), (0.2, 0.4)], None, marks=pytest.mark.slow),
     ],
 )
 def test_the_sum_of_both_delays_is_what_may_be_a_whole_sample(delays: list[tuple[float, float]], whole: int) -> None:

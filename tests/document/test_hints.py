@@ -98,6 +98,7 @@ BOX = "[environment]\nmass = { min = 0.1, max = 5.0 }\nstiffness = { max = 2000.
 WALLS = BOX.replace("min = 0.1", "min = 0.0") + "walls = true\n"
 SPRINGS = WALLS.replace("walls = true\n", "")
 TOOL = SPRINGS + "damping = { min = 1.0 }\n"
+MOVES = '[[experiment]]\nname = "one"\nenvironment = { stiffness = 9.0 }\n'
 
 
 def rendering(box: str, environment: str) -> str:
@@ -106,7 +107,7 @@ def rendering(box: str, environment: str) -> str:
 
 
 DOUBTS = {
-    "a sample of 0.1 s": ("warn-sample-time", HELD.replace("1e-3", "0.1"), HELD.replace("1e-3", "0.0999"), "is 0.1 s"),
+    "a sample of 0.1 s": ("warn-sample-time", HELD.replace("1e-3", "0.1"), HELD.replace("1e-3", "0.09"), "is 0.1 s"),
     "samples in ms": ("warn-sample-time", HELD.replace("1e-3", "0.5"), HELD, "milliseconds? Then write 0.0005"),
     "samples in us": ("warn-sample-time", HELD.replace("1e-3", "500.0"), HELD, "microseconds? Then write 0.0005"),
     "50 g": ("warn-mass", HELD.replace("0.4", "50.0"), HELD.replace("0.4", "49.9"), "Then write 0.05"),
@@ -122,8 +123,7 @@ DOUBTS = {
     "a reserved name": ("warn-name", f'name = "con"\n{HELD}', f'name = "cone"\n{HELD}', "the folder is _con"),
     "moves before a rigid world": (
         "warn-environment",
-        f'{DESKTOP}[environment]\nstiffness = inf\n[[experiment]]\nname = "one"\nenvironment = {{ stiffness = 9.0 }}\n',
-        f'{DESKTOP}[[experiment]]\nname = "one"\nenvironment = {{ stiffness = 9.0 }}\n', "an environment that moves",
+        DESKTOP + "[environment]\nstiffness = inf\n" + MOVES, DESKTOP + MOVES, "an environment that moves",
     ),
     "a wall in a box of springs": (
         "warn-environment", rendering(SPRINGS, "stiffness = 9.0, wall = true"),
@@ -138,7 +138,8 @@ DOUBTS = {
         rendering(WALLS, "damping = 1.0, stiffness = 9.0"), "a wall with a damper",
     ),
     "a late force": (
-        "warn-environment", rendering(WALLS, "stiffness = 9.0, late = 1"), rendering(WALLS, "stiffness = 9.0, late = 0"),
+        "warn-environment", rendering(WALLS, "stiffness = 9.0, late = 1"),
+        rendering(WALLS, "stiffness = 9.0, late = 0"),
         "a force 1 samples late",
     ),
     "a mass by backward Euler": (
@@ -162,7 +163,8 @@ DOUBTS = {
         rendering(BOX, "mass = 5.0, rule = 'trapezoid'"), "a mass of 5.1 kg",
     ),
     "a damper below the box": (
-        "warn-environment", rendering(TOOL, "damping = 0.9"), rendering(TOOL, "damping = 1.0"), "a damping of 0.9 N s/m",
+        "warn-environment", rendering(TOOL, "damping = 0.9"), rendering(TOOL, "damping = 1.0"),
+        "a damping of 0.9 N s/m",
     ),
     "a spring above the box": (
         "warn-environment", rendering(WALLS, "stiffness = 2001.0"), rendering(WALLS, "stiffness = 2000.0"),

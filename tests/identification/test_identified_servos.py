@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -170,6 +171,18 @@ def test_a_servo_that_yields_is_outside_the_model(tmp_path):
     assert number(soft, "compliance, m/N") == pytest.approx(2e-4, rel=0.05)
     assert "warn-yields" in codes(soft.record.warnings)
     assert "outside the model" in soft.text
+
+
+@pytest.mark.parametrize(
+    ("times", "warned"),
+    [pytest.param(1.0, False, marks=pytest.mark.slow), (1.03, True), pytest.param(0.97, True, marks=pytest.mark.slow)],
+)
+def test_a_servo_that_moves_farther_than_it_is_told_is_warned_of(tmp_path: Path, times: float, warned: bool) -> None:
+    """Or less far; not one that follows, with the same noise."""
+    case = servo_case(8, n=500, **SERVO)
+    found = identify(case.write(tmp_path, position_m=times * case.columns["position_m"]), servo=True)
+    assert ("warn-gain" in codes(found.record.warnings)) is warned
+    assert number(found, "motion over command") == pytest.approx(times, abs=5e-3)
 
 
 def test_what_is_written_is_a_problem_a_record_and_a_report(tmp_path):

@@ -363,6 +363,7 @@ def test_the_points_of_a_sweep_are_those_of_their_designs() -> None:
     assert list(line(axes, "no certified design")[0]) == [mass for mass in masses if mass not in good]
 
 
+@pytest.mark.slow
 def test_the_cells_of_a_region_are_drawn_with_their_areas() -> None:
     """As shares of the plane, and tau K_p = b + K_v with a lag of half a sample."""
     found = vctune.region(tomllib.loads(for_passive_hands(DEVICE)), resolution=0.125)
