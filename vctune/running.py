@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from math import inf
 from time import perf_counter, process_time
-from typing import TypeVar
 
 from vctune.interrupt import raise_lost_interrupt
 
 SELDOM = 0.1  # Least number of seconds between two messages about the same work
 
 Listener = Callable[[str], None]
-Item = TypeVar("Item")
 
 
 class OutOfTimeError(Exception):
@@ -71,14 +69,6 @@ def out_of_time() -> bool:
     """Return whether the time limit has passed."""
     end = _END.get()
     return end < inf and perf_counter() >= end
-
-
-def in_time(items: Iterable[Item]) -> Iterator[Item]:
-    """Yield the first item, and further items until the time limit."""
-    for number, item in enumerate(items):
-        if number and out_of_time():
-            return
-        yield item
 
 
 def check_time() -> None:

@@ -74,9 +74,18 @@ def ratio_in_some_hands(problem: Problem, gains: Gains, coupling: AnyCoupling) -
     """Return the least ratio on the grid of hands and angles from which `least_ratios` starts."""
     if problem.hands_met is None or problem.rigid:
         return inf
-    where = loops_in_hands(problem.device, problem.hands_met)
-    need = needs_in_hands(where.loop, problem.device, gains, coupling, where.theta, problem.worlds_met)
-    return _inverse(float(np.nanmax(need, initial=0.0)))
+    return least_on_grid(problem.device, problem.hands_met, gains, coupling, problem.worlds_met).ratio
+
+
+def least_on_grid(
+    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None = None
+) -> RatioInHand:
+    """Return the least ratio on the grid of hands and angles, with its place."""
+    where = loops_in_hands(device, hands)
+    need = np.nan_to_num(needs_in_hands(where.loop, device, gains, coupling, where.theta, met), nan=-inf, posinf=inf)
+    hand, at = np.unravel_index(int(np.argmax(need)), need.shape)
+    place = where.hands.mapped(lambda number: float(number[hand].item()))
+    return RatioInHand(_inverse(float(need[hand, at])), float(where.theta[at]) / device.sample_time, place)
 
 
 def least_ratios_in_hands(

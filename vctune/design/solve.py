@@ -68,7 +68,8 @@ def _alone(problem: Problem, progress: Progress) -> Solved:
     found = stiffest_wall(pose(problem)) if problem.rigid else least_felt(pose(problem))
     miss = (NO_WALL, "allow less coupling.stiffness") if problem.rigid else (NOT_ALONE, MORE_FELT)
     none = None if found else Infeasibility(*miss, proved=False)
-    return Solved(problem=problem, judgement=found, infeasibility=none, seconds={"prove": perf_counter() - began})
+    cut, seconds = (PROOF,) * (found is not None and found.cut), {"prove": perf_counter() - began}
+    return Solved(problem=problem, judgement=found, infeasibility=none, seconds=seconds, cut=cut)
 
 
 def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustive: bool) -> Solved:

@@ -17,7 +17,7 @@ import numpy as np
 from vctune.analysis.demands import demand_grid, response
 from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Posed
-from vctune.design.verdict.judge import Judgement, judge_posed
+from vctune.design.verdict.judge import Judgement, Status, judge_posed
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.hands import Hand, Hands, stacked
@@ -30,6 +30,7 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.claims.registry import claims_about
 from vctune.proof.outcome import Verdict
 from vctune.proof.prover import boxes_at_most
+from vctune.running import OutOfTimeError, check_time
 
 SHARES = (0.0, 0.05, 0.3, 1.0)  # Hands of the box that are looked at first: shares of each range
 ANGLES = np.append(np.geomspace(1e-5, 0.5, 400), np.linspace(0.5, pi * (1 - 1e-9), 250)[1:])  # rad
@@ -40,7 +41,7 @@ ROUNDS, TIGHTER = 12, 4e-4  # proofs, and the reserve of the first beyond the es
 MOST_BOXES = 20_000  # of a proof: with more reserve it needs few
 OF_COUPLING = claims_about("ratio", "in_hand")
 
-LeastScale = Callable[[float], float]  # the least c for a tau, by an estimate
+LeastScale = Callable[[float, float], float]  # the least c for a tau, if it is above a given one, by an estimate
 
 
 def has_nothing_behind(problem: Problem) -> bool:
@@ -76,7 +77,12 @@ def first_proved(
     devices = list(dict.fromkeys(case.device for case in (*posed.cases, *posed.hand_cases)))
     tried, reserve = None, TIGHTER
     for _ in range(ROUNDS):
-        coupling = best(devices, hands, 1 + reserve)
+        try:
+            coupling = best(devices, hands, 1 + reserve)
+        except OutOfTimeError:
+            if tried is None or tried.status is Status.VIOLATED:  # another coupling may be proved
+                raise
+            return tried
         if coupling is None:
             return tried
         with boxes_at_most(MOST_BOXES):
@@ -99,7 +105,7 @@ def _hands_of(hands: Hands) -> list[Hand]:
 def _in_hands(device: Device, gains: Gains, hands: Sequence[Hand]) -> LeastScale:
     """Return the least c in all of some hands."""
     seen = _seen(device, gains, hands)
-    return lambda tau: _least_scale(1 + 1j * tau * (2 / device.sample_time) * np.tan(ANGLES / 2), seen)
+    return lambda tau, known: _least_scale(1 + 1j * tau * (2 / device.sample_time) * np.tan(ANGLES / 2), seen, known)
 
 
 def _on_band(device: Device, gains: Gains, span: tuple[float, float]) -> LeastScale:
@@ -107,7 +113,7 @@ def _on_band(device: Device, gains: Gains, span: tuple[float, float]) -> LeastSc
     omega = demand_grid(device, *span)
     loop = response(device, gains, omega)
 
-    def least(tau: float) -> float:
+    def least(tau: float, known: float) -> float:
         held, driven = passive_alone(loop, Pair(np.ones_like(omega), tau * omega))
         return float(np.max(np.where(loop.resistance > 0, -driven / held, inf)))
 
@@ -116,6 +122,7 @@ def _on_band(device: Device, gains: Gains, span: tuple[float, float]) -> LeastSc
 
 def _seen(device: Device, gains: Gains, hands: Sequence[Hand]) -> Floats:
     """Return Z_seen in each hand at each angle, shape (hands, angles)."""
+    check_time()
     plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
     seen = seen_in_hand(loop_in_hand(plant, ANGLES, FLOATS), gains)
     found = -(seen.lost + 1j * seen.swing / np.sin(ANGLES / 2)) / seen.size
@@ -129,7 +136,11 @@ def _best(posed: Posed, gains: Gains, of_each: Sequence[LeastScale], reserve: fl
 
     def coupling(log_tau: float) -> Coupling | None:
         tau, bounds = exp(log_tau), problem.bounds
-        c = max(each(tau) for each in of_each) * problem.stability.safety_factor * reserve
+        c = 0.0
+        for each in of_each:
+            check_time()
+            c = max(c, each(tau, c))
+        c *= problem.stability.safety_factor * reserve
         c = max(c, bounds.drag.min, bounds.mass.min / tau)
         mass, drag = float(f"{c * tau:.8g}"), 0.0 if massive else float(f"{c:.8g}")
         return Coupling(inf, mass, drag) if mass <= bounds.mass.max and drag <= bounds.drag.max else None
@@ -153,8 +164,10 @@ def _best(posed: Posed, gains: Gains, of_each: Sequence[LeastScale], reserve: fl
     return coupling(min((float(grid[k]), 0.5 * (low + high)), key=error))
 
 
-def _least_scale(shape: Floats, seen: Floats) -> float:
-    """Return the least c beyond which no c puts a pole of c shape + seen on the unit circle, in any of the hands."""
+def _least_scale(shape: Floats, seen: Floats, known: float) -> float:
+    """Return the least c beyond which no c puts a pole of c shape + seen on the unit circle, in any of the hands.
+
+    If it is below a known c, the function returns some c that is at most the known one."""
 
     def stable(c: float) -> bool:
         whole = c * shape + seen
@@ -165,7 +178,7 @@ def _least_scale(shape: Floats, seen: Floats) -> float:
 
     high = float(np.max(np.abs(seen) / np.abs(shape)))
     low = high
-    while stable(low) and low > 1e-12 * high:
+    while stable(low) and low > max(1e-12 * high, known):
         low /= 2
     if low == high or stable(low):
         return low

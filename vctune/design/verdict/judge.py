@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import inf, pi
 from typing import Literal, NamedTuple
@@ -18,6 +18,7 @@ from vctune.analysis.demands import (
 )
 from vctune.analysis.in_hands import (
     TOGETHER,
+    least_on_grid,
     least_ratio_before_wall,
     least_ratios_in_any_hand,
     least_ratios_of_devices,
@@ -40,7 +41,7 @@ from vctune.proof.claims.crossing import worst_before_wall
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import CLAIMS
 from vctune.proof.outcome import Outcome, Verdict
-from vctune.running import in_time, seconds_left, time_limit, unlimited
+from vctune.running import OutOfTimeError, check_time, seconds_left, time_limit, unlimited
 
 
 class Status(StrEnum):
@@ -105,7 +106,8 @@ class Judgement:
     certificate : Certificate
         The proved claims.
     cut : bool
-        Whether the time limit ended the proof, or the evaluation of the devices in hands.
+        Whether the time limit ended the proof, or the evaluation of all devices in hands. What is missing is left out
+        of the margins and of the greatest ``|S|``.
     """
 
     device: Device
@@ -303,31 +305,42 @@ def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed
 
 def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
     """Return a judgement: a certificate, and values in double precision."""
-    devices, in_hands = [case.device for case in posed.hand_cases], list[list[Margin]]()
-    # first one device, so that a judgement has at least one ratio when time runs out
-    batches = [devices[:1], *(devices[k : k + TOGETHER] for k in range(1, len(devices), TOGETHER))]
-    for batch in in_time(batches if devices else []):
-        with unlimited():
-            in_hands.append(margins_in_hands(posed.demands, batch, gains, coupling))
-    evaluated = sum(map(len, batches[: len(in_hands)]))
+    devices, in_hands, cut = [case.device for case in posed.hand_cases], list[Margin](), certificate.cut
     with unlimited():
-        on_band = margins_on_band(posed, gains, coupling)
-        held = [*(margin for batch in in_hands for margin in batch), *_refuted(posed, gains, coupling, certificate)]
         transparency = transparency_error(posed.problem, gains, coupling)
         error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
-        sensitivity, omega = peak_sensitivity(posed, gains)
-        return Judgement(
-            device=posed.problem.device,
-            gains=gains,
-            coupling=coupling,
-            transparency=transparency,
-            error=error,
-            margins=(*on_band, *held),
-            peak_sensitivity=sensitivity,
-            worst_sensitivity=omega,
-            certificate=certificate,
-            cut=certificate.cut or evaluated < len(devices),
-        )
+        refuted = _refuted(posed, gains, coupling, certificate)
+    try:
+        on_band, (sensitivity, omega) = _without_hands(posed, gains, coupling)
+    except OutOfTimeError:
+        cut, nominal = True, replace(posed, cases=posed.cases[:1], box=None)
+        with unlimited():
+            on_band, (sensitivity, omega) = _without_hands(nominal, gains, coupling)
+    try:
+        for batch in [devices[:1], *(devices[k : k + TOGETHER] for k in range(1, len(devices), TOGETHER))]:
+            check_time()
+            in_hands += margins_in_hands(posed.demands, batch, gains, coupling) if batch else []
+    except OutOfTimeError:
+        cut = True
+    if devices and not in_hands:  # a judgement has at least one ratio, if only an estimate
+        with unlimited():
+            in_hands = margins_in_hands(posed.demands, devices[:1], gains, coupling, climbed=False)
+    return Judgement(
+        device=posed.problem.device,
+        gains=gains,
+        coupling=coupling,
+        transparency=transparency,
+        error=error,
+        margins=(*on_band, *in_hands, *refuted),
+        peak_sensitivity=sensitivity,
+        worst_sensitivity=omega,
+        certificate=certificate,
+        cut=cut,
+    )
+
+
+def _without_hands(posed: Posed, gains: Gains, coupling: AnyCoupling) -> tuple[list[Margin], tuple[float, float]]:
+    return margins_on_band(posed, gains, coupling), peak_sensitivity(posed, gains)
 
 
 def peak_sensitivity(posed: Posed, gains: Gains) -> tuple[float, float]:
@@ -360,8 +373,10 @@ def margin_on_band(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Mar
     return Margin(*min(candidates), device)
 
 
-def margins_in_hands(demands: Demands, devices: Sequence[Device], gains: Gains, coupling: AnyCoupling) -> list[Margin]:
-    """Return the least ratio of each device in the hands of each claim."""
+def margins_in_hands(
+    demands: Demands, devices: Sequence[Device], gains: Gains, coupling: AnyCoupling, *, climbed: bool = True
+) -> list[Margin]:
+    """Return the least ratio of each device in the hands of each claim, or only the least on a grid of hands."""
     if demands.rigid:
         return [_before_wall(device, demands.hands, coupling) for device in devices]
     found = list[Margin]()
@@ -369,7 +384,10 @@ def margins_in_hands(demands: Demands, devices: Sequence[Device], gains: Gains, 
         claims: list[tuple[MarginName, WorldsMet | None]] = [("hands", demands.worlds_met)]
         claims += [("walls", demands.walls_met)] if demands.walls_met else []
         for name, worlds in claims:
-            ratios = least_ratios_of_devices(devices, demands.hands, gains, coupling, worlds)
+            if climbed:
+                ratios = least_ratios_of_devices(devices, demands.hands, gains, coupling, worlds)
+            else:
+                ratios = [[least_on_grid(device, demands.hands, gains, coupling, worlds)] for device in devices]
             least = ((device, each[0]) for device, each in zip(devices, ratios, strict=True))
             found += [Margin(at.ratio, at.omega, device, at.hand, name) for device, at in least]
     if demands.any_hand:
