@@ -197,6 +197,7 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
         each = Gains(gains.velocity[..., None, None], gains.position[..., None, None])
         at_angles: dict[bytes, tuple[Floats, list[Floats]]] = {}  # devices with a structure have more angles
         for held in (hands for there in samples.everywhere for hands in there.in_hand):
+            check_time()
             need = np.nan_to_num(held.required(each), nan=0.0).max(axis=-2)
             at_angles.setdefault(held.theta.tobytes(), (held.theta, []))[1].append(need)
         for theta, needs in at_angles.values():

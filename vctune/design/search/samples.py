@@ -31,6 +31,7 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem
 from vctune.model.sampled.velocity_loop import ReturnDifference
 from vctune.model.transparency import log_quadrature
+from vctune.running import check_time
 
 FREQUENCIES = 64  # Least number of frequencies in the stability band, and in three decades below Nyquist
 # Sampling of the hands in the scan: positions in the range of each parameter of a hand, number of angles per decade,
@@ -88,6 +89,7 @@ def samples_of(posed: Posed, *, integrator: bool) -> Samples:
     radii, known = (problem.uncertainty.unmodelled if problem.uncertainty else ()), set[Device]()
 
     def samples(device: Device, others: list[Samples]) -> Samples:
+        check_time()
         band, quadrature = (Spectrum(w, device_response(device, w, FLOATS)) for w in (within, nodes))
         new = device.modelled not in known
         loops = device.loops if new else ()

@@ -18,6 +18,7 @@ from vctune.model.problem import Problem
 from vctune.model.sampled.impedance_display import firmware_filter, offered_by_spring, spring_damper_admittance
 from vctune.model.sampled.loop_in_worlds import offered_at
 from vctune.model.worlds import WorldsMet
+from vctune.running import check_time
 
 SLACK = 1e-2  # Least time constant b_c/k_c of the scan, as a share of T
 
@@ -134,6 +135,7 @@ def least_scale_in_worlds(
         resistance, reactance = unit_at(samples.device, theta, tau)
         first, last = stiff / reactance, soft / reactance
         for k in range(drags.shape[-1]):
+            check_time()
             drag = drags[..., k, None, None, None]
             enough = np.minimum(np.where(missing > drag, (missing - drag) / resistance, 0.0), last)
             left = np.zeros(missing.shape[:-1])

@@ -22,6 +22,7 @@ from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.proof.claims.crossing import ANGLES, LoopsBeforeWall
+from vctune.running import check_time
 
 PER_DECADE = 120  # angles for any passive hand
 DAMPINGS = np.append(0.0, np.geomspace(1e-3, 2.0, 25))  # that are compared first, as shares of m/lag + b
@@ -62,6 +63,7 @@ def _stiffest(problem: Problem, multiples: Sequence[Multiple], needed: float) ->
 
     def stiffness(damping: float) -> float:
         def stable(log_stiffness: float) -> bool:
+            check_time()
             return all(each(SpringDamper(damping, exp(log_stiffness))) >= needed for each in multiples)
 
         low, high = log(least), log(max(greatest, least))

@@ -40,9 +40,9 @@ def with_prices(solved: Solved) -> Solved:
     if not polished.solution.converged:  # without convergence the multipliers are not derivatives
         return solved
     prepared, prices = prepare(solved.problem), list[Price]()
-    polished = _at_minima(prepared.scaled.problem, polished)
-    here = _changed(prepared, polished, lambda device: device, lambda hand: hand)
     try:
+        polished = _at_minima(prepared.scaled.problem, polished)
+        here = _changed(prepared, polished, lambda device: device, lambda hand: hand)
         for number in _numbers(solved.problem):
             check_time()
             change, sign = _change(prepared, polished, here, number)

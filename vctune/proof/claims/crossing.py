@@ -25,6 +25,7 @@ from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.margins_of_claims import Design, margins_in_worlds
 from vctune.proof.enclosures.intervals import ENCLOSURES, Floats, between, decimal, surely_negative
 from vctune.proof.outcome import Outcome, Verdict
+from vctune.running import check_time
 
 Complex = NDArray[np.complex128]
 ZOOMS = 14  # rounds of hands that are tried, each around the worst of the last and half as far apart
@@ -98,6 +99,7 @@ class LoopsBeforeWall:
     @classmethod
     def of(cls, device: Device, hands: list[Hand], angles: Floats) -> LoopsBeforeWall:
         """Return the loop of a device."""
+        check_time()
         loop = loop_in_hand(plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS), angles, FLOATS)
         assert isinstance(loop, ForceInHand)
         parts = (loop.open, loop.velocity, loop.position)
@@ -124,6 +126,7 @@ def _lost(design: Design, demands: Demands, hands: list[Hand], angles: Floats) -
     """Return the resistance where the reactance of each loop first is an environment's and least, in double precision,
     and the number of the angle before it."""
     assert demands.worlds is not None
+    check_time()
     plant = plant_in_hand(design.device, stacked(hands, (-1, 1)), delays_of(design.device), FLOATS)
     found = margins_in_worlds(plant, design, angles, WorldsMet(demands.worlds, 1.0), FLOATS)
     resistive, above, below = (np.broadcast_to(each, (len(hands), angles.size)) for each in _margins(found))

@@ -11,6 +11,7 @@ import numpy as np
 
 from vctune.proof.enclosures.elementary import UNIT
 from vctune.proof.enclosures.intervals import TINY, Enclosure, Floats
+from vctune.running import check_time
 
 SWOLLEN = 1 + 2.0**-44  # Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius
 HIGHER_ERROR = 1e-13  # Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53
@@ -199,7 +200,8 @@ def _pairs(row_count: int) -> tuple[Any, ...]:
 
 
 def _product(a: Taylor, b: Taylor, times: Times, terms: int) -> Taylor:
-    """Return the product a b."""
+    """Return the product a b. A proof consists of these products, so that here it meets its time limit."""
+    check_time()
     k, A, B = a.row_count, a.magnitudes, b.magnitudes
     coefficients = times(a.coefficients, b.coefficients[0])
     coefficients[1:] += times(a.coefficients[0], b.coefficients[1:])
