@@ -16,6 +16,7 @@ from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import offered
 from vctune.model.sampled.servo_in_hand import Demand, demand_of
+from vctune.running import check_time
 
 LOWEST = 1e-3  # Least angle omega T above 0, rad
 PER_DECADE = 120  # Number of angles per decade
@@ -35,7 +36,12 @@ class Greatest:
 
 def drag_at_rest(devices: Sequence[Device], hands: Hands) -> float:
     """Return the greatest R at rest, K L minus the least damping, N s/m. No coupling with less drag is stable."""
-    return max(0.0, *(float(demand_of(device, hands).at(np.zeros(1))[0]) for device in devices))
+    return max(0.0, *(_at_rest(device, hands) for device in devices))
+
+
+def _at_rest(device: Device, hands: Hands) -> float:
+    check_time()
+    return float(demand_of(device, hands).at(np.zeros(1))[0])
 
 
 def greatest_drag(devices: Sequence[Device], hands: Hands) -> Greatest:

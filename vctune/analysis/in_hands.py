@@ -23,6 +23,7 @@ from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import loop_in_hand, offered
 from vctune.model.sampled.plant_in_hand import alike, delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
+from vctune.running import check_time
 
 SEARCHED = 6  # Number of local minima over the angle that the code refines
 # Damping ratio below which the code also evaluates the angles where a hand resonates with the device, because a grid
@@ -116,6 +117,7 @@ def _steepest(
     device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None
 ) -> PlacesInHands:
     """Return the places to refine: the local minima in some hands, and places that a grid would miss."""
+    check_time()
     where = loops_in_hands(device, hands)
     need = needs_in_hands(where.loop, device, gains, coupling, where.theta, met)
     hand = np.argmax(need, axis=0)

@@ -24,7 +24,7 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.exit_codes import ExitCode
 from vctune.model.gains import AnyCoupling
 from vctune.model.problem import Problem
-from vctune.running import seconds_left, unlimited
+from vctune.running import out_of_time, seconds_left, unlimited
 from vctune.running import time_limit as limited
 from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
@@ -89,12 +89,13 @@ class AdmissibleGains:
         yield from ((line,) for line in [*lines, f"of the plane {x} by {y}"])
 
     def files(self, folder: Path) -> Files:
-        """Return region.json and its picture, also of a search that the time limit has ended."""
+        """Return region.json and its picture, also of a search that the time limit has ended: then without contours."""
         from vctune.report.study_figures import region_figure
         from vctune.report.style import svg
 
+        contours = not out_of_time()
         with unlimited():
-            figure = region_figure(self.file.problem, self.region, self.designs, self.marked)
+            figure = region_figure(self.file.problem, self.region, self.designs, self.marked, contours=contours)
             text = json.dumps(self.record(), allow_nan=False) + "\n"
             return {folder / REGION_FILE: text, folder / PICTURE: svg(figure, Path(PICTURE).stem)}
 

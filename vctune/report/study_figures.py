@@ -71,8 +71,15 @@ class _Axis:
         return found
 
 
-def region_figure(problem: Problem, region: Region, designs: Sequence[Design], marked: Design | None = None) -> Figure:
-    """Return the figure of a region."""
+def region_figure(
+    problem: Problem,
+    region: Region,
+    designs: Sequence[Design],
+    marked: Design | None = None,
+    *,
+    contours: bool = True,
+) -> Figure:
+    """Return the figure of a region, with contours of the error."""
     plane, kind = region.plane, problem.device.kind
     with rc_context(STYLE):
         title = "interrupted: some undecided cells were not examined" if region.interrupted else ""
@@ -84,7 +91,7 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design], m
             chosen = [each for each, is_idle in zip(designs, idle, strict=True) if is_idle is of]
             _marked(axes, plane, chosen, label, colour)
         _marked(axes, plane, [marked] if marked else [], "given gains", ORANGE, "X")
-        if set(plane.axes) == {0, 1} and kind.banded:
+        if contours and set(plane.axes) == {0, 1} and kind.banded:
             _contours(axes, problem, region)
             if problem.passive:
                 _limit(axes, problem, plane)

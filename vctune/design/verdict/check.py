@@ -80,7 +80,8 @@ class DesignFinding:
     def record(self) -> dict[str, Any]:
         """Return the object of design.json."""
         solved = Solved(problem=self.file.problem, judgement=self.judgement, repairs=self.repairs)
-        return record_of(self.file, solved).model_copy(update={"warnings": self.warnings}).to_json()
+        found = record_of(self.file, solved)
+        return found.model_copy(update={"warnings": list(dict.fromkeys([*self.warnings, *found.warnings]))}).to_json()
 
 
 @dataclass(frozen=True, slots=True)

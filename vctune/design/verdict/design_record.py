@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import degrees, log10, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from vctune.design.prepared import pose
 from vctune.design.result import Polished, Solved
 from vctune.design.search.working_set import DEMANDS, ConstraintPoint, stacked
 from vctune.design.variables import design_of, keys_for, near, point, ranges
-from vctune.design.verdict.felt_record import contact_record, in_hand_record
+from vctune.design.verdict.felt_record import CONTACT, contact_record, in_hand_record
 from vctune.design.verdict.judge import Judgement, Margin
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import ProblemFile
@@ -57,7 +57,7 @@ from vctune.model.problem import Problem
 from vctune.proof.claims.delays import delay_in_samples
 from vctune.proof.claims.registry import BEFORE_WALL, CLAIMS, IN_HANDS, claims_about
 from vctune.proof.outcome import Outcome, Verdict, worst_verdict
-from vctune.running import unlimited
+from vctune.running import OutOfTimeError, unlimited
 from vctune.version import versions
 
 if TYPE_CHECKING:
@@ -91,7 +91,11 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
     touched, warned = list[tuple[str, str]](), list[Note]()
     if judgement is not None:
-        parts |= {"contact": contact_record(problem, judgement), "felt": in_hand_record(problem, judgement)}
+        parts["felt"] = in_hand_record(problem, judgement)
+        try:
+            parts["contact"] = contact_record(problem, judgement)
+        except OutOfTimeError:
+            solved = replace(solved, cut=(*solved.cut, CONTACT))
         with unlimited():
             parts |= _judged(problem, judgement)
             touched, warned = _touched(problem, judgement), warnings(problem, judgement)
