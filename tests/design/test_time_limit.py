@@ -10,16 +10,22 @@ import subprocess
 import sys
 from contextvars import ContextVar
 from itertools import count
+from math import inf
 from pathlib import Path
 
 import click
+import numpy as np
 import pytest
 from command import run, strict
 
 import vctune
 from vctune import running
+from vctune.design.verdict.judge import Status, judge
+from vctune.document.reading import parse_problem
 from vctune.exit_codes import ExitCode
 from vctune.proof.certificate import certify
+from vctune.proof.enclosures.intervals import Enclosure
+from vctune.proof.enclosures.taylor import variables
 
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 PASSIVE = DEVICE + '[stability]\ncriterion = "passive"\n'
@@ -31,6 +37,42 @@ LONG_GAINS = (
     "[coupling]\ndamping = 0.34848667\nmass = 4.2347732e-3\ndrag = 7.4223667e-3\n"
 )
 """A device whose three uncertain numbers keep the proof in every hand busy for about a minute, and its design."""
+EVERYTHING = """
+[device]
+mass = 0.6
+damping = 3.0
+sample_time = 1e-3
+delay = 0.05
+structure = { handle_mass = 0.2, frequency_hz = 150.0, damping_ratio = 0.05 }
+actuator = { bandwidth_hz = 300.0 }
+velocity = { filter_hz = 200.0 }
+force_sensor = { bandwidth_hz = 300.0, delay = 2e-4 }
+[uncertainty]
+mass = 0.1
+damping = 0.5
+delay = 0.2
+"structure.handle_mass" = 0.1
+"structure.frequency_hz" = 0.1
+"structure.damping_ratio" = 0.3
+"actuator.bandwidth_hz" = 0.1
+"velocity.filter_hz" = 0.1
+"""
+"""A device with 8 uncertain numbers, and so many delays that 1217 devices meet every hand."""
+EVERYTHING_GAINS = "[gains]\nvelocity = 5.0\nposition = 6.0\n[coupling]\ndamping = 160.0\nmass = 0.37\ndrag = 3.0\n"
+BOX = "[environment]\nmass.min = 0.05\nstiffness.max = 1000.0\n"
+SERVO = """
+[device]
+sample_time = 2e-3
+servo = { delay = 0.15, bandwidth_hz = 10.0, order = 2 }
+force_sensor = { delay = 3e-3, bandwidth_hz = 80.0 }
+[uncertainty]
+"servo.delay" = 0.3
+"servo.bandwidth_hz" = 0.2
+"force_sensor.delay" = 0.5
+"force_sensor.bandwidth_hz" = 0.2
+"""
+NOTHING_BEHIND = "[environment]\nmass.max = 0.0\nstiffness.max = 0.0\n"
+SERVO_GAINS = "[coupling]\ndamping = inf\nmass = 20.0\ndrag = 2000.0\n"
 STUDY = 'problem = "device.toml"\n[axes]\n"device.damping" = [1.0, 2.0, 4.0]\n'
 ENOUGH = 10**9
 IN_PROCESSOR_SECONDS = """
@@ -223,6 +265,51 @@ def test_a_short_limit_is_kept(tmp_path, command):
         assert done.returncode in (ExitCode.UNDECIDED, ExitCode.FAILED), done.stderr
         taken.append(float(done.stderr.split()[-1]))
     assert taken[1] < 3.0 + taken[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [0.0, 2.0])
+@pytest.mark.parametrize(
+    "text, command",
+    [
+        (EVERYTHING + EVERYTHING_GAINS, ("check", "--json")),
+        (EVERYTHING + EVERYTHING_GAINS + BOX + "walls = true\n", ("check",)),
+        (EVERYTHING, ("solve",)),
+        (EVERYTHING + BOX, ("solve",)),
+        (SERVO + NOTHING_BEHIND, ("solve",)),
+        (SERVO + SERVO_GAINS, ("check", "--json")),
+    ],
+)
+def test_many_uncertain_numbers_keep_the_limit(tmp_path, text, command, seconds):
+    (tmp_path / "many.toml").write_text(text)
+    line = [sys.executable, "-c", IN_PROCESSOR_SECONDS, command[0], "many.toml", *command[1:]]
+    done = subprocess.run(
+        [*line, "--time-limit", str(seconds)], check=False, cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode in (ExitCode.UNDECIDED, ExitCode.FAILED), done.stderr
+    assert float(done.stderr.split()[-1]) < max(seconds, 1.0) + 1.0, "a process takes up to a second to begin"
+
+
+def test_without_time_a_judgement_holds_the_nominal_device_and_is_cut():
+    problem = parse_problem(EVERYTHING + EVERYTHING_GAINS, "many.toml", "many")
+    with running.time_limit(0.0):
+        found = judge(problem, *problem.fixed_design)
+    assert found.status is Status.UNDECIDED and found.cut
+    assert {margin.device for margin in found.margins} == {problem.device}
+    assert 0 < found.min_ratio < inf and found.peak_sensitivity > 0
+
+
+def test_a_contact_that_there_was_no_time_for_is_said_to_be_missing(tmp_path):
+    (tmp_path / "servo.toml").write_text(SERVO + SERVO_GAINS)
+    done = run("check", "servo.toml", "--json", "--time-limit", 0, cwd=tmp_path)
+    (record,) = json.loads(done.stdout)
+    assert "contact" not in record and any("cut the stiffest contact short" in said for said in record["warnings"])
+
+
+def test_a_proof_looks_at_the_limit_within_a_batch_of_boxes():
+    number = variables([Enclosure(np.zeros(1), np.ones(1))], [True])[0]
+    with running.time_limit(0.0), pytest.raises(running.OutOfTimeError):
+        number * number
 
 
 def test_functions_take_the_limit_too():
