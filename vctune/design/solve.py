@@ -19,7 +19,7 @@ from vctune.design.search.scan import scan
 from vctune.design.search.theorems import impossible
 from vctune.design.search.wall import stiffest_wall
 from vctune.design.verdict.infeasible import Infeasibility, nearest_miss, out_of_time_before_a_design
-from vctune.design.verdict.judge import judge
+from vctune.design.verdict.judge import Status, judge
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, out_of_time
 
@@ -68,7 +68,8 @@ def _alone(problem: Problem, progress: Progress) -> Solved:
     found = stiffest_wall(pose(problem)) if problem.rigid else least_felt(pose(problem))
     miss = (NO_WALL, "allow less coupling.stiffness") if problem.rigid else (NOT_ALONE, MORE_FELT)
     none = None if found else Infeasibility(*miss, proved=False)
-    cut, seconds = (PROOF,) * (found is not None and found.cut), {"prove": perf_counter() - began}
+    late = found is not None and (found.cut or (found.status is Status.UNDECIDED and out_of_time()))
+    cut, seconds = (PROOF,) * late, {"prove": perf_counter() - began}
     return Solved(problem=problem, judgement=found, infeasibility=none, seconds=seconds, cut=cut)
 
 
