@@ -269,7 +269,7 @@ def test_the_example_script():
     lines = done.stdout.splitlines()
     assert lines[0].startswith("certified: error") and lines[0].endswith("boxes")
     assert sum(line.startswith("damping ") for line in lines) == 5
-    assert lines[-1] == "refused: Device: mass: -0.4 is too small: must be at least 1e-20 [out-of-range]"
+    assert lines[-1] == "refused: Device: mass: -0.4 is too small: must be at least 1e-50 [out-of-range]"
     assert done.stderr == ""
 
 

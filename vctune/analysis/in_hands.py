@@ -126,7 +126,7 @@ def _steepest(
     peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
     peaks = peaks[np.argsort(-worst[peaks], kind="stable")][:SEARCHED]
     steepest = PlacesInHands(where.theta[peaks], where.hands.mapped(lambda number: number[hand[peaks]]))
-    others = PlacesInHands.of([(0.0, _at_rest(device, hands, gains)), *_resonant(device, hands, gains)])
+    others = PlacesInHands.of([_at_rest(device, hands, gains), *_resonant(device, hands, gains)])
     return steepest.joined(others)
 
 
@@ -243,11 +243,11 @@ def _resonant(device: Device, hands: Hands, gains: Gains) -> list[tuple[float, H
     return found
 
 
-def _at_rest(device: Device, hands: Hands, gains: Gains) -> Hand:
-    """Return the hand that requires the most at angle 0."""
+def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, Hand]:
+    """Return the hand that requires the most at angle 0, or next to it, with the angle."""
     where = loops_at_rest(device, hands)
     most = int(np.argmax(np.nan_to_num(where.required(gains).ravel(), nan=0.0)))
-    return where.hands.mapped(lambda number: float(number[most]))
+    return float(where.theta[0]), where.hands.mapped(lambda number: float(number[most]))
 
 
 def _closest(

@@ -102,12 +102,13 @@ def angles(device: Device, per_decade: int) -> Floats:
 
 @lru_cache(maxsize=64)
 def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHands:
-    """Return the loop of a device at angle 0 in hands with soft springs. The spring that requires the most depends on
-    the gains."""
+    """Return the loop of a device at angle 0 in hands with soft springs, or next to 0 in hands with none. The spring
+    that requires the most depends on the gains."""
     low, high = hands.low, hands.high
     stiffness = np.unique(low.stiffness + (high.stiffness - low.stiffness) * np.append(0.0, SOFT[::spacing]))
     masses = np.unique((low.mass, high.mass))
-    return _loops(device, _every(replace(low, mass=masses, stiffness=stiffness)), np.zeros(1))
+    rest = np.array([0.0 if high.stiffness > 0 else LOWEST])
+    return _loops(device, _every(replace(low, mass=masses, stiffness=stiffness)), rest)
 
 
 def _places(low: float, high: float, shares: tuple[float, ...]) -> Floats:

@@ -27,7 +27,7 @@ from pydantic_core.core_schema import float_schema, nullable_schema
 
 T = TypeVar("T")
 # Least and greatest positive number of a key that does not permit inf, in the units of the file
-LEAST, MOST = 1e-20, 1e20
+LEAST, MOST = 1e-50, 1e50
 
 
 def _zero_or_sizeable(value: float) -> float:

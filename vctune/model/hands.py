@@ -72,8 +72,7 @@ class Hand:
     def in_words(self, units: Units) -> str:
         """Return the hand's parameters with their units."""
         return ", ".join(
-            f"{float(f'{number:.4g}') if number > NEGLIGIBLE else 0:g} {units.of(QUANTITIES[name])}"
-            for name, number in self.numbers.items()
+            f"{float(f'{number:.4g}'):g} {units.of(QUANTITIES[name])}" for name, number in self.numbers.items()
         )
 
     def in_units(self, impedance: float, time: float) -> Hand:
@@ -99,7 +98,6 @@ class Hand:
         return Hand(**{name: new[QUANTITIES[name]](number) for name, number in self.numbers.items()})
 
 
-NEGLIGIBLE = 1e-12  # Number of a hand, SI units, at or below which it is printed as 0
 NAMES = tuple(field.name for field in fields(Hand))  # Names of a hand's parameters
 # Quantity of each parameter of a hand; the quantity determines the unit
 QUANTITIES = {field.name: field.metadata.get("quantity", field.name) for field in fields(Hand)}
@@ -117,7 +115,7 @@ class Hands:
 
     def in_words(self, units: Units) -> str:
         """Return the box in words with units. The text omits numbers that are 0 in all hands of the box."""
-        known = [(name, *ends) for name, ends in self.ranges.items() if ends[1] > NEGLIGIBLE]
+        known = [(name, *ends) for name, ends in self.ranges.items() if ends[1] > 0]
         if not known or self.low == self.high:
             return self.low.in_words(units)
         return ", ".join(f"{low:g} to {high:g} {units.of(QUANTITIES[name])}" for name, low, high in known)

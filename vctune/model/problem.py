@@ -9,7 +9,7 @@ from typing import Literal
 from vctune.model.device import Device
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.hands import NEGLIGIBLE, Hand, Hands
+from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import UNITS, Units, hertz
 from vctune.model.transparency import TERMS, TermName, Terms
 from vctune.model.worlds import Worlds, WorldsMet
@@ -183,14 +183,9 @@ class Problem:
         """The box of hands in which the sampled loop must be stable; None if the claim for any passive hand suffices.
 
         That claim suffices with the criterion "passive". On an impedance display it includes these hands, so that it
-        suffices with the criterion "both" as well. Nothing holds a handle in hands without stiffness: its pole at 1 is
-        the limit of soft springs, so that the box includes them.
+        suffices with the criterion "both" as well.
         """
-        if self.stability.criterion == "passive" or self.any_hand:
-            return None
-        if self.hands.high.stiffness > 0 or self.device.servo is not None:
-            return self.hands
-        return replace(self.hands, high=replace(self.hands.high, stiffness=NEGLIGIBLE))
+        return None if self.stability.criterion == "passive" or self.any_hand else self.hands
 
     @property
     def worlds_met(self) -> WorldsMet | None:

@@ -126,7 +126,7 @@ def _unmodelled(question: Question, known: Outcomes) -> Outcome:
     assert box is not None and box.nominal.unmodelled is not None
     radii, bounded = box.nominal.unmodelled.radii, known["sensitivity"].verdict is Verdict.PROVED
     greatest, limit = (Fraction(str(x)) for x in (max(radius for _, radius in radii), demands.max_sensitivity))
-    if not design.gains.closed or (bounded and greatest * (1 + limit) < 1):
+    if bounded and greatest * (1 + limit) < 1:
         return Outcome(Verdict.PROVED, 1)
     return prove_unmodelled(design, demands, box)
 

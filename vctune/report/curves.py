@@ -25,8 +25,13 @@ POINTS = 400  # Number of frequencies of a curve without a resonance
 PER_DECADE = 40  # Number of frequencies per decade of a curve of the sampled loop
 WORST = 3  # Number of hands with a curve of their own
 UNMOVED = 1e-6  # Share of a command below which a servo counts as at rest, for example at Nyquist with interpolation
-NOTHING = Coupling(1e-18, 1e-18, 0.0)  # A coupling that is practically absent, without drag
 SPRING, DAMPER = 200.0, 14.0  # The two environments of the paper (section 5) on a linear device, N/m and N s/m
+
+
+def no_coupling(problem: Problem) -> Coupling:
+    """Return a coupling that is practically absent, without drag."""
+    Z_0 = 1e-18 * problem.transparency.reference_impedance
+    return Coupling(Z_0, Z_0 * problem.device.sample_time, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import CLAIMS
-from vctune.report.curves import NOTHING, requirements
+from vctune.report.curves import no_coupling, requirements
 from vctune.report.design_figures import IN_WORDS, design_figures
 from vctune.report.experiments import HEADINGS, measured_rows, simulation_figure
 from vctune.report.paths import report_paths
@@ -59,7 +59,9 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
     error of the device without a loop."""
     proof, error = record.certificate, record.transparency.error if record.transparency is not None else None
     # the error of an admittance display without a velocity loop and without a coupling
-    alone = transparency_error(problem, Gains(0.0, 0.0), NOTHING).error if problem.device.kind.banded else inf
+    alone = (
+        transparency_error(problem, Gains(0.0, 0.0), no_coupling(problem)).error if problem.device.kind.banded else inf
+    )
     kind: Kind = "bad" if record.status in ("infeasible", "violated") else "doubtful"
     word: str = record.status
     doubt = f"{record.status}: not for use"

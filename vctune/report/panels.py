@@ -12,7 +12,7 @@ from vctune.analysis.margins import loop_margins
 from vctune.analysis.responses import Loop
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.report.curves import NOTHING, Required, handle_impedance, requirements, transparency
+from vctune.report.curves import Required, handle_impedance, no_coupling, requirements, transparency
 from vctune.report.style import (
     BLUE,
     GREEN,
@@ -167,8 +167,8 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
     hz, designed = transparency(problem, gains, coupling)
     cases = [("designed", designed, "-", BLUE)]
     if problem.device.kind.banded:
-        cases.append(("no coupling", transparency(problem, gains, NOTHING)[1], "--", GREY))
-        cases.append(("uncontrolled", transparency(problem, Gains(0.0, 0.0), NOTHING)[1], ":", GREY))
+        cases.append(("no coupling", transparency(problem, gains, no_coupling(problem))[1], "--", GREY))
+        cases.append(("uncontrolled", transparency(problem, Gains(0.0, 0.0), no_coupling(problem))[1], ":", GREY))
     for name, curves, dashes, colour in cases:
         if curves[part].max() > 1e-12:  # a term that is 0 has no place on a logarithmic axis
             axes.semilogy(hz, curves[part], dashes, color=colour, label=name, zorder=3 if colour == BLUE else 2)

@@ -29,7 +29,7 @@ def impossible(problem: Problem) -> Infeasibility | None:
 
 def _without_damping(problem: Problem) -> Infeasibility | None:
     """Exclude an impedance display without damping in any passive hand: such a hand may answer with any motion."""
-    if not problem.any_hand or problem.device.least_damping > 0:
+    if not problem.any_hand or problem.device.least_damping > 0 or problem.device.structure is not None:
         return None
     cause = (
         f"device.damping is 0: any passive hand, or none, may answer any {problem.units.force_name} with any motion, "

@@ -247,8 +247,7 @@ def _line_to_change(text: str, repairs: Sequence[Repair] | None, together: Seque
     return next((line for path in [*paths, ("gains",)] if (line := lines.locate(path)) is not None), 1)
 
 
-SOFTEST, STIFFEST = 1.0, 1e7  # N/m, or N m/rad
-LIGHTEST, HEAVIEST = 1e-4, 1e3  # kg, or kg m^2
+STIFFNESSES, MASSES = (1e-4, 1e3), (1e-2, 1e5)  # Searched multiples of Z_0/T and of Z_0 T
 HALVINGS = 14  # Number of bisections: the limit is found to .1 %
 RESERVES = (5e-3, 0.03, 0.1)  # Distances from the limit in doubles at which a proof is tried
 
@@ -259,9 +258,10 @@ def rendered_in_words(problem: Problem, judgement: Judgement) -> str:
     if problem.hands_met is None or worlds is None or worlds.walls or worlds.exact:
         return ""
     spring = tool = None
+    Z_0, T = problem.transparency.reference_impedance, problem.device.sample_time
     try:
-        spring = _limit(problem, judgement, "stiffness", SOFTEST, STIFFEST)
-        tool = _limit(problem, judgement, "mass", LIGHTEST, HEAVIEST)
+        spring = _limit(problem, judgement, "stiffness", *(Z_0 / T * share for share in STIFFNESSES))
+        tool = _limit(problem, judgement, "mass", *(Z_0 * T * share for share in MASSES))
     except OutOfTimeError:
         return ""
     found = [f"springs up to {spring:g} {units.stiffness}"] if spring is not None else []

@@ -207,5 +207,5 @@ def _beyond_the_last(device: Device, ops: Arithmetic) -> tuple[Number, Number]:
     if g is None:
         return weight * rho, weight * rho
     b = device.damping
-    along = ops.where_positive(reactance - b, lambda: (1 + 2 * g * b) * rho, lambda: 1 / b)
+    along = ops.where_positive(reactance - b, lambda: (1 + 2 * g * b) * rho, lambda: 2 / (b + reactance))
     return weight * (along + 1 / reactance), weight * rho

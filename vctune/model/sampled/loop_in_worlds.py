@@ -12,8 +12,9 @@ from vctune.model.gains import Coupling, sampled_reactance, sampled_resistance
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.worlds import Worlds
 
-# Value that the code adds to a divisor that is a sum of magnitudes, because all the magnitudes may be 0
-NOTHING = 1e-30
+# Value that the code adds to a divisor that is a sum of magnitudes, because all the magnitudes may be 0; other divisors
+# and roots that may be 0 get this share of a quantity of the same unit
+NOTHING, SPECK = 1e-300, 1e-30
 
 
 class Seen(NamedTuple):
@@ -165,6 +166,7 @@ class _Condition:
     flat: Number  # n
     corner: Number  # c^2 w
     kept: Number  # c^2 C
+    speck: Number  # next to nothing, in the unit of the inertia
 
 
 def _condition(worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic) -> _Condition:
@@ -172,7 +174,7 @@ def _condition(worlds: Worlds, lead: Number, sample_time: Number, theta: Number,
     sin, cos, h = ops.sin(theta / 2), ops.cos(theta / 2), 2 / sample_time
     square, width, least = cos * cos, width_of(worlds), worlds.low.stiffness
     if ops.is_zero(lead):
-        return _Condition(width, h * h * (sin * sin), square, 1.0, worlds.corner * square, 0.0)
+        return _Condition(width, h * h * (sin * sin), square, 1.0, worlds.corner * square, 0.0, SPECK * h * h)
     share = worlds.corner * (sample_time * 0.5) * lead
     return _Condition(
         width=width,
@@ -181,6 +183,7 @@ def _condition(worlds: Worlds, lead: Number, sample_time: Number, theta: Number,
         flat=1 - share,
         corner=worlds.corner * square + lead * h * (sin * sin) * (1 + 2 * (least / width)),
         kept=least * (share * square + lead * (sin * sin) * (1 + least / width)),
+        speck=SPECK * h * h,
     )
 
 
@@ -196,13 +199,13 @@ def disjuncts_in_walls(
         off = off + _positive(sum_of(strip.low) / scale + half, ops)
     worst = half * half - at.width * (at.kept / at.square)
     missing = worst - off * off
-    least = missing / (corner + _root(corner * corner + u2 * missing, ops))
+    least = missing / (corner + _root(corner * corner + u2 * missing, corner * corner, ops))
     rest = ops.where_positive(
         u2 * excess + corner,
         lambda: excess * (2 * corner + u2 * excess),
-        lambda: -(corner * corner / (u2 + NOTHING)),
+        lambda: -(corner * corner / (u2 + at.speck)),
     )
-    needed = _root(worst - rest, ops)
+    needed = _root(worst - rest, at.width * at.width, ops)
     return Disjuncts(
         resistive=(*strip.excess, -(least * strip.size)),
         above=None if strip.low is None else (*strip.low, (half - needed) * scale),
@@ -251,7 +254,7 @@ def tangent_at(
         rising = _positive(level + 2 / at.width * (sum_of(strip.low) / strip.size), ops)
     excess = sum_of(strip.excess) / strip.size
     bounded = ops.where_positive(
-        2 * at.inertia * excess + least, lambda: excess, lambda: -(least / (2 * at.inertia + NOTHING))
+        2 * at.inertia * excess + least, lambda: excess, lambda: -(least / (2 * at.inertia + at.speck))
     )
     return Tangent(rising, falling, bounded)
 
@@ -280,6 +283,6 @@ def _positive(x: Number, ops: Arithmetic) -> Number:
     return ops.where_positive(x, lambda: x, lambda: 0 * x)
 
 
-def _root(x: Number, ops: Arithmetic) -> Number:
-    """Return the square root of a number; about 0 if the number is negative."""
-    return ops.sqrt(_positive(x, ops) + NOTHING)
+def _root(x: Number, unit: Number, ops: Arithmetic) -> Number:
+    """Return the square root of a number; about 0, relative to a number of its unit, if the number is negative."""
+    return ops.sqrt(_positive(x, ops) + SPECK * unit)

@@ -205,7 +205,8 @@ def pole_turns(cells: Covered, *, in_hand: bool = False) -> list[Turns]:
 
 def _hold_in_any_hand(cells: Covered) -> Flags:
     """Prove the constraint for any passive hand on an impedance display."""
-    if cells.demands.device.least_damping == 0:
+    device = cells.demands.device
+    if (device.damping if device.structure is not None else device.least_damping) == 0:  # nothing bounds a response
         return np.zeros(cells.owners, bool)
     margin, size = (positive(each, {}) for each in cells.claims.any_hand)
     if _have_the_same_gains(cells):  # equal gains have equal `size`
@@ -217,7 +218,8 @@ def _hold_in_any_hand(cells: Covered) -> Flags:
 
 def _hold_before_wall(cells: Covered) -> Flags:
     """Prove the couplings as walls in any passive hand."""
-    if cells.demands.device.least_damping == 0:
+    device = cells.demands.device
+    if (device.damping if device.structure is not None else device.least_damping) == 0:  # nothing bounds a response
         return np.zeros(cells.owners, bool)
     return held(cells, cells.effort(), [(positive(cells.claims.before_wall, {}), cells.around_circle())]).proved
 

@@ -63,9 +63,6 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     refuted = refuted_by_one(design, demands, box.modelled.devices() if box and at_once else [design.device])
     if refuted is not None:
         return refuted
-    kind = design.device.kind
-    if kind.senses_force and kind.own_loop and not design.gains.closed:
-        return Outcome(Verdict.PROVED, 0)  # without gains nothing drives the device
     stable = prove_stable_in_middle(design, demands)
     if stable.verdict is not Verdict.PROVED:
         return stable
@@ -140,8 +137,8 @@ class Asked:
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
     """Prove Re 1/Z_c > factor R of an impedance display in any passive hand (model/README.md, section 15)."""
     uncertain = box.modelled.uncertain if box is not None else ()
-    if design.device.least_damping == 0:
-        return Outcome(Verdict.REFUTED, 0, pi / design.device.sample_time)  # R is infinite
+    if (undamped := _undamped(design, demands)) is not None:
+        return undamped
 
     def tests(part: Part, fixed: Values) -> list[Test]:
         margin, size = any_hand_margins(demands, uncertain, part.delays)
@@ -151,11 +148,25 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
     return _and_without_reserve(found, prove_any_hand, design, demands, box)
 
 
+def _undamped(design: Design, demands: Demands) -> Outcome | None:
+    """Return the outcome for a motor without damping, whose responses in all passive hands have no bound: at no
+    frequency if the device is rigid, else at rest; None for a motor with damping."""
+    device = design.device
+    if device.structure is None and device.least_damping == 0:
+        return Outcome(Verdict.REFUTED, 0, pi / device.sample_time)
+    if device.structure is None or device.damping > 0:
+        return None
+    near = (pi * off for off in NEAR_ENDS)
+    theta = next((each for each in near if _fails_at(design, demands, None, each)), None)
+    verdict = Verdict.UNDECIDED if theta is None else Verdict.REFUTED
+    return in_rad_per_s(Outcome(verdict, 0, theta or pi * NEAR_ENDS[-1]), device)
+
+
 def prove_wall_in_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
     """Prove the coupling as a wall in any passive hand (model/README.md, section 15)."""
     uncertain = box.modelled.uncertain if box is not None else ()
-    if design.device.least_damping == 0:
-        return Outcome(Verdict.REFUTED, 0, pi / design.device.sample_time)
+    if (undamped := _undamped(design, demands)) is not None:
+        return undamped
     ends = _ends(None, box, uncertain)
     if design.device.structure is not None:  # else a weaker wall is stable if this one is: the margin is concave
         ends[COUPLING_SHARE] = np.zeros(1), np.ones(1)
@@ -321,7 +332,8 @@ def _ends(
     least, most = (stacked(each).by_key if each else {} for each in (low, high))
     ends = {key: (least[key], most[key]) for key in least}
     if limp:
-        ends |= {SHARES[0]: (np.zeros(1), np.zeros(1)), SHARES[1]: (np.zeros(1), np.ones(1))}  # without an integrator
+        spring = np.sign([hands.high.stiffness]) if hands is not None else np.ones(1)
+        ends |= {SHARES[0]: (np.zeros(1), np.zeros(1)), SHARES[1]: (np.zeros(1), spring)}  # without an integrator
     if reserve is not None:
         ends[COUPLING_SHARE] = np.array([nextafter(1 / reserve, 0.0)]), np.ones(1)
     if box is not None:

@@ -16,7 +16,6 @@ import numpy as np
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains
-from vctune.model.hands import NEGLIGIBLE
 from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.units import KEYS, keys_of
@@ -290,10 +289,7 @@ def hand_turns(covered: Covered) -> Turns:
     assert hands is not None
     middle, curve, limit = hands.middle, attrgetter("poles_in_hand"), None
     held = covered.demands.rigid or (kind.senses_force and covered.integral)  # by a spring of the firmware
-    if hands.high.stiffness <= NEGLIGIBLE and kind.own_loop and not held:
-        # Without stiffness one pole is at z = 1. With a little, which doubles do not show, it is inside if no other is
-        # outside.
-        middle = replace(middle, stiffness=0.0)
+    if hands.high.stiffness == 0 and kind.own_loop and not held:  # a free position has its pole at z = 1
         curve, limit = attrgetter("poles_in_limp_hand"), attrgetter("limp_hand")
     there = replace(covered, fixed={**covered.fixed, **middle.mapped(decimal).by_key})
     return turns(there, curve, Covered.around_circle, pi, limit=limit)
@@ -330,7 +326,7 @@ def prove_conditions(design: Design, demands: Demands, box: DeviceBox | None) ->
     """Prove Llewellyn's conditions on the band for every device of the box."""
     low, high = outwards(demands.band)
     if not design.gains.closed and (box is None or box.nominal.unmodelled is None):
-        return _without_loop(design, low)
+        return _without_loop(design, demands, low)
     covered = of_design(design, demands, box)
     failure = partial(_conditions_fail, design, demands)
     return _outcome(covered, conditions(covered, low, high), failure)
@@ -422,10 +418,11 @@ def _exact_plant(device: Device) -> PlantLetGo:
     return plant_let_go(device.converted(decimal), whole, ENCLOSURES, fractional=fraction > 0)
 
 
-def _without_loop(design: Design, low: float) -> Outcome:
-    """Return the outcome of the conditions without feedback, where R = 0: damping and Re Z_c must be positive."""
+def _without_loop(design: Design, demands: Demands, low: float) -> Outcome:
+    """Return the outcome of the conditions without feedback, where R = 0: the damping must be positive, and Re Z_c if
+    environments are behind it."""
     coupling = design.series
-    resistive = coupling.drag > 0 or (0 < coupling.damping < inf and coupling.mass > 0)
+    resistive = demands.alone or coupling.drag > 0 or (0 < coupling.damping < inf and coupling.mass > 0)
     holds = design.device.least_damping > 0 and resistive
     return Outcome(Verdict.PROVED, 1) if holds else Outcome(Verdict.UNDECIDED, 1, low)
 
