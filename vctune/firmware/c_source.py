@@ -6,7 +6,7 @@ from dataclasses import astuple
 from typing import Any
 
 from vctune.firmware.firmware import Firmware, certified, comment, literal
-from vctune.firmware.preamble import statement
+from vctune.firmware.preamble import rendered, statement
 from vctune.model.numbers.units import OF_KEYS, SYMBOLS
 
 # Symbol and quantity of each coefficient that is a constant of the C code
@@ -71,7 +71,7 @@ def variables(firmware: Firmware) -> dict[str, Any]:
         "problem_sha256": firmware.problem_sha256,
         "design_sha256": firmware.design_sha256,
         "proved": certified(firmware),
-        "wall": firmware.record.certificate is not None and firmware.record.certificate.wall is not None,
+        **{name: "\n".join(f" * {line}" for line in comment(text)) for name, text in rendered(firmware).items()},
         "units": units,
         "system": SYSTEM[device.units],
         "limited": limited,

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from vctune.document.records.certificate_json import ENVIRONMENTS
 from vctune.firmware.firmware import Firmware, certified
 from vctune.model.device import Device
-from vctune.model.numbers.units import Units
+from vctune.model.numbers.units import Units, in_full
 from vctune.model.parts import PARTS
 from vctune.version import __version__
 
@@ -69,6 +70,43 @@ def assumptions(firmware: Firmware) -> list[str]:
         "operation.",
         *_left_to_caller(device, units),
     ]
+
+
+def rendered(firmware: Firmware) -> dict[str, str]:
+    """Return which environments the proved claims cover, and what of the built-in ones by either rule, in words."""
+    certificate, units = firmware.record.certificate, firmware.units
+    mass = units.mass_name
+    if certificate is None or not certified(firmware):
+        return dict.fromkeys(("covered", "backward", "trapezoidal"), "No environment is proved.")
+    if certificate.wall is not None:
+        covered = (
+            "The certificate holds with an environment that returns v_e = 0 alone: the coupling is then a wall, always "
+            "in contact."
+        )
+        return {"covered": covered, "backward": "Not proved.", "trapezoidal": "Not proved."}
+    hands = certificate.hands
+    if hands is None and any(claim.id == "alone" for claim in certificate.claims):
+        return {"covered": "The certificate holds with nothing behind, f_e = 0, alone."} | dict.fromkeys(
+            ("backward", "trapezoidal"), "Not proved."
+        )
+    if hands is None or hands.worlds is None:
+        stepped = f"{units.translated('a mass')} that is stepped explicitly is not"
+        return {
+            "covered": f"The certificate holds {ENVIRONMENTS}: {stepped}.",
+            "backward": "It stays passive however stiff it is, also as a wall.",
+            "trapezoidal": "It is passive; a wall by this rule is not.",
+        }
+    covered = f"The certificate holds {hands.environments(units)}, stepped by the trapezoidal rule, and with no other."
+    wall = f" but for a wall without {mass} and damping" if hands.walls is not None else ""
+    low, high = hands.worlds["mass"]
+    most = "" if high is None else f" and at most {in_full(high)} {units.mass}"
+    least = f"a {mass} of at least {in_full(low or 0.0)} {units.mass}{most}"
+    walls = "also as a wall without damping" if hands.walls is not None else "not as a wall"
+    return {
+        "covered": covered,
+        "backward": f"Not proved{wall}: by this rule {mass} and spring are other environments.",
+        "trapezoidal": f"Proved within the box: {least}; {walls}.",
+    }
 
 
 def _left_to_caller(device: Device, units: Units) -> list[str]:

@@ -133,6 +133,15 @@ class Device:
         return self.mass if self.structure is None else self.mass - self.structure.handle_mass
 
     @property
+    def counted_on(self) -> LeastOperator | None:
+        """What a proof of any passive hand counts on in every hand. An impedance display may meet any mass, and the
+        bound of a flexible one counts on nothing."""
+        if self.operator is None or not self.kind.inverse:
+            return self.operator
+        damping = self.operator.damping
+        return None if self.structure is not None or damping == 0 else LeastOperator(0.0, damping)
+
+    @property
     def least_damping(self) -> Number:
         """b + b_h, the damping of the device in the hand of its least operator, N s/m."""
         return self.damping if self.operator is None else self.damping + self.operator.damping

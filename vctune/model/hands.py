@@ -11,7 +11,7 @@ import numpy as np
 
 from vctune.model.fields import Real, record
 from vctune.model.numbers.arithmetic import Number
-from vctune.model.numbers.units import Units
+from vctune.model.numbers.units import Units, in_full
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +28,16 @@ class LeastOperator:
 
     mass: Number
     damping: Number
+
+    def in_words(self, units: Units) -> str:
+        """Return "at least ..." with the parameters that are not 0."""
+        parts = ((self.mass, units.mass), (self.damping, units.damping))
+        return f"at least {' and '.join(f'{in_full(number)} {unit}' for number, unit in parts if number)}"
+
+
+def passive_hand(least: LeastOperator | None, units: Units) -> str:
+    """Return "any passive hand", with what the proof counts on in every hand."""
+    return "any passive hand" if least is None else f"any passive hand of {least.in_words(units)}"
 
 
 @record
@@ -117,8 +127,9 @@ class Hands:
         """Return the box in words with units. The text omits numbers that are 0 in all hands of the box."""
         known = [(name, *ends) for name, ends in self.ranges.items() if ends[1] > 0]
         if not known or self.low == self.high:
-            return self.low.in_words(units)
-        return ", ".join(f"{low:g} to {high:g} {units.of(QUANTITIES[name])}" for name, low, high in known)
+            parts = self.low.numbers.items()
+            return ", ".join(f"{in_full(number)} {units.of(QUANTITIES[name])}" for name, number in parts)
+        return ", ".join(f"{in_full(low)} to {in_full(high)} {units.of(QUANTITIES[name])}" for name, low, high in known)
 
     @property
     def ranges(self) -> dict[str, tuple[Number, Number]]:

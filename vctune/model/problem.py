@@ -9,7 +9,7 @@ from typing import Literal
 from vctune.model.device import Device
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand, Hands, passive_hand
 from vctune.model.numbers.units import UNITS, Units, hertz
 from vctune.model.transparency import TERMS, TermName, Terms
 from vctune.model.worlds import Worlds, WorldsMet
@@ -177,6 +177,11 @@ class Problem:
     def any_hand(self) -> bool:
         """Whether the problem requires any passive hand at every frequency, on an impedance display."""
         return self.stability.criterion != "hands" and not self.device.kind.banded
+
+    @property
+    def passive_hand(self) -> str:
+        """The hands of a claim about any passive hand, in words."""
+        return passive_hand(self.device.counted_on, self.units)
 
     @property
     def hands_met(self) -> Hands | None:

@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass, replace
 from math import inf
 
 from vctune.model.numbers.arithmetic import Number
-from vctune.model.numbers.units import Units
+from vctune.model.numbers.units import Units, in_full
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +50,8 @@ class Worlds:
     def in_words(self, units: Units) -> str:
         """Return "every environment of ..." with units. The text omits limits that exclude nothing."""
         if self.exact and self.high.mass == 0 == self.low.damping:
-            own = (
-                f"its spring of {self.high.stiffness:g} {units.stiffness} and" if self.high.stiffness else "nothing or"
-            )
+            spring = f"its spring of {in_full(self.high.stiffness)} {units.stiffness} and"
+            own = spring if self.high.stiffness else "nothing or"
             return f"{own} any damper behind it"
         ranges = [
             _range(low, high, unit)
@@ -86,10 +85,10 @@ EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))
 
 def _range(low: Number, high: Number, unit: str) -> str:
     if low == high:
-        return f"{low:g} {unit}"
+        return f"{in_full(low)} {unit}"
     if high < inf:
-        return f"up to {high:g} {unit}" if low == 0 < high else f"{low:g} to {high:g} {unit}"
-    return f"at least {low:g} {unit}" if low > 0 else ""
+        return f"up to {in_full(high)} {unit}" if low == 0 < high else f"{in_full(low)} to {in_full(high)} {unit}"
+    return f"at least {in_full(low)} {unit}" if low > 0 else ""
 
 
 @dataclass(frozen=True, slots=True)

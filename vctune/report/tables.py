@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import NamedTuple
 
 from vctune.analysis.demands import ratio_minima, unmodelled_maxima
@@ -82,7 +81,7 @@ def _band(label: str, ends: tuple[float, float], note: str) -> Line:
 
 
 def _hands(problem: Problem) -> list[Line]:
-    lines, least, units = [], problem.device.operator, problem.units
+    lines, units = [], problem.units
     if problem.hands_met is not None:
         lines.append(Line("every hand", "", "", "of this box, at every frequency"))
         for name, (low, high) in problem.hands.ranges.items():
@@ -90,14 +89,12 @@ def _hands(problem: Problem) -> list[Line]:
     if problem.worlds is not None:
         lines.append(Line(f"with {problem.worlds.in_words(units)}", ""))
     if problem.any_hand:
-        lines.append(Line("any passive hand", "", "", "at every frequency"))
+        lines.append(Line(problem.passive_hand, "", "", "at every frequency"))
     if problem.rigid:
         lines.append(Line("the coupling is a wall", "", "", "its far end does not move"))
     if problem.passive:
         behind = " with nothing behind" if problem.alone else ""
-        lines.append(Line(f"any passive hand{behind}", "", "", "on the stability band"))
-        for name, number in (asdict(least) if least is not None else {}).items():
-            lines.append(Line(f"that has at least the {units.translated(name)}", *quantity(number, units.of(name))))
+        lines.append(Line(f"{problem.passive_hand}{behind}", "", "", "on the stability band"))
     return lines
 
 

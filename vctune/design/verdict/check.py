@@ -27,7 +27,8 @@ from vctune.document.reading import GainsFile, ProblemFile, require_gains_of
 from vctune.document.records.design_json import Repair
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake, Note
-from vctune.model.numbers.units import SYMBOLS, UNITS
+from vctune.model.hands import passive_hand
+from vctune.model.numbers.units import SYMBOLS, UNITS, hertz, in_full
 from vctune.model.problem import Problem
 from vctune.model.worlds import Worlds
 from vctune.proof.certificate import certify
@@ -181,16 +182,18 @@ def check_message(judgement: Judgement) -> str:
 
 def _proved(judgement: Judgement) -> str:
     demands, units = judgement.certificate.demands, UNITS[judgement.device.units]
-    low, high = (edge / (2 * pi) for edge in demands.band)
-    behind = " in any passive hand with nothing behind" if demands.alone else ""
-    where = [f"from {low:.6g} to {high:.6g} Hz{behind}"] if demands.passive else []
-    where += ["in any passive hand up to Nyquist"] if demands.any_hand else []
+    low, high = (f"{hertz(edge):.12g}" for edge in demands.band)
+    hand = passive_hand(judgement.device.counted_on, units)
+    behind = f" in {hand}" if demands.alone or judgement.device.counted_on else ""
+    behind += " with nothing behind" if demands.alone else ""
+    where = [f"from {low} to {high} Hz{behind}"] if demands.passive else []
+    where += [f"in {hand} up to Nyquist"] if demands.any_hand else []
     where += ["against a rigid world"] if demands.rigid else []
     if demands.hands is not None:
         worlds = f" with {demands.worlds.in_words(units)}" if demands.worlds else ""
         where += [f"in every hand of {demands.hands.in_words(units)}{worlds} up to Nyquist"]
-    limits = [f"safety factor {demands.factor:g}"]
-    limits += [f"|S| at most {demands.max_sensitivity:g}"] if judgement.kind.own_loop else []
+    limits = [f"safety factor {in_full(demands.factor)}"]
+    limits += [f"|S| at most {in_full(demands.max_sensitivity)}"] if judgement.kind.own_loop else []
     return f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, {', '.join(limits)}"
 
 

@@ -50,6 +50,7 @@ from vctune.document.text.errors import Note
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.hands import Hand
 from vctune.model.loop.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import finite_hertz, hertz
@@ -176,6 +177,7 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
         "any_hand": any_hand,
         "wall": _wall(problem, judgement),
         "whole_sample": _beside(problem, judgement),
+        "least_hand": _least_hand(problem),
     }
     return {
         "gains": gains,
@@ -251,6 +253,12 @@ def _wall(problem: Problem, judgement: Judgement) -> WallRecord | None:
     )
 
 
+def _least_hand(problem: Problem) -> Hand | None:
+    """Return what the proof of any passive hand counts on in every hand; None for nothing."""
+    least = problem.device.counted_on if problem.passive or problem.any_hand else None
+    return None if least is None else Hand(least.mass, least.damping, 0.0)
+
+
 def _beside(problem: Problem, judgement: Judgement) -> WholeSampleRecord | None:
     """Return the record of the design with a delay of a whole number of samples, if the delay is near such a value."""
     if not (beside := judgement.certificate.beside):
@@ -266,7 +274,7 @@ def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
     for claim, outcome in judgement.certificate.outcomes.items():
         device = None if outcome.device is None else device_record(outcome.device, problem)
         also = {"cut": outcome.cut or None, "witness_device": device, "witness_hand": outcome.hand}
-        said, witness = CLAIMS[claim].said_of(problem.device.kind), finite_hertz(outcome.witness)
+        said, witness = CLAIMS[claim].said_of(problem.device.kind, problem.passive_hand), finite_hertz(outcome.witness)
         more: dict[str, Any] = _present(also)
         found.append(ClaimRecord(id=claim, claim=said, verdict=outcome.verdict.value, witness_hz=witness, **more))
     return found

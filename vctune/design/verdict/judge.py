@@ -31,7 +31,7 @@ from vctune.design.search.worst import loudest, worst_inside
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand, Hands, passive_hand
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.units import UNITS, Units, hertz
 from vctune.model.problem import Demands, Problem
@@ -219,8 +219,9 @@ class Judgement:
         """The claims that are not proved, in words: each with its verdict, its place, and the device on which it
         fails."""
         units, kind = UNITS[self.device.units], self.kind
+        hand = passive_hand(self.device.counted_on, units)
         return [
-            f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(kind)}{CUT * found.cut}"
+            f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(kind, hand)}{CUT * found.cut}"
             for claim, found in self.certificate.outcomes.items()
             if found.verdict is not Verdict.PROVED
         ]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import inf, radians
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from pydantic import Field
 
 from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof, Row, text
 from vctune.model.fields import Shown
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand, Hands, LeastOperator, passive_hand
 from vctune.model.numbers.units import Units
 from vctune.model.parts import Unmodelled
 from vctune.model.worlds import World, Worlds
@@ -151,7 +151,9 @@ class AnyHandRecord(DisplayPart):
     worst_hz: Number
     boxes: int
 
-    promise: ClassVar[str] = f"in any passive hand, {ENVIRONMENTS}, at every frequency"
+    def promise(self, hand: str) -> str:
+        """Return the claim in words, of a hand in words. The function does not check the verdict."""
+        return f"in {hand}, {ENVIRONMENTS}, at every frequency"
 
 
 class WallRecord(Part):
@@ -167,20 +169,20 @@ class WallRecord(Part):
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the verdict with the hands, and the least multiple of the wall that is unstable."""
         verdict, limit = super().rows(units)
-        yield verdict._replace(unit=self.hands(units))
+        yield verdict._replace(unit="" if self.box is None else self.hands("", units))
         hand = "" if self.worst_hand is None else f" in the hand of {self.worst_hand.in_words(units)}"
         yield limit._replace(unit=limit.unit + hand)
 
-    def hands(self, units: Units) -> str:
-        """Return the hands of the claim in words."""
+    def hands(self, passive: str, units: Units) -> str:
+        """Return the hands of the claim in words, if it is one of any passive hand with its own words."""
         if self.box is None:
-            return "in any passive hand"
+            return f"in {passive}"
         hands = Hands(*(Hand(**{name: ends[k] for name, ends in self.box.items()}) for k in (0, 1)))
         return f"in every hand of {hands.in_words(units)}"
 
-    def promise(self, units: Units) -> str:
+    def promise(self, passive: str, units: Units) -> str:
         """Return the claim in words. The function does not check the verdict."""
-        return f"{self.hands(units)}, with its coupling as a wall, at every frequency"
+        return f"{self.hands(passive, units)}, with its coupling as a wall, at every frequency"
 
 
 class WholeSampleRecord(Part):
@@ -206,6 +208,12 @@ class CertificateRecord(DisplayPart):
     any_hand: AnyHandRecord | None = None
     wall: WallRecord | None = None
     whole_sample: WholeSampleRecord | None = None  # verdict beside a delay of a whole number of samples
+    least_hand: Hand | None = None  # what the proof of any passive hand counts on in every hand; null for nothing
+
+    def passive_hand(self, units: Units) -> str:
+        """Return the hands of a claim about any passive hand in words."""
+        least = self.least_hand
+        return passive_hand(None if least is None else LeastOperator(least.mass, least.damping), units)
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, including the rows of unproved claims and, if there is a band, the rows of the band."""

@@ -221,15 +221,18 @@ class DesignRecord(Document):
         hands = [f"stable{without} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
         band = self.certificate.band_hz
         place = (
-            None if band is None else f"from {text(band[0])} to {text(band[1])} Hz, as far as the frequency model goes"
+            None
+            if band is None
+            else f"from {text(band[0], 12)} to {text(band[1], 12)} Hz, as far as the frequency model goes"
         )
         alone = any(claim.id == "alone" for claim in self.certificate.claims)
-        stable = "stable in any passive hand with nothing behind" if alone else "absolutely stable in any passive hand"
+        hand = self.certificate.passive_hand(self.units)
+        stable = f"stable in {hand} with nothing behind" if alone else f"absolutely stable in {hand}"
         passive = [f"{stable} {place}"] if place else []
         if self.certificate.any_hand:
-            passive = [f"stable{without} {self.certificate.any_hand.promise}"]
+            passive = [f"stable{without} {self.certificate.any_hand.promise(hand)}"]
         if self.certificate.wall:
-            passive = [f"stable {self.certificate.wall.promise(self.units)}"]
+            passive = [f"stable {self.certificate.wall.promise(hand, self.units)}"]
         return "; ".join([*hands, *passive])
 
     @property

@@ -11,6 +11,11 @@ from types import MappingProxyType
 from typing import Literal
 
 
+def in_full(number: float) -> str:
+    """Return a number of a proved range with all its digits: rounded, the range might be wider than what is proved."""
+    return repr(float(number)).removesuffix(".0")
+
+
 def hertz(omega: float) -> float:
     """Return an angular frequency in hertz."""
     return float(f"{omega / (2 * pi):.12g}")

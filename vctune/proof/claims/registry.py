@@ -34,7 +34,7 @@ class Claim:
     """A statement about a design that a certificate proves or refutes."""
 
     id: ClaimId  # public name in design.json; once a file contains it, it never changes
-    sentence: str  # the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
+    sentence: str  # the statement; {couples} stands for Z_c or 1/Z_c, {passive} for "any passive hand"
     quantity: Quantity  # the limited quantity, by the name that the search's constraints use
     margin: str
     witness: str  # description of the place where the claim fails
@@ -42,9 +42,9 @@ class Claim:
     explain: str  # meaning of the claim for the reader
     asked: Callable[[Demands, DeviceBox | None], bool]
 
-    def said_of(self, kind: Display) -> str:
-        """Return the claim's statement about a kind of display."""
-        return self.sentence.format(couples=kind.couples)
+    def said_of(self, kind: Display, passive: str = "any passive hand") -> str:
+        """Return the claim's statement about a kind of display, with any passive hand in words."""
+        return self.sentence.format(couples=kind.couples, passive=passive)
 
 
 # All claims, in the order of a certificate
@@ -60,8 +60,9 @@ CLAIMS: dict[ClaimId, Claim] = {
             label="any passive hand, on the band",
             explain=(
                 "Llewellyn's conditions hold in the frequency model, which has no aliasing. At every frequency of the "
-                "stability band the device is stable in any passive hand with every passive environment. Outside the "
-                "band such a hand can make it oscillate."
+                "stability band the device is stable in any passive hand with every passive environment. If "
+                "`operator.mass.min` or `operator.damping.min` is above 0, every hand must contain them: the proof "
+                "counts on them. Outside the band such a hand can make it oscillate."
             ),
             asked=lambda demands, _: demands.passive and not demands.alone,
         ),
@@ -135,16 +136,16 @@ CLAIMS: dict[ClaimId, Claim] = {
         ),
         Claim(
             id="any_hand",
-            sentence=(
-                "stable in any passive hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist"
-            ),
+            sentence=("stable in {passive} with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist"),
             quantity="in_hand",
             margin="proof.claims.margins_of_claims.any_hand_margin",
             witness="a frequency up to Nyquist",
             label="any passive hand, at every frequency",
             explain=(
                 "An impedance display is stable in any passive hand with every environment that is passive as it "
-                "runs. The claim is about the exact sampled loop, including aliasing."
+                "runs. If `operator.damping.min` is above 0, every hand must have at least this damping: the proof "
+                "counts on it, and the device may be unstable in other hands and when nobody holds it. The claim is "
+                "about the exact sampled loop, including aliasing."
             ),
             asked=lambda demands, _: demands.any_hand and not demands.rigid,
         ),
@@ -202,7 +203,7 @@ CLAIMS: dict[ClaimId, Claim] = {
         ),
         Claim(
             id="wall_in_any_hand",
-            sentence="stable in any passive hand against a wall of 1 to safety_factor times the coupling",
+            sentence="stable in {passive} against a wall of 1 to safety_factor times the coupling",
             quantity="in_hand",
             margin="proof.claims.margins_of_claims.any_hand_before_wall",
             witness="a frequency up to Nyquist",
@@ -210,7 +211,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             explain=(
                 "The coupling of an impedance display ends in a rigid world, so that it is a wall that is always in "
                 "contact. The device is stable in any passive hand: the condition of Colgate and Schenkel, exact with "
-                "delays, filters and actuator."
+                "delays, filters and actuator. If `operator.damping.min` is above 0, every hand must have at least "
+                "this damping: the proof counts on it."
             ),
             asked=lambda demands, _: demands.any_hand and demands.rigid,
         ),
