@@ -65,6 +65,9 @@ def felt_impedance(
     beyond = None
     if environment is not None and (gains.closed or device.servo is not None):
         beyond = _complex(coupling_impedance(coupling, omega)) + environment
+        if device.servo is not None and device.servo.stiffness is not None:  # pulls on the measured position
+            drive = device_response(device, omega, FLOATS).drive
+            beyond = beyond + device.servo.stiffness * (drive.re / (1j * omega) - drive.lag)
     return impedance_at_handle(device, gains, omega, beyond)
 
 

@@ -18,6 +18,11 @@ class World:
     damping: Number  # b, N s/m, >= 0; inf for no limit
     stiffness: Number  # k, N/m, >= 0; inf for no limit
 
+    def in_words(self, units: Units) -> str:
+        """Return the parameters that are not 0, with units; "nothing" without any."""
+        parts = ((self.mass, units.mass), (self.damping, units.damping), (self.stiffness, units.stiffness))
+        return ", ".join(f"{in_full(number)} {unit}" for number, unit in parts if number) or "nothing"
+
     def in_units(self, impedance: float, time: float) -> World:
         """Return the environment in other units of impedance and time."""
         return World(self.mass / (impedance * time), self.damping / impedance, self.stiffness * time / impedance)

@@ -20,6 +20,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import finite_hertz
 from vctune.model.problem import Problem
 from vctune.model.servo import LATENCY_PARTS, latency
+from vctune.model.worlds import World
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.outcome import Verdict
@@ -99,26 +100,30 @@ def _floored(stiffness: float) -> float:
 def in_hand_record(problem: Problem, judgement: Judgement) -> InHandRecord:
     """Return what the hand feels of a design."""
     gains, coupling, device, objective = judgement.gains, judgement.coupling, problem.device, problem.transparency
-    found: dict[str, bool | float] = {}
+    found: dict[str, bool | float | str] = {}
     if device.kind.own_loop and not device.kind.inverse and gains.closed:
         found["limp"] = gains.position < objective.reference_impedance * objective.band.min
     if problem.nyquist > (omega := 2 * pi * FREE_HZ[0]):
-        free = _felt(problem, gains, coupling, omega)
+        least = problem.worlds.low if problem.worlds is not None else None
+        free = _felt(problem, gains, coupling, omega, least)
+        found |= {} if least is None else {"behind": least.in_words(problem.units)}
         found |= {"mass_1hz": free.imag / omega, "damping_1hz": free.real}
         if device.servo is None:
             found["bare_mass_1hz"] = _felt(problem, *NO_LOOP, omega).imag / omega
     wall = problem.worlds.high.stiffness if problem.worlds is not None and problem.worlds.walls else inf
     if wall < inf and problem.nyquist > (omega := 2 * pi * WALL_HZ):
-        found |= {"felt_wall_10hz": -omega * _felt(problem, gains, coupling, omega, wall).imag, "wall": wall}
+        felt = _felt(problem, gains, coupling, omega, World(0.0, 0.0, wall))
+        found |= {"felt_wall_10hz": -omega * felt.imag, "wall": wall}
     if device.velocity is not None and device.velocity.resolution is not None:
         found["count"] = device.velocity.resolution * _stiffness_of_a_count(gains, coupling, device.sample_time)
     return InHandRecord.model_validate(found)
 
 
-def _felt(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: float, wall: float = 0.0) -> complex:
-    """Return the impedance that the hand feels in front of a virtual spring, N s/m."""
-    at = np.array([omega])
-    return complex(felt_impedance(problem.device.bare, gains, coupling, at, wall / (1j * at))[0])
+def _felt(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: float, world: World | None = None) -> complex:
+    """Return the impedance that the hand feels in front of a virtual environment, N s/m."""
+    at, met = np.array([omega]), world or World(0.0, 0.0, 0.0)
+    environment = met.damping + 1j * at * met.mass + met.stiffness / (1j * at)
+    return complex(felt_impedance(problem.device.bare, gains, coupling, at, environment)[0])
 
 
 def _stiffness_of_a_count(gains: Gains, coupling: AnyCoupling, sample_time: float) -> float:

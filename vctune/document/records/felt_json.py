@@ -24,6 +24,7 @@ class InHandRecord(Part):
     mass_1hz: Number = None  # of free motion: with the design, and of the bare device
     damping_1hz: Number = None
     bare_mass_1hz: Number = None
+    behind: str | None = None  # the environment with which it is felt; null for nothing, without [environment]
     felt_wall_10hz: Number = None  # stiffness that is felt of the stiffest wall, and its own
     wall: Number = None
     count: Number = None  # force of one count of the encoder, N
@@ -33,6 +34,7 @@ class InHandRecord(Part):
         if self.mass_1hz is not None and self.damping_1hz is not None:
             value, unit = _weighed(self.mass_1hz, units)
             felt, bare = f"{unit} and {_short(self.damping_1hz)} {units.damping} at 1 Hz", self.bare_mass_1hz
+            felt += "" if self.behind is None else f" with {self.behind} behind"
             felt += "" if bare is None else f"; the bare device {' '.join(_weighed(bare, units))}"
             yield Row("feels like", value, felt)
         if self.felt_wall_10hz is not None and self.wall is not None:
@@ -51,7 +53,7 @@ def _weighed(mass: float, units: Units) -> tuple[str, str]:
 
 
 def _short(value: float) -> str:
-    return f"{float(text(value, 2)):g}"
+    return f"{float(text(value, 3 if abs(value) >= 100 else 2)):g}"
 
 
 class LatencyPartRecord(Part):
