@@ -49,8 +49,10 @@ def test_stable_is_not_rendered(written):
 
 
 def test_what_the_hand_feels_is_told(written):
-    """With all of its mass in the coupling's."""
-    assert re.search(r"feels like +0.3 +kg and [0-9.]+ N s/m at 1 Hz; the bare device 0.4 kg", written[1])
+    """With all of its mass in the coupling's, and with the lightest tool behind."""
+    assert re.search(
+        r"feels like +0.35 +kg and [0-9.]+ N s/m at 1 Hz with 0.05 kg behind; the bare device 0.4 kg", written[1]
+    )
 
 
 def test_the_force_of_a_count_is_resolution_over_T_times_K_v(written):

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from vctune.model.fields import LEAST
+from vctune.document.records.part import NOTHING
 from vctune.model.problem import Band
 from vctune.running import check_time
 
@@ -91,7 +91,7 @@ def _number(value: float | None, power: int, digits: int) -> str:
         return "none"
     if abs(value) == inf:
         return "∞" if value > 0 else "−∞"
-    scaled = float(f"{value / 10.0**power:.{digits}g}") if abs(value) >= LEAST else 0.0
+    scaled = float(f"{value / 10.0**power:.{digits}g}") if abs(value) >= NOTHING else 0.0
     if not scaled or 1e-3 <= abs(scaled) < 1e6:
         return plain(f"{scaled:.10g}")
     mantissa, _, exponent = f"{scaled:.{digits - 1}e}".partition("e")

@@ -11,9 +11,11 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_type_hints
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from vctune.model.display import DisplayName
-from vctune.model.fields import LEAST, Shown
+from vctune.model.fields import Shown
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
+
+NOTHING = 1e-20  # Size below which a number is 0 in a text
 
 
 class Row(NamedTuple):
@@ -30,7 +32,7 @@ def text(value: Any, digits: int = 5) -> str:
         low, high = ("inf" if edge is None else text(edge, digits) for edge in value)
         return f"{low} to {high}"
     if isinstance(value, float):
-        return f"{0.0 if abs(value) < LEAST else value:.{digits}g}"
+        return f"{0.0 if abs(value) < NOTHING else value:.{digits}g}"
     return "none" if value is None else str(value)
 
 

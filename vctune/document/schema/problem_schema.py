@@ -65,9 +65,11 @@ class UncertaintyTable(SharesTable):
 
     unmodelled: list[tuple[Positive, Positive]] = Field(
         default_factory=list,
-        description="Unmodelled dynamics, [[Hz, radius], ...]: a relative error of the device's response, at most the "
-        "radius at each frequency. vctune interpolates the radius linearly on logarithmic axes, and keeps it constant "
-        "below the first and above the last frequency.",
+        description="Unmodelled dynamics, [[Hz, radius], ...]: a relative error of the sampled response, from the held "
+        "command to the samples of motion or force, at most the radius at each frequency up to Nyquist. What is "
+        "unknown above Nyquist shows in it below. vctune interpolates the radius linearly on logarithmic axes, and "
+        "keeps it constant above the last frequency and below the first; of a servo it is proportional to the "
+        "frequency below the first.",
     )
     objective: Literal["nominal", "worst"] = Field(
         "nominal",

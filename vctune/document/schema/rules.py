@@ -308,6 +308,13 @@ def _unmodelled(raw: dict[str, Any]) -> Found:
     hz = [number_at(raw, *path, k, 0) for k in range(len(rows))]
     if any(b <= a for a, b in pairwise(at for at in hz if at is not None)) and None not in hz:
         yield path, "the frequencies do not increase; put them in order"
+    T, last = _sample_time(raw), max((at for at in hz if at is not None), default=0.0)
+    if T and last > 0.5 / T * (1 + 1e-12):
+        yield (
+            path,
+            f"{last:g} Hz is above the Nyquist frequency {0.5 / T:g} Hz: the disc is of the sampled response, in which "
+            "a higher frequency shows below it; state the radius there, and leave this row out",
+        )
     band, unknown = _table(raw, "stability").get("band_hz"), "cannot be proved of a response that is not known"
     if number_at(raw, "stability", "band_hz", 0) == 0:
         yield ("stability", "band_hz"), f"a band from 0 {unknown}; raise the edge"

@@ -63,6 +63,9 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     refuted = refuted_by_one(design, demands, box.modelled.devices() if box and at_once else [design.device])
     if refuted is not None:
         return refuted
+    kind = design.device.kind
+    if kind.senses_force and kind.own_loop and not design.gains.closed and not (demands.worlds or design.series.drag):
+        return Outcome(Verdict.UNDECIDED, 0, 0.0)  # R and Re Z_c are both 0 at rest, where the coupling's mass drifts
     stable = prove_stable_in_middle(design, demands)
     if stable.verdict is not Verdict.PROVED:
         return stable

@@ -127,7 +127,7 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a frequency up to Nyquist",
             label="unmodelled dynamics",
             explain=(
-                "By the small-gain theorem, no response of the mechanism within the radius of "
+                "By the small-gain theorem, no sampled response of the mechanism within the radius of "
                 "`uncertainty.unmodelled` around the modelled one makes the velocity loop unstable."
             ),
             asked=lambda demands, box: (
