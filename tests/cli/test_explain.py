@@ -37,3 +37,7 @@ def test_a_name_is_found_however_it_is_written(asked, kind, name):
 def test_a_name_that_there_is_not_is_told_the_nearest(tmp_path):
     done = run("explain", "devise.mass", cwd=tmp_path)
     assert done.returncode == 2 and "device.mass" in done.stderr
+
+
+def test_no_text_is_empty():
+    assert not [entry.name for entry in entries() if not entry.text.strip()]

@@ -141,7 +141,8 @@ def _keys(schema: dict[str, Any], guide: str) -> Iterator[Entry]:
 def _described(schema: dict[str, Any], table: dict[str, Any], path: str) -> Iterator[tuple[str, str]]:
     """Yield the keys in a table of a schema, each with its description and its default."""
     for name, entry in table["properties"].items():
-        form, key = entry.get("items", entry), f"{path}.{name}" if path else name
+        items, key = entry.get("items", {}), f"{path}.{name}" if path else name
+        form = items if {"$ref", "oneOf", "anyOf"} & items.keys() else entry  # of a list of tables, the table
         union = form.get("oneOf", form.get("anyOf", [form]))
         forms = [schema["$defs"][one["$ref"].rpartition("/")[2]] for one in union if "$ref" in one]
         # a number or a range is described by the key alone
