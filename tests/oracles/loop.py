@@ -37,6 +37,7 @@ class Loop:
     num: Arithmetic = field(default=DOUBLES)
     resonators: tuple[Triple, ...] = ()
     rule: Triple | None = None
+    delta: tuple[float, float] | None = None
 
     @property
     def kind(self) -> str:
@@ -177,6 +178,7 @@ class Memory:
             "p_c": 1,  # of the coupling's mass
             "p_e": 1,  # of the environment's
             "v_e": 1,
+            "delta": 1,
         }
         self.at, self.size = dict[str, slice](), 0
         for name, size in sizes.items():
@@ -224,6 +226,8 @@ def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> t
         a = loop.number("force_sensor", "filter_coefficient", 1.0)
         force = (1 - a) * get["firmware"][0] + a * get["readings"][0]
         new["firmware"] = num.array([force])
+        if "servo" in loop.device:
+            force = force - loop.number("servo", "stiffness") * x
         if given is not None:
             v_e, out = given, force
         elif loop.rule is not None:  # the acceleration of the velocity and the position of a sample ago
@@ -248,6 +252,11 @@ def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> t
         new["v_e"] = num.array([v_e])
     if loop.kind == "impedance" and given is not None:
         v_e = 0
+    if loop.delta is not None:
+        r, a = (num.number(x) for x in loop.delta)
+        passed = get["delta"][0] - a * command
+        new["delta"] = num.array([command + a * passed])
+        command = command + r * passed
     new["x_e"] = get["x_e"] + T * v_e
     new["p_e"] = num.array([2 * v_e - get["p_e"][0] if m else 0 * x])
     queue = [*get["commands"], command]
@@ -302,7 +311,7 @@ def matrix(loop: Loop, *, at_rest: bool = False) -> np.ndarray:
     whole, at = step(loop, one, 0 * one[0] if at_rest else None)[0], Memory(loop).at
     body, x_e, before = at["body"].start, at["x_e"].start, at["before"].start
     held, tied, hung = (
-        loop.hand[2] != 0,
+        loop.hand[2] != 0 or loop.device.get("servo", {}).get("stiffness", 0.0) != 0,
         loop.kind == "admittance" and loop.gains[1] != 0,
         (loop.world if loop.rule is None else loop.rule)[2] != 0 or at_rest,
     )
