@@ -186,7 +186,7 @@ class Memory:
             self.size += size
 
 
-def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> tuple[np.ndarray, Any]:  # noqa: PLR0915
+def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> tuple[np.ndarray, Any]:  # noqa: PLR0912, PLR0915
     """Return the memory one sample later, and what leaves the port; a memory's columns are as many loops at once.
 
     Parameters

@@ -1,9 +1,9 @@
 """Random problems half a per cent beside the limit of their sentence: what a computer steps grows, or does not.
 
-A limit is that of eigenvalues: of all places (a device, a hand, an environment of their boxes) one is sought at which the
-stepped loop still grows while a number makes it more stable. Where an environment may be any passive one, it is the
-spring or mass that takes away what is imaginary at some angle. Only the sum over aliases, of any passive hand, is not
-one of eigenvalues.
+A limit is that of eigenvalues: of all places (a device, a hand, an environment of their boxes) one is sought at
+which the stepped loop still grows while a number makes it more stable. Where an environment may be any passive
+one, it is the spring or mass that takes away what is imaginary at some angle. Only the sum over aliases, of any passive
+hand, is not one of eigenvalues.
 """
 
 from __future__ import annotations
@@ -16,16 +16,35 @@ from math import inf, pi, sqrt
 from typing import Any
 
 import numpy as np
+from arithmetic import DIGITS
 from kinds import (
-    NUMBERS, Rng, Tables, _number, admittance, angles, coupling_for, decades, decimal, delays_are_clear, gains_for,
-    hands_for, impedance, late, scaled, spring_for, stable_in, stated, triple, with_numbers,
+    NUMBERS,
+    Rng,
+    Tables,
+    _number,
+    admittance,
+    angles,
+    coupling_for,
+    decades,
+    decimal,
+    delays_are_clear,
+    gains_for,
+    hands_for,
+    impedance,
+    late,
+    scaled,
+    spring_for,
+    stable_in,
+    stated,
+    triple,
+    with_numbers,
 )  # fmt: skip
-from loop import Loop, offered, radius, seen, sensitivity, turn
+from loop import Loop, matrix, offered, radius, seen, sensitivity, turn
 from ros_controller import Arm, Rule
 from ros_controller import radius as radius_of_rule
 
-GROWS = 1 + 1e-8
-"""Greatest eigenvalue that may be a double pole on the circle, rounded."""
+GROWS, SIMPLE = 1 + 1e-8, 1 + 1e-11
+"""Greatest eigenvalue that may be a double or a simple pole on the circle, rounded."""
 NEAR = 0.005
 Floats = np.ndarray
 Place = Any
@@ -92,18 +111,22 @@ def grows_before_some(loop: Loop, r: float = 0.0, only: float | None = None) -> 
         Z_seen, Z_c = seen(loop, z), offered(loop, z)
         return (Z_c.real + Z_seen.real - r * abs(Z_seen)) / abs(Z_c.real)
 
-    theta = angles(dict(loop.device), 120)
+    theta = np.union1d(np.geomspace(3e-5, 1e-3, 25), angles(dict(loop.device), 120))
     for at in lowest(left, theta[theta < pi * (1 - 1e-6)]) if only is None else [only]:
         z, u = turn(loop, at), 2 / loop.device["sample_time"] * np.tan(at / 2)
         Z_seen, delta = complex(seen(loop, z)), None
-        if r:
+        if r and Z_seen:
             phase = -abs(Z_seen) / Z_seen
             sign, a = turned(z, phase)
             delta, Z_seen = (sign * r, a), Z_seen * (1 + r * phase)
         rest = (complex(offered(loop, z)) + Z_seen).imag
         reactance = 1 / rest if loop.kind == "impedance" else -rest
         world = (reactance / u, 0.0, 0.0) if reactance > 0 else (0.0, 0.0, -reactance * u)
-        if radius(moved(loop, world=world, delta=delta)) > GROWS:
+        if only is not None and radius(replace(loop, world=world, delta=delta, num=DIGITS)) > 1:
+            return True
+        poles = np.linalg.eigvals(matrix(moved(loop, world=world, delta=delta)))
+        own = np.abs(poles - np.exp(1j * at)) < 0.3 * at  # at low frequencies it grows slowly, and is a simple pole
+        if (np.abs(poles) > np.where(own, SIMPLE, GROWS)).any():
             return True
     return False
 
@@ -158,9 +181,14 @@ def limit_of(grows: Callable[[float, Floats], bool], size: int, rng: Rng, trials
 # ------------------------------------------------------------------ devices and their boxes
 
 
+def _short(x: float) -> float:
+    """Return a number with three digits, of which a few are as many samples of delay exactly."""
+    return float(f"{x:.3g}")
+
+
 def built(rng: Rng, *parts: str) -> Tables:
     """Return an admittance display with these parts alone."""
-    T, mass = decades(rng, -3.7, -2.7), decades(rng, -1.3, 1)
+    T, mass = _short(decades(rng, -3.7, -2.7)), decades(rng, -1.3, 1)
     device: Tables = {"mass": mass, "sample_time": T, "damping": decimal(mass / T * 10 ** rng.uniform(-4, -1.5))}
     sensor: Tables = {}
     for part in parts:
@@ -194,7 +222,7 @@ def built(rng: Rng, *parts: str) -> Tables:
 
 def servo(rng: Rng, *parts: str, order: int = 1) -> Tables:
     """Return a servo with these parts alone."""
-    T = decades(rng, -3, -2.2)
+    T = _short(decades(rng, -3, -2.2))
     whole = "whole samples" in parts
     late_by = float(rng.integers(0, 8)) if whole else float(rng.integers(0, 8) + rng.uniform(0.1, 0.9))
     table: Tables = {"delay": decimal(T * late_by), "bandwidth_hz": decades(rng, 0.5, 1.7), "order": order}
@@ -324,8 +352,8 @@ class Drawn:
 
     def tables(self, t: float) -> Tables:
         stability: Tables = {"criterion": "hands", "safety_factor": 1.0}
-        gains = None if "servo" in self.device else self.gains
-        if gains is not None:
+        gains = None if "servo" in self.device or self.rigid else self.gains
+        if "servo" not in self.device:
             stability["max_sensitivity"] = 1e6
         more: Tables = {}
         if self.rigid:
@@ -359,8 +387,7 @@ def _world(rng: Rng, scale: float, T: float, which: str) -> tuple[Floats, Floats
     low = np.array([mass * rng.choice([0.0, 0.1]), 0.0, stiff * rng.choice([0.0, 0.3])])
     high = np.array([mass, 3 * scale, stiff])
     if which == "exact":
-        low, high = high * np.array([1, 0.01, 1]), high
-        low[[0, 2]] = high[[0, 2]]
+        low = high * np.array([1, 0.01, 1])
     elif which == "nothing":
         low, high = 0 * low, high * np.array([0, 1, 0])
     elif which == "spring":
@@ -406,8 +433,14 @@ def _widths(rng: Rng, device: Tables, many: int) -> Tables:
 
 
 def of_servo(
-    rng: Rng, *parts: str, order: int = 1, number: str = "coupling", world: str = "", uncertain: int = 0, r: bool = False
-) -> Sentence:  # fmt: skip
+    rng: Rng,
+    *parts: str,
+    order: int = 1,
+    number: str = "coupling",
+    world: str = "",
+    uncertain: int = 0,
+    r: bool = False,
+) -> Sentence:
     """A vendor's servo in its hands."""
     while True:
         device = servo(rng, *parts, order=order)
@@ -435,7 +468,8 @@ def display(rng: Rng, *parts: str, rigid: bool = False) -> Sentence:
         device |= {k: v for k, v in extra.items() if k in ("velocity", "actuator", "structure", "mass", "sample_time")}
         device["damping"] = decimal(device["mass"] / device["sample_time"] * 10 ** rng.uniform(-3, -1.5))
         device["delay"] = decimal(device["sample_time"] * late(rng, 2))
-        gains, coupling = (decimal(device["damping"] * rng.choice([0.0, 0.5])), 0.0), spring_for(rng, device)
+        gains = (0.0 if rigid else decimal(device["damping"] * rng.choice([0.0, 0.5])), 0.0)
+        coupling = spring_for(rng, device)
         box = hands_for(rng, device["mass"], device["sample_time"])
         if stable_in(device, gains, box) and (found := Drawn(device, gains, coupling, box, rigid=rigid).at_limit(rng)):
             return found
@@ -470,7 +504,8 @@ def any_hand(rng: Rng, *parts: str, rigid: bool = False) -> Sentence:
         device["damping"] = decimal(device["mass"] / device["sample_time"] * 10 ** rng.uniform(-3, -1.5))
         whole = float(rng.integers(0, 3)) if "part of a sample" not in parts else float(rng.uniform(0.1, 1.9))
         device["delay"] = decimal(device["sample_time"] * whole)
-        K_v, coupling = decimal(device["damping"] * rng.choice([0.0, 0.3])), spring_for(rng, device)
+        K_v = 0.0 if rigid else decimal(device["damping"] * rng.choice([0.0, 0.3]))
+        coupling = spring_for(rng, device)
         theta = np.union1d(np.geomspace(1e-3, 3.141, 150), np.linspace(0.02, 3.141, 250))
         centre, around = disc_of_hands(device, theta)
         free = Loop(device, (K_v, 0.0), coupling)
@@ -484,8 +519,9 @@ def any_hand(rng: Rng, *parts: str, rigid: bool = False) -> Sentence:
         Y_c = offered(free, z)
         worst = (disc / (1 + K_v * smooth[:, None] * disc)).real.min(axis=1)
 
-        def grows(t: float, _: Any, Y: Any = Y_c, w: Any = worst, c: Any = centre, r: Any = around, F: Any = K_v * smooth
-        ) -> bool:  # fmt: skip
+        def grows(
+            t: float, _: Any, Y: Any = Y_c, w: Any = worst, c: Any = centre, r: Any = around, F: Any = K_v * smooth
+        ) -> bool:
             law = F + 1 / (Y * t)
             return bool((abs(1 + law * c) <= abs(law) * r).any() if rigid else (Y.real * t + w < 0).any())
 
@@ -497,7 +533,7 @@ def any_hand(rng: Rng, *parts: str, rigid: bool = False) -> Sentence:
     def tables(s: float) -> Tables:
         stability = {"criterion": "passive", "safety_factor": 1.0, "max_sensitivity": 1e6}
         more = {"environment": {"stiffness": inf}} if rigid else {}
-        return stated(device, (K_v, 0.0), scaled(coupling, 1 / (limit * s)), stability, more=more)
+        return stated(device, None if rigid else (K_v, 0.0), scaled(coupling, 1 / (limit * s)), stability, more=more)
 
     def at(s: float, *_: Any) -> bool:
         """Some hands: a spring, a mass, with up to two resonators."""
@@ -563,6 +599,22 @@ def alone(rng: Rng, what: str) -> Sentence:
     return Sentence(claim, tables, at, limit)
 
 
+def without_gains(rng: Rng) -> Sentence:
+    """A mass on the hand's spring, without a loop: without damping its poles are on the circle."""
+    T, mass, stiffness = _short(decades(rng, -3.7, -2.7)), decades(rng, -1.3, 1), decades(rng, 1, 3)
+    damping, box = decades(rng, -1, 0), np.array([0.0, 0.0, stiffness])
+
+    def tables(s: float) -> Tables:
+        device = {"mass": mass, "sample_time": T, "damping": damping if s > 1 else 0.0}
+        stability = {"criterion": "hands", "safety_factor": 1.0, "max_sensitivity": 1e6}
+        return stated(device, (0.0, 0.0), (1.0, 1.0, 1.0), stability, (box, box))
+
+    def at(s: float, *_: Any) -> bool:
+        return radius(Loop(tables(s)["device"], hand=triple(box)), at_rest=True) > 1 - 1e-10
+
+    return Sentence("", tables, at, 1.0)
+
+
 # ------------------------------------------------------------------ ROS 2
 
 
@@ -592,15 +644,17 @@ def ros(rng: Rng, *parts: str) -> Sentence:
             arm = Arm(T, device["servo"]["delay"], device["servo"]["bandwidth_hz"], device["servo"]["order"],
                       sensor["bandwidth_hz"], sensor["order"])  # fmt: skip
 
-        def spectral(t: float, hand: Any, d: Any = device, g: Any = gains, a: Any = arm, m: Any = mass, k: Any = stiffness,
-                     f: Any = coefficient, r: Any = rate) -> float:  # fmt: skip
+        def spectral(
+            t: float, hand: Any, d: Any = device, g: Any = gains, a: Any = arm, m: Any = mass, k: Any = stiffness,
+            f: Any = coefficient, r: Any = rate,
+        ) -> float:  # fmt: skip
             if a is not None:
                 return radius_of_rule(a, triple(hand), Rule(m, 0.0, k, r * t, f)) - 1e-7
             known = d | {"force_sensor": d.get("force_sensor", {}) | {"filter_coefficient": f}}
             return radius(Loop(known, g, hand=triple(hand), rule=(m, m * r * t, k)))
 
-        def grows(t: float, place: Any, of: Any = spectral, b: Any = box, r: Any = rate) -> bool:
-            return r * t < 0.9 / T and of(t, _between(b, place)) > GROWS
+        def grows(t: float, place: Any, of: Any = spectral, b: Any = box, r: Any = rate, d: Any = device) -> bool:
+            return r * t * d["sample_time"] < 0.9 and of(t, _between(b, place)) > GROWS
 
         limit = limit_of(grows, 3, rng, 300)
         if limit is None or not 1e-4 < limit * rate * T < 0.7:
@@ -641,6 +695,11 @@ SENTENCES: dict[str, Callable[[Rng], Sentence]] = {
     "one hand": lambda rng: own_loop(rng, "delay", exact="one"),
     "one hand without stiffness": lambda rng: own_loop(rng, "delay", exact="without stiffness"),
     "one hand of 1e-12": lambda rng: own_loop(rng, "delay", exact="one", unit=1e-12),
+    "one tiny hand without stiffness": lambda rng: own_loop(
+        rng, integrator=0.0, limp=True, exact="without stiffness", unit=1e-15
+    ),
+    "tiny, limp, no K_p": lambda rng: own_loop(rng, "delay", integrator=0.0, limp=True, unit=1e-13),
+    "no gains": without_gains,
     "drag": lambda rng: own_loop(rng, "part of a sample", "difference", number="drag"),
     "hand's stiffness": lambda rng: own_loop(rng, "delay", "filter", number="stiffness"),
     "uncertain": lambda rng: own_loop(rng, "part of a sample", uncertain=2),
