@@ -109,7 +109,12 @@ def grows_there(case: Sentence, side: float, found: Any) -> bool:
         hand = re.search(r"in the hand of (\S+) [^,]+, (\S+) [^,]+, (\S+) ", found)
         return hand is not None and case.grows(side, [float(x) for x in hand.groups()], None, 0.0)
     hand = (0.0, 0.0, 0.0) if found.hand is None else (found.hand.mass, found.hand.damping, found.hand.stiffness)
-    keys = case.tables(side).get("uncertainty", {}) if found.device is not None else {}
+    tables = case.tables(side)
+    if found.hand is not None and "operator" in tables:
+        ends = (tables["operator"][name] for name in ("mass", "damping", "stiffness"))
+        if not all(end["min"] * (1 - 1e-9) <= x <= end["max"] * (1 + 1e-9) for x, end in zip(hand, ends, strict=True)):
+            return False  # a hand that is not of the box
+    keys = tables.get("uncertainty", {}) if found.device is not None else {}
     numbers = [found.device.number(key) for key in keys if key != "unmodelled"]
     return case.grows(side, hand, numbers or None, found.witness or 0.0)
 

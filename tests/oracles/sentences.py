@@ -699,6 +699,8 @@ SENTENCES: dict[str, Callable[[Rng], Sentence]] = {
     "one hand": lambda rng: own_loop(rng, "delay", exact="one"),
     "one hand without stiffness": lambda rng: own_loop(rng, "delay", exact="without stiffness"),
     "one hand of 1e-12": lambda rng: own_loop(rng, "delay", exact="one", unit=1e-12),
+    "one hand of 1e-15": lambda rng: own_loop(rng, "part of a sample", exact="one", unit=1e-15),
+    "hand's stiffness, 1e-15": lambda rng: own_loop(rng, number="stiffness", unit=1e-15),
     "one tiny hand without stiffness": lambda rng: own_loop(
         rng, integrator=0.0, limp=True, exact="without stiffness", unit=1e-15
     ),
