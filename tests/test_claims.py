@@ -71,7 +71,7 @@ def tried(kind: str, numbers: range) -> Counter[str]:
     return counts
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in LONG])
+@pytest.mark.parametrize("kind", mostly_slow(KINDS, set(KINDS) - set(LONG)))
 def test_no_verdict_is_wrong(kind):
     counts = tried(kind, range(2))
     assert counts["undecided"] <= 1 and counts["proved"] and counts["refuted"], counts
