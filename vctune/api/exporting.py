@@ -16,7 +16,7 @@ from vctune.design.search.optimum import Progress
 from vctune.design.verdict.judge import Status
 from vctune.document.building import DesignSource, ProblemSource, design_for
 from vctune.document.building import problem as problem_of
-from vctune.document.reading import ProblemFile, parse_problem
+from vctune.document.reading import ProblemFile, stated_problem
 from vctune.document.reading import read_gains as read_gains
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.text import toml
@@ -188,13 +188,8 @@ def stated_design(
         raise InputError.of(name, "ambiguous-files", message, key="gains")
     if record.design is None:
         raise InputError.of(name, "no-design", f"nothing to export: {record.reason or record.status}", key="gains")
-    stated = record.problem
-    file = ProblemFile(parse_problem(stated.text, name, stated.name), stated.text, stated.name)
-    if file.sha256 != stated.sha256:
-        message = "does not belong to the problem's text: one of them was changed; solve the problem again"
-        raise InputError.of(name, "damaged-document", message, key="problem.sha256")
     walls = record.certificate and record.certificate.hands and record.certificate.hands.walls
-    return file, record.design, 2 * pi * walls.corner_hz if walls else None
+    return stated_problem(record.problem, name), record.design, 2 * pi * walls.corner_hz if walls else None
 
 
 def _c_files(file: ProblemFile, controller: Firmware, progress: Progress) -> Mapping[str, Content]:

@@ -150,11 +150,8 @@ def designed_in(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Ga
 
 
 def _record_in(folder: Path) -> DesignRecord | None:
-    """Return the record of the design in a folder; None if there is none that can be read."""
-    try:
-        return read_design(folder / DESIGN_FILE)
-    except InputError:
-        return None
+    """Return the record of the design in a folder; None if there is none."""
+    return read_design(folder / DESIGN_FILE) if (folder / DESIGN_FILE).exists() else None
 
 
 def _found(file: ProblemFile, solved: Solved) -> tuple[Gains, AnyCoupling]:

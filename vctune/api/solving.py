@@ -242,7 +242,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
     elif folder is None:
         raise InputError.of("folder", "bad-option", "is missing; name the folder of the report")
     else:
-        record, beside = design if isinstance(design, DesignRecord) else design_of(dict(design), "design"), Path(folder)
+        record, beside = design_of(dict(design) if isinstance(design, Mapping) else design, "design"), Path(folder)
     folder = beside if folder is None else Path(folder)
     make_folder(folder)
     draw(record, folder, simulation_beside(beside, record))
@@ -252,7 +252,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
 def known_record(source: Any) -> DesignRecord | None:
     """Read the record of a design from a file or an object. Return None if the source states a problem."""
     if isinstance(source, DesignRecord):
-        return source
+        return design_of(source, "design")
     if isinstance(source, str | Path) and Path(source).suffix == ".json":
         return read_design(Path(source))
     return design_of(dict(source), "design") if isinstance(source, Mapping) and "schema" in source else None

@@ -225,6 +225,15 @@ def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
         raise InputError(given.source, mistakes)
 
 
+def stated_problem(record: ProblemRecord, source: str) -> ProblemFile:
+    """Return the problem that a record states. Refuse a record whose digest is of another problem than its text."""
+    file = ProblemFile(parse_problem(record.text, source, record.name), record.text, record.name)
+    if file.sha256 != record.sha256:
+        message = "does not belong to problem.text: one of them was changed; solve the problem again"
+        raise InputError.of(source, "damaged-document", message, key="problem.sha256")
+    return file
+
+
 def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, what: str) -> None:
     """Check that a record is for the same kind of device as a problem."""
     table: Any = toml.parse(record.text, source).get("device")

@@ -43,6 +43,7 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
     plane, problem, stability = region.plane, file.problem, file.problem.stability
     damping = [None if np.isnan(b_c) else b_c for b_c in region.damping.tolist()]
     cells = zip(region.squares.T.tolist(), region.kinds.tolist(), damping, strict=True)
+    also: dict[str, Any] = {"interrupted": True} if region.interrupted else {}
     hands: dict[str, Any] = {}
     if problem.hands_met is not None:
         box = {name: list(ends) for name, ends in problem.hands.ranges.items()}
@@ -59,7 +60,7 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
             if index not in plane.axes
         },
         areas={kind.name.lower(): region.area(kind) for kind in Kind},
-        **({"interrupted": True} if region.interrupted else {}),
+        **also,
         designs=[DesignPoint(gains=gains, coupling=coupling) for gains, coupling in designs],
         edges=EdgesRecord(x=plane.edges[0].tolist(), y=plane.edges[1].tolist()),
         cells=[(*square, Kind(kind).name.lower(), b_c) for square, kind, b_c in cells],

@@ -272,7 +272,7 @@ def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
     """Return the record of each claim."""
     found = []
     for claim, outcome in judgement.certificate.outcomes.items():
-        device = None if outcome.device is None else device_record(outcome.device, problem)
+        device = None if outcome.device is None else device_record(outcome.device, problem, changed=True)
         also = {"cut": outcome.cut or None, "witness_device": device, "witness_hand": outcome.hand}
         said, witness = CLAIMS[claim].said_of(problem.device.kind, problem.passive_hand), finite_hertz(outcome.witness)
         more: dict[str, Any] = _present(also)
@@ -402,12 +402,13 @@ def solver_record(solved: Solved) -> dict[str, Any]:
     }
 
 
-def device_record(device: Device, problem: Problem) -> DeviceRecord:
-    """Return mass, damping and delay of a device, and its other parameters for which the problem states an
-    uncertainty."""
+def device_record(device: Device, problem: Problem, *, changed: bool = False) -> DeviceRecord:
+    """Return mass, damping and delay of a device, and its other parameters for which the problem states an uncertainty;
+    if `changed`, also those that differ from the problem's."""
     widths = dict(problem.uncertainty.half_widths) if problem.uncertainty is not None else {}
-    known = device.numbers()
-    others = {key: number for key, number in known.items() if "." in key and key in widths}
+    known, of_problem = device.numbers(), problem.device.numbers()
+    stated = {*widths, *(key for key in known if changed and known[key] != of_problem[key])}
+    others = {key: number for key, number in known.items() if "." in key and key in stated}
     found: dict[str, Any] = {"parts": others} if others else {}
     if device.unmodelled is not None and device.unmodelled.share > 0:
         share, phase = float(device.unmodelled.share), degrees(device.unmodelled.phase)

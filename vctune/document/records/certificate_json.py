@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof, Row, text
+from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof, Row, exact, how_shown, text
 from vctune.model.fields import Shown
 from vctune.model.hands import Hand, Hands, LeastOperator, passive_hand
 from vctune.model.numbers.units import Units
@@ -42,9 +42,11 @@ class DeviceRecord(Part):
     unmodelled: PerturbationRecord | None = None
 
     def in_words(self, units: Units) -> str:
-        """Return the parameters of the device in words, without a mass, a damping or a delay that is 0."""
-        numbers_in_words = [f"{row.value} {row.unit}" for row in self.rows(units) if float(row.value)]
-        parts_in_words = [f"{key} {text(number)}" for key, number in self.parts.items()]
+        """Return the parameters of the device in words, to the last digit, without a mass, a damping or a delay that
+        is 0."""
+        numbers = {shown.of: getattr(self, name) for name, shown in how_shown(DeviceRecord).items()}
+        numbers_in_words = [f"{exact(number)} {units.of(of)}" for of, number in numbers.items() if number]
+        parts_in_words = [f"{key} {exact(number)}" for key, number in self.parts.items()]
         perturbation = [] if self.unmodelled is None else [str(self.unmodelled)]
         return ", ".join([*numbers_in_words, *parts_in_words, *perturbation])
 

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
+from math import isclose, isfinite
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from vctune.analysis.demands import transparency_error
+from vctune.document.reading import stated_problem
 from vctune.document.records.certificate_json import CertificateRecord, DeviceRecord, InnerLoopRecord
 from vctune.document.records.felt_json import ContactRecord, InHandRecord
 from vctune.document.records.gains_json import (
@@ -15,13 +20,16 @@ from vctune.document.records.gains_json import (
     ProblemRecord,
     TransparencyRecord,
 )
-from vctune.document.records.part import Document, Number, Pair, Part, Row, how_shown, rows, text
+from vctune.document.records.part import Number, Pair, Part, Row, how_shown, rows, text
 from vctune.document.schema.number_units import unit_of
-from vctune.document.text.json import as_record, read_json
+from vctune.document.text.errors import Mistake
+from vctune.document.text.json import SealedDocument, as_record, read_json
 from vctune.model.display import DISPLAYS
 from vctune.model.fields import Shown
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.numbers.units import UNITS, Units
+from vctune.model.problem import Problem
+from vctune.proof.outcome import Verdict, worst_verdict
 
 MAX_BYTES = 10_000_000
 KIND = "a design.json of `vctune solve`"
@@ -33,7 +41,9 @@ def read_design(path: Path) -> DesignRecord:
 
 
 def design_of(value: Any, source: str) -> DesignRecord:
-    """Return the record in the object of a design.json."""
+    """Return the record in the object of a design.json, or a record that a program has made, if its parts belong
+    together."""
+    value = value.to_json() if isinstance(value, DesignRecord) else value
     return as_record(value, DesignRecord, source, kind=KIND, remedy="solve the problem again")
 
 
@@ -150,12 +160,18 @@ class UncertaintyRecord(Part):
         yield from super().rows(units)
 
 
+# Relative difference of two errors of a design within which they are the same on any machine
+SAME_ERROR = 1e-6
+# Status of a design for each verdict of its certificate
+STATUSES = {"proved": "certified", "refuted": "violated", "undecided": "undecided"}
+
+
 def _together(one: float, other: float) -> bool:
     """Return whether two frequencies belong to the same extremum."""
     return max(one, other) <= SAME_PLACE * min(one, other)
 
 
-class DesignRecord(Document):
+class DesignRecord(SealedDocument):
     """The result of a problem, in SI units and hertz: the object of design.json."""
 
     SCHEMA = "vctune/design/1"
@@ -206,6 +222,32 @@ class DesignRecord(Document):
                 "gains, coupling, transparency, certificate and inner_loop must be there, or null, together"
             )
         return self
+
+    def contradictions(self, source: str) -> Iterator[Mistake]:
+        """Yield the first parts of problem, gains, transparency, claims and status that do not belong together."""
+        problem = stated_problem(self.problem, source).problem
+        for key, stated, found, of in self._judged_again(problem):
+            if stated != found:
+                message = f"is {stated}, and {of} {found}: one of them was changed"
+                yield Mistake("damaged-document", key, message)
+                return
+
+    def _judged_again(self, problem: Problem) -> Iterator[tuple[str, Any, Any, str]]:
+        """Yield the key of a stated value, this value, the value that other keys imply, and their names."""
+        if self.transparency is None or self.certificate is None or self.design is None:
+            of = "without gains a problem is undecided or"
+            yield "status", self.status, "undecided" if self.status == "undecided" else "infeasible", of
+            return
+        verdict, claims = self.certificate.verdict, self.certificate.claims
+        yield "status", self.status, STATUSES[verdict], f"certificate.verdict, {verdict}, makes it"
+        worst = worst_verdict(Verdict(claim.verdict) for claim in claims).value
+        yield "certificate.verdict", verdict, worst, "the worst verdict of certificate.claims is"
+        with np.errstate(all="ignore"):
+            errors = asdict(transparency_error(problem, *self.design))
+        for name, error in errors.items():
+            stated = getattr(self.transparency, name)
+            same = error == stated or not isfinite(error) or isclose(error, stated or 0.0, rel_tol=SAME_ERROR)
+            yield f"transparency.{name}", stated, stated if same else error, "gains, coupling and problem.text make it"
 
     @property
     def units(self) -> Units:

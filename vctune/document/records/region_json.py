@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
+from vctune.document.reading import stated_problem
 from vctune.document.records.gains_json import (
     AnyCouplingRecord,
     ProblemRecord,
 )
-from vctune.document.records.part import Document, Pair, Part
-from vctune.document.text.json import as_record, read_json
+from vctune.document.records.part import Pair, Part
+from vctune.document.text.errors import Mistake
+from vctune.document.text.json import SealedDocument, as_record, read_json
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Criterion
 
@@ -71,7 +74,7 @@ class DesignPoint(Part):
         return self.gains, self.coupling
 
 
-class RegionDocument(Document):
+class RegionDocument(SealedDocument):
     """A plane of gains and its cells, in SI units: the object of region.json."""
 
     SCHEMA = "vctune/region/1"
@@ -86,6 +89,11 @@ class RegionDocument(Document):
     edges: EdgesRecord
     cells: list[Cell]
     versions: dict[str, str | None] = Field(default_factory=dict)
+
+    def contradictions(self, source: str) -> Iterator[Mistake]:
+        """Refuse a problem whose text and digest do not belong together."""
+        stated_problem(self.problem, source)
+        yield from ()
 
     @model_validator(mode="after")
     def _cells_lie_on_edges(self) -> RegionDocument:

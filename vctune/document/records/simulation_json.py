@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.gains_json import AnyCouplingRecord
-from vctune.document.records.part import Document, Number, Part
-from vctune.document.text.errors import InputError
-from vctune.document.text.json import as_record, experiments_digest, read_json
+from vctune.document.records.part import Number, Part
+from vctune.document.text.json import SealedDocument, as_record, experiments_digest, read_json
 from vctune.model.experiment import Environment
 from vctune.model.gains import Gains
 from vctune.model.numbers.units import UNITS, Units, UnitSystem
@@ -86,7 +85,7 @@ class ExperimentRecord(Part):
     design: RunRecord
 
 
-class SimulationRecord(Document):
+class SimulationRecord(SealedDocument):
     """Simulated experiments, in SI units and hertz: the object of simulation.json."""
 
     SCHEMA = "vctune/simulation/1"
@@ -119,14 +118,10 @@ class SimulationRecord(Document):
 
 
 def simulation_beside(folder: Path, design: DesignRecord) -> SimulationRecord | None:
-    """Return the content of a folder's simulation.json if it belongs to a given design; else None."""
-    try:
-        record = simulation_of(read_json(folder / FILE, KIND, MAX_BYTES))
-    except InputError:
+    """Return the content of a folder's simulation.json if there is one and it belongs to a given design; else None."""
+    path = folder / FILE
+    if not path.exists():
         return None
+    remedy = "simulate again, or remove the file"
+    record = as_record(read_json(path, KIND, MAX_BYTES), SimulationRecord, str(path), kind=KIND, remedy=remedy)
     return record if record.is_of(design) else None
-
-
-def simulation_of(value: Any) -> SimulationRecord:
-    """Return the record in the object of a simulation.json."""
-    return as_record(value, SimulationRecord, FILE, kind=KIND, remedy="simulate again")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import asdict, replace
 from hashlib import sha256
@@ -20,7 +20,23 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.model.experiment import Experiment
 from vctune.model.problem import Problem
 
-Record = TypeVar("Record", bound=Document)
+
+class SealedDocument(Document):
+    """A file that vctune reads again. The last key of its object is the digest of the others, which every reader
+    checks; a file of an earlier version has none."""
+
+    sha256: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object, with its digest."""
+        return sealed(super().to_json())
+
+    def contradictions(self, source: str) -> Iterator[Mistake]:
+        """Yield the parts that do not belong together."""
+        yield from ()
+
+
+Record = TypeVar("Record", bound=SealedDocument)
 UNKNOWN = "unexpected_keyword_argument"  # pydantic's name of the fault that a dataclass has no such field
 
 
@@ -47,15 +63,30 @@ def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy:
     of gains may be a slip and is refused; in another file it is another version's."""
     if not isinstance(value, dict) or value.get("schema") != part.SCHEMA:
         raise InputError.of(source, "other-document", f"is not {part.SCHEMA}; name {kind}", key="schema")
+    record = _validated(value, part, source, remedy, by_hand=by_hand)
+    mistakes = [*record.contradictions(source)]
+    if not mistakes and record.sha256 is not None and record.sha256 != sealed(value)["sha256"]:
+        message = "does not belong to the rest of the file, of which a number or a word was changed"
+        mistakes = [Mistake("damaged-document", "sha256", message)]
+    if mistakes:
+        raise _damaged(source, mistakes, remedy)
+    return record
+
+
+def _validated(value: dict[str, Any], part: type[Record], source: str, remedy: str, *, by_hand: bool) -> Record:
     try:
         return part.model_validate(value)
     except ValidationError as error:
         unknown = [untagged(each["loc"]) for each in error.errors(include_url=False) if each["type"] == UNKNOWN]
         if unknown and not by_hand:  # of gains or a hand, which are tables of a file as well
-            return as_record(_without(value, unknown), part, source, kind=kind, remedy=remedy)
+            return _validated(_without(value, unknown), part, source, remedy, by_hand=True)
         faults = error.errors(include_url=False)[:MAX_MISTAKES]
         mistakes = [Mistake("damaged-document", dotted(untagged(fault["loc"])), fault["msg"]) for fault in faults]
-        raise InputError(source, [*mistakes, Mistake("damaged-document", "", f"is damaged; {remedy}")]) from None
+        raise _damaged(source, mistakes, remedy) from None
+
+
+def _damaged(source: str, mistakes: list[Mistake], remedy: str) -> InputError:
+    return InputError(source, [*mistakes, Mistake("damaged-document", "", f"is damaged; {remedy}")])
 
 
 def _without(value: dict[str, Any], places: Iterable[Sequence[str | int]]) -> dict[str, Any]:
@@ -80,6 +111,13 @@ def _finite(text: str) -> float:
     if not isfinite(number):
         raise ValueError(f"{text} is no finite number")
     return number
+
+
+def sealed(value: dict[str, Any]) -> dict[str, Any]:
+    """Return the object of a file with the digest of its other keys at its end. For the digest 1 is 1.0, since other
+    programs write one for the other."""
+    rest = {key: entry for key, entry in value.items() if key != "sha256"}
+    return {**rest, "sha256": digest(json.loads(json.dumps(rest, default=str), parse_int=float))}
 
 
 def problem_digest(problem: Problem) -> str:
