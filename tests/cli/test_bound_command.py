@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import signal
 from contextlib import contextmanager
@@ -106,9 +107,10 @@ def test_input_that_cannot_be_bounded(folder):
     design = folder / "o/friction-wheel/design.json"
     (folder / "other.toml").write_text((folder / "problem.toml").read_text().replace("100.0]", "99.0]"))
     assert "of another version" in refused("bound", "other.toml", str(design), cwd=folder)
-    record = json.loads(design.read_text())
-    poor = {**record, "coupling": {**record["coupling"], "damping": 1.0}}
-    (folder / "poor.json").write_text(json.dumps(poor))
+    poor = re.sub("(?m)^damping = .*", "damping = 1.0", design.with_name("gains.toml").read_text())
+    (folder / "poor.toml").write_text(poor)
+    (record,) = json.loads(run("check", "problem.toml", "poor.toml", "--json", cwd=folder).stdout)
+    (folder / "poor.json").write_text(json.dumps(record))
     assert "is not proved to meet the demands" in refused("bound", "problem.toml", "poor.json", cwd=folder)
     (folder / "torn.json").write_text(design.read_text()[:500])
     assert "is not JSON" in refused("bound", "problem.toml", "torn.json", cwd=folder)

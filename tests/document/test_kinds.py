@@ -148,7 +148,8 @@ def test_a_design_json_in_the_place_of_gains_is_named(files, command):
 def test_a_region_of_another_kind_is_refused(files, of, on):
     design = {"schema": "vctune/region/1", "designs": [], "edges": {"x": [0.0, 1.0], "y": [0.0, 1.0]}}
     design["cells"] = [[0, 1, 0, 1, "undecided", None]]
-    problem = {"name": of, "sha256": "0", "text": DEVICES[of], "units": "rotary" if of == "rotary" else "linear"}
+    problem = {"name": of, "sha256": vctune.read_problem(files / f"{of}.toml").sha256, "text": DEVICES[of]}
+    problem["units"] = "rotary" if of == "rotary" else "linear"
     axes = {"x": "coupling.damping", "y": "coupling.stiffness" if of == "impedance" else "coupling.mass"}
     (files / "region.json").write_text(json.dumps({**design, "problem": problem, "axes": axes}))
     done = run("check", f"{on}.toml", "--region", "region.json", cwd=files)

@@ -226,12 +226,15 @@ def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
 
 
 def stated_problem(record: ProblemRecord, source: str) -> ProblemFile:
-    """Return the problem that a record states. Refuse a record whose digest is of another problem than its text."""
-    file = ProblemFile(parse_problem(record.text, source, record.name), record.text, record.name)
-    if file.sha256 != record.sha256:
-        message = "does not belong to problem.text: one of them was changed; solve the problem again"
-        raise InputError.of(source, "damaged-document", message, key="problem.sha256")
-    return file
+    """Return the problem whose text a record states."""
+    problem = parse_problem(record.text, f"{source}: problem.text", record.name)
+    return ProblemFile(problem, record.text, record.name)
+
+
+def digest_mistakes(record: ProblemRecord, file: ProblemFile) -> list[Mistake]:
+    """Return the mistake of a record whose digest is of another problem than its text."""
+    message = "does not belong to problem.text: one of them was changed, or vctune's defaults were"
+    return [] if file.sha256 == record.sha256 else [Mistake("damaged-document", "problem.sha256", message)]
 
 
 def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, what: str) -> None:

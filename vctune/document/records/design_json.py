@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from vctune.analysis.demands import transparency_error
-from vctune.document.reading import stated_problem
+from vctune.document.reading import digest_mistakes, stated_problem
 from vctune.document.records.certificate_json import CertificateRecord, DeviceRecord, InnerLoopRecord
 from vctune.document.records.felt_json import ContactRecord, InHandRecord
 from vctune.document.records.gains_json import (
@@ -225,8 +225,11 @@ class DesignRecord(SealedDocument):
 
     def contradictions(self, source: str) -> Iterator[Mistake]:
         """Yield the first parts of problem, gains, transparency, claims and status that do not belong together."""
-        problem = stated_problem(self.problem, source).problem
-        for key, stated, found, of in self._judged_again(problem):
+        file = stated_problem(self.problem, source)
+        if mistakes := digest_mistakes(self.problem, file):
+            yield from mistakes
+            return
+        for key, stated, found, of in self._judged_again(file.problem):
             if stated != found:
                 message = f"is {stated}, and {of} {found}: one of them was changed"
                 yield Mistake("damaged-document", key, message)

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
-from vctune.document.reading import stated_problem
+from vctune.document.reading import digest_mistakes, stated_problem
 from vctune.document.records.gains_json import (
     AnyCouplingRecord,
     ProblemRecord,
@@ -91,9 +91,8 @@ class RegionDocument(SealedDocument):
     versions: dict[str, str | None] = Field(default_factory=dict)
 
     def contradictions(self, source: str) -> Iterator[Mistake]:
-        """Refuse a problem whose text and digest do not belong together."""
-        stated_problem(self.problem, source)
-        yield from ()
+        """Yield a digest that does not belong to the problem's text."""
+        yield from digest_mistakes(self.problem, stated_problem(self.problem, source))
 
     @model_validator(mode="after")
     def _cells_lie_on_edges(self) -> RegionDocument:
