@@ -20,7 +20,7 @@ SERVO = "[device]\nsample_time = 2e-3\nservo = { delay = 0.02 }\n"
 HANDS = (
     "[operator]\nmass = { min = 0, max = 2 }\ndamping = { min = 0, max = 30 }\nstiffness = { min = 0, max = 1000 }\n"
 )
-SPRING = "[coupling]\ndamping = 2.0\nstiffness = 100.0\n"
+SPRING = "[coupling]\ndamping = 1.0\nstiffness = 100.0\n"
 DEVICES = {
     "admittance": DEVICE + GAINS + EXPERIMENT,
     "impedance": DEVICE.replace("[device]", '[device]\ndisplay = "impedance"') + SPRING + EXPERIMENT,
