@@ -10,7 +10,7 @@ import sys
 import command
 import numpy as np
 import pytest
-from command import check_files
+from command import check_files, strict
 from conftest import DEVICE, FIXED, ROOT, drawn, for_passive_hands
 
 from vctune.design.solve import solve
@@ -151,3 +151,61 @@ def test_an_endless_file_is_refused(folder):
     done = run("good.toml", "/dev/zero", cwd=folder)
     assert done.returncode == ExitCode.BAD_INPUT
     assert "/dev/zero: is longer than 100000 bytes" in done.stdout
+
+
+LATE = """[device]
+sample_time = 1e-3
+servo = {{ delay = {} }}
+force_sensor = {{ delay = {} }}
+[operator]
+mass = {{ min = 0, max = 2 }}
+damping = {{ min = 0, max = 30 }}
+stiffness = {{ min = 0, max = 1000 }}
+[coupling]
+damping = inf
+mass = 8.0
+drag = 50.0
+"""
+WIDE = """[device]
+mass = {}
+damping = {}
+sample_time = 1e-3
+[gains]
+velocity = 400.0
+position = 1e5
+[coupling]
+damping = 100.0
+mass = 0.3
+[stability]
+criterion = "passive"
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "stated", "uncertain", "keys", "claim"),
+    [
+        (LATE, (0.01203, 0.0), "", ("servo.delay", None), "hands"),
+        (LATE, (0.002, 0.00203), "", ("servo.delay", None), "hands"),
+        (LATE, (0.01, 0.0), '[uncertainty]\n"servo.delay" = 0.21\n', ("servo.delay", None), "hands"),
+        (WIDE, (0.4, 2.0), "[uncertainty]\nmass = 0.13\ndamping = 0.57\n", ("mass", "damping"), "sensitivity"),
+    ],
+)
+def test_the_device_of_a_refutation_is_told_to_the_last_digit(tmp_path, text, stated, uncertain, keys, claim):
+    """At a delay beside a whole sample and inside a box: the same numbers in text and JSON, with which a file fails."""
+    (tmp_path / "near.toml").write_text(text.format(*stated) + uncertain)
+    done = run("near.toml", cwd=tmp_path)
+    found = told(tmp_path, "near.toml", claim)
+    assert (done.returncode, found["verdict"]) == (ExitCode.FAILED, "refuted")
+    device = found["witness_device"] | found["witness_device"].get("parts", {})
+    there = tuple(number if key is None else device[key] for key, number in zip(keys, stated, strict=True))
+    assert there != stated
+    for key, number in zip(keys, there, strict=True):
+        assert key is None or f"{key} {number!r}".removesuffix(".0") in done.stdout
+    (tmp_path / "there.toml").write_text(text.format(*map(repr, there)))
+    assert told(tmp_path, "there.toml", claim)["verdict"] == "refuted"
+
+
+def told(folder, name, claim):
+    """Return what JSON says of a claim."""
+    (record,) = strict(run(name, "--json", cwd=folder).stdout)
+    return next(each for each in record["certificate"]["claims"] if each["id"] == claim)

@@ -177,6 +177,7 @@ def test_a_plane_too_coarse_for_a_feasible_cell_may_hold_a_design(tmp_path, monk
 
 def test_a_listed_gain_set_that_fails_is_lost(baseline, tmp_path):
     record = record_of(baseline)
+    del record["sha256"]  # as in a file of an earlier version
     record["designs"].append(
         {"gains": {"velocity": 1.0, "position": 5e4}, "coupling": {"damping": 1.0, "mass": 1.0, "drag": 0.0}}
     )
@@ -220,6 +221,13 @@ DAMAGE = {
     "negative": (damaged(lambda record: record["cells"][3].__setitem__(0, -1)), "cells[3][0]"),
     "verdict": (damaged(lambda record: record["cells"][3].__setitem__(4, "fine")), "cells[3][4]"),
     "gain": (damaged(lambda record: record["designs"][0]["gains"].update(velocity=-1.0)), "designs[0].gains.velocity"),
+    "other gain": (
+        damaged(lambda record: record["designs"][0]["gains"].update(velocity=9.0)),
+        "sha256: does not belong",
+    ),
+    "other b_c": (damaged(lambda record: record["cells"][-1].__setitem__(5, 9.0)), "sha256: does not belong"),
+    "other text": (damaged(lambda record: record["problem"].update(text=PLAIN)), "problem.sha256: does not belong"),
+    "other digest": (damaged(lambda record: record.update(sha256="0" * 64)), "sha256: does not belong to the rest"),
     "slip": (damaged(lambda record: record["designs"][0]["coupling"].update(drga=1.0)), "designs[0].coupling.drga"),
 }
 
