@@ -171,7 +171,7 @@ mass = {}
 damping = {}
 sample_time = 1e-3
 [gains]
-velocity = 400.0
+velocity = 399.0
 position = 1e5
 [coupling]
 damping = 100.0

@@ -21,6 +21,7 @@ from vctune.document.reading import read_problem
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.schema.number_units import QUANTITIES, unit_of
 from vctune.document.text import toml
+from vctune.document.text.json import sealed
 from vctune.exit_codes import ExitCode
 from vctune.model.numbers.units import LINEAR, ROTARY
 
@@ -135,7 +136,7 @@ def test_a_design_of_another_version_with_more_keys_is_read(folder, use):
     assert run("solve", "hands.toml", cwd=folder).returncode == ExitCode.OK
     written = strict((folder / "results/hands/design.json").read_text())
     more = {key: later(written[key]) for key in ("gains", "coupling", "certificate")}
-    (folder / "more.json").write_text(json.dumps(written | more | {"of another version": 1.0}))
+    (folder / "more.json").write_text(json.dumps(sealed(written | more | {"of another version": 1.0})))
     done = run(*use.split(), cwd=folder)
     assert done.returncode == ExitCode.OK, done.stdout + done.stderr
 
