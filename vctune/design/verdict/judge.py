@@ -28,13 +28,12 @@ from vctune.analysis.in_worlds import corner_of
 from vctune.analysis.responses import Loop
 from vctune.design.prepared import Posed, pose, with_corner
 from vctune.design.search.worst import loudest, worst_inside
-from vctune.document.records.part import exact
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.hands import Hand, Hands, passive_hand
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
-from vctune.model.numbers.units import UNITS, Units, hertz
+from vctune.model.numbers.units import UNITS, Units, hertz, in_full
 from vctune.model.problem import Demands, Problem
 from vctune.model.worlds import WorldsMet
 from vctune.proof.certificate import Certificate, certify
@@ -250,7 +249,7 @@ def _place(outcome: Outcome, units: Units) -> str:
         place += f" in the hand of {hand.in_words(units)}"
     if (device := outcome.device) is None:
         return place
-    known = [f"{key} {exact(number)}" for key, number in device.numbers().items() if key != "sample_time"]
+    known = [f"{key} {in_full(number)}" for key, number in device.numbers().items() if key != "sample_time"]
     off = [] if device.unmodelled is None else [str(device.unmodelled)]
     return f"{place} with {', '.join([*known, *off])}"
 

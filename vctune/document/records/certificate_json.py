@@ -8,10 +8,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof, Row, exact, how_shown, text
+from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof, Row, how_shown, text
 from vctune.model.fields import Shown
 from vctune.model.hands import Hand, Hands, LeastOperator, passive_hand
-from vctune.model.numbers.units import Units
+from vctune.model.numbers.units import Units, in_full
 from vctune.model.parts import Unmodelled
 from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.registry import ClaimId
@@ -45,8 +45,8 @@ class DeviceRecord(Part):
         """Return the parameters of the device in words, to the last digit, without a mass, a damping or a delay that
         is 0."""
         numbers = {shown.of: getattr(self, name) for name, shown in how_shown(DeviceRecord).items()}
-        numbers_in_words = [f"{exact(number)} {units.of(of)}" for of, number in numbers.items() if number]
-        parts_in_words = [f"{key} {exact(number)}" for key, number in self.parts.items()]
+        numbers_in_words = [f"{in_full(number)} {units.of(of)}" for of, number in numbers.items() if number]
+        parts_in_words = [f"{key} {in_full(number)}" for key, number in self.parts.items()]
         perturbation = [] if self.unmodelled is None else [str(self.unmodelled)]
         return ", ".join([*numbers_in_words, *parts_in_words, *perturbation])
 

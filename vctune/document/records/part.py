@@ -36,11 +36,6 @@ def text(value: Any, digits: int = 5) -> str:
     return "none" if value is None else str(value)
 
 
-def exact(number: float) -> str:
-    """Return a number as the shortest text that reads as this number."""
-    return repr(float(number)).removesuffix(".0")
-
-
 def _existing(value: Any) -> Any:
     return None if isinstance(value, float) and not isfinite(value) else value
 
