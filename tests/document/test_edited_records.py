@@ -116,6 +116,7 @@ def test_a_design_is_read_without_a_digest_and_as_other_programs_write_it(made):
     text = path.read_text()
     record = json.loads(text)
     try:
+        assert "sha256" in record
         for value in ({key: part for key, part in record.items() if key != "sha256"}, dict(reversed(record.items()))):
             path.write_text(json.dumps(value).replace(".0,", ","))
             assert run("report", path, "--out", "report", cwd=made["admittance"]).returncode == ExitCode.OK
@@ -140,8 +141,8 @@ def test_an_edited_simulation_is_refused(made):
     record["experiments"][0]["design"]["metrics"]["peak_force"] = 1.5
     path.write_text(json.dumps(record))
     before = left(folder)
-    done = run("report", "results/edited/design.json", cwd=folder)
-    assert done.returncode == ExitCode.BAD_INPUT and left(folder) == before
+    done = run("report", "results/edited/design.json", "--out", "elsewhere", cwd=folder)
+    assert done.returncode == ExitCode.BAD_INPUT and left(folder) == before and not (folder / "elsewhere").exists()
     assert "results/edited/simulation.json: sha256: does not belong to the rest of the file" in done.stderr
     assert "simulate again, or remove the file" in done.stderr
     path.unlink()

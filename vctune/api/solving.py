@@ -243,9 +243,9 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
         raise InputError.of("folder", "bad-option", "is missing; name the folder of the report")
     else:
         record, beside = design_of(dict(design) if isinstance(design, Mapping) else design, "design"), Path(folder)
-    folder = beside if folder is None else Path(folder)
+    simulation, folder = simulation_beside(beside, record), beside if folder is None else Path(folder)
     make_folder(folder)
-    draw(record, folder, simulation_beside(beside, record))
+    draw(record, folder, simulation)
     return folder / REPORT
 
 

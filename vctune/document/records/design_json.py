@@ -243,7 +243,7 @@ class DesignRecord(SealedDocument):
             return
         verdict, claims = self.certificate.verdict, self.certificate.claims
         yield "status", self.status, STATUSES[verdict], f"certificate.verdict, {verdict}, makes it"
-        worst = worst_verdict(Verdict(claim.verdict) for claim in claims).value
+        worst = worst_verdict([Verdict(claim.verdict) for claim in claims] or [Verdict.UNDECIDED]).value
         yield "certificate.verdict", verdict, worst, "the worst verdict of certificate.claims is"
         with np.errstate(all="ignore"):
             errors = asdict(transparency_error(problem, *self.design))

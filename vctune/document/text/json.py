@@ -79,7 +79,7 @@ def _validated(value: dict[str, Any], part: type[Record], source: str, remedy: s
     except ValidationError as error:
         unknown = [untagged(each["loc"]) for each in error.errors(include_url=False) if each["type"] == UNKNOWN]
         if unknown and not by_hand:  # of gains or a hand, which are tables of a file as well
-            return _validated(_without(value, unknown), part, source, remedy, by_hand=True)
+            return _validated(_without(value, unknown), part, source, remedy, by_hand=by_hand)
         faults = error.errors(include_url=False)[:MAX_MISTAKES]
         mistakes = [Mistake("damaged-document", dotted(untagged(fault["loc"])), fault["msg"]) for fault in faults]
         raise _damaged(source, mistakes, remedy) from None
