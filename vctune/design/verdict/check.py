@@ -28,7 +28,7 @@ from vctune.document.records.design_json import Repair
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake, Note
 from vctune.model.hands import passive_hand
-from vctune.model.numbers.units import SYMBOLS, UNITS, hertz, in_full
+from vctune.model.numbers.units import SYMBOLS, UNITS, hertz, in_full, narrowed
 from vctune.model.problem import Problem
 from vctune.model.worlds import Worlds
 from vctune.proof.certificate import certify
@@ -182,7 +182,7 @@ def check_message(judgement: Judgement) -> str:
 
 def _proved(judgement: Judgement) -> str:
     demands, units = judgement.certificate.demands, UNITS[judgement.device.units]
-    low, high = (f"{hertz(edge):.12g}" for edge in demands.band)
+    low, high = narrowed(*map(hertz, demands.band))
     hand = passive_hand(judgement.device.counted_on, units)
     behind = f" in {hand}" if demands.alone or judgement.device.counted_on else ""
     behind += " with nothing behind" if demands.alone else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import inf, radians
 from typing import Annotated
 
@@ -41,12 +41,11 @@ class DeviceRecord(Part):
     parts: dict[str, float] = Field(default_factory=dict)
     unmodelled: PerturbationRecord | None = None
 
-    def in_words(self, units: Units) -> str:
-        """Return the parameters of the device in words, to the last digit, without a mass, a damping or a delay that
-        is 0."""
+    def in_words(self, units: Units, shown: Callable[[float], str] = text) -> str:
+        """Return the parameters of the device in words, without a mass, a damping or a delay that is 0."""
         numbers = {shown.of: getattr(self, name) for name, shown in how_shown(DeviceRecord).items()}
-        numbers_in_words = [f"{in_full(number)} {units.of(of)}" for of, number in numbers.items() if number]
-        parts_in_words = [f"{key} {in_full(number)}" for key, number in self.parts.items()]
+        numbers_in_words = [f"{shown(number)} {units.of(of)}" for of, number in numbers.items() if number]
+        parts_in_words = [f"{key} {shown(number)}" for key, number in self.parts.items()]
         perturbation = [] if self.unmodelled is None else [str(self.unmodelled)]
         return ", ".join([*numbers_in_words, *parts_in_words, *perturbation])
 
@@ -70,7 +69,7 @@ class ClaimRecord(Part):
             self.claim + ("" if self.witness_hz is None else f", at {text(self.witness_hz, 6)} Hz"),
         )
         if self.witness_device is not None:
-            yield Row("", "", f"with {self.witness_device.in_words(units)}")
+            yield Row("", "", f"with {self.witness_device.in_words(units, in_full)}")
         if self.witness_hand is not None:
             yield Row("", "", f"in the hand of {self.witness_hand.in_words(units)}")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
-from math import isclose, isfinite
+from math import inf, isclose, isfinite
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -27,7 +27,7 @@ from vctune.document.text.json import SealedDocument, as_record, read_json
 from vctune.model.display import DISPLAYS
 from vctune.model.fields import Shown
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
-from vctune.model.numbers.units import UNITS, Units
+from vctune.model.numbers.units import UNITS, Units, narrowed
 from vctune.model.problem import Problem
 from vctune.proof.outcome import Verdict, worst_verdict
 
@@ -265,11 +265,8 @@ class DesignRecord(SealedDocument):
         without = " without unmodelled dynamics" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
         hands = [f"stable{without} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
         band = self.certificate.band_hz
-        place = (
-            None
-            if band is None
-            else f"from {text(band[0], 12)} to {text(band[1], 12)} Hz, as far as the frequency model goes"
-        )
+        edges = None if band is None else narrowed(*(inf if edge is None else edge for edge in band))
+        place = edges and f"from {edges[0]} to {edges[1]} Hz, as far as the frequency model goes"
         alone = any(claim.id == "alone" for claim in self.certificate.claims)
         hand = self.certificate.passive_hand(self.units)
         stable = f"stable in {hand} with nothing behind" if alone else f"absolutely stable in {hand}"

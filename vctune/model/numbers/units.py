@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from math import inf, pi
 from types import MappingProxyType
 from typing import Literal
@@ -14,6 +15,12 @@ from typing import Literal
 def in_full(number: float) -> str:
     """Return a number of a proved range with all its digits: rounded, the range might be wider than what is proved."""
     return repr(float(number)).removesuffix(".0")
+
+
+def narrowed(low: float, high: float) -> tuple[str, str]:
+    """Return the edges of a proved band with six digits, each rounded inwards."""
+    up, down = Context(6, ROUND_CEILING), Context(6, ROUND_FLOOR)
+    return f"{float(up.create_decimal(repr(low))):g}", f"{float(down.create_decimal(repr(high))):g}"
 
 
 def hertz(omega: float) -> float:
