@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -59,11 +60,15 @@ def process(*arguments, cwd, report: bool = False, **env) -> subprocess.Complete
 
 
 def started(*arguments, cwd, **options) -> subprocess.Popen:
-    """Start a command as a process of its own, as it is."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "vctune", *map(str, arguments)],
-        cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,
-    )  # fmt: skip
+    """Start a command as a process of its own, which Ctrl-C interrupts even where the tests run in the background."""
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # an ignored signal would be inherited
+    try:
+        return subprocess.Popen(
+            [sys.executable, "-m", "vctune", *map(str, arguments)],
+            cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,
+        )  # fmt: skip
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def strict(text: str):
