@@ -332,6 +332,29 @@ def test_the_device_must_have_a_loop(arm):
     assert refused.returncode == ExitCode.BAD_INPUT and "for the axis x; give one of them the name" in refused.stdout
 
 
+SPRUNG = """[device]
+mass = 1.0
+damping = 5.0
+sample_time = 2.5e-4
+force_sensor = { delay = 0.015 }
+[gains]
+velocity = 800.0
+position = 20000.0
+"""
+
+
+@pytest.mark.parametrize("mass", ["{ max = 0.0 }", "{ min = 0.0, max = 0.0 }"])
+@pytest.mark.parametrize("stiffness", ["0.0", "{ max = 0.0 }", "{ min = 0.0, max = 0.0 }"])
+def test_the_controllers_spring_is_there_however_nothing_is_stated(arm, monkeypatch, mass, stiffness):
+    """With it the axis grows in a hand of .5 kg."""
+    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: None)
+    changed(arm, mass=six(2.0), stiffness=six(2e5), damping_ratio=damped(0.0, 50.0), filter_coefficient="1.0")
+    (arm / "arm.toml").write_text(f"{SPRUNG}[environment]\nmass = {mass}\nstiffness = {stiffness}\n")
+    problem, axis = read_problem(arm / "arm.toml").problem, read_admittances(arm / "ros.yaml")[0].axes[0]
+    assert growth(problem, axis, 1.0, (0.5, 0.0, 0.0)) > 1.001
+    assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode == ExitCode.FAILED
+
+
 SIDES = (0.995, 1.03)
 """Of the least damping with which no hand at the vertices of a box makes an axis grow."""
 

@@ -414,3 +414,36 @@ def ordinary_device(rng):
     if rng.random() < 0.5:
         table["structure"] = {"handle_mass": table["mass"] / 4, "frequency_hz": rate / 8, "damping_ratio": 0.05}
     return table
+
+
+BOXED = """
+[gains]
+velocity = 229.82386
+position = 100000.0
+[coupling]
+damping = 155.7726
+mass = 0.055018942
+drag = 1.3311356
+[stability]
+criterion = "hands"
+[environment]
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("environment", "said"),
+    [
+        ("mass = { min = 0.1 }\n", "a mass of at least 0.1 kg; not as a wall."),
+        ("walls = true\ndamping = { min = 20.0 }\nstiffness = { max = 2000.0 }\n", "not as a wall."),
+        ("walls = true\nmass = { min = 0.1 }\nstiffness = { max = 2000.0 }\n", "also as a wall without damping."),
+    ],
+)
+def test_a_header_says_which_built_in_environments_are_proved(tmp_path, environment, said):
+    """A built-in wall is nothing when it is not touched: neither the least damping of a box nor the least mass."""
+    (tmp_path / "boxed.toml").write_text(DEVICE + BOXED + environment)
+    assert vctune("export", "boxed.toml", cwd=tmp_path).returncode == 0
+    (header,) = tmp_path.rglob("vctune_controller.h")
+    text = " ".join(header.read_text().replace("*", " ").split())
+    assert f"Proved within the box: {said}" in text or (said in text and "Proved within the box" in text)
+    assert "Not proved: by this rule" in text and "every environment that is passive" not in text

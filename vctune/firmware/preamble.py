@@ -97,15 +97,18 @@ def rendered(firmware: Firmware) -> dict[str, str]:
             "trapezoidal": "It is passive; a wall by this rule is not.",
         }
     covered = f"The certificate holds {hands.environments(units)}, stepped by the trapezoidal rule, and with no other."
-    wall = f" but for a wall without {mass} and damping" if hands.walls is not None else ""
+    least_of = {name: low or 0.0 for name, (low, _) in hands.worlds.items()}
+    # a built-in wall is nothing when it is not touched, and only pushes
+    walls = hands.walls is not None and least_of["stiffness"] == least_of["damping"] == 0
+    wall = f" but for a wall without {mass} and damping" if walls and least_of["mass"] == 0 else ""
     low, high = hands.worlds["mass"]
     most = "" if high is None else f" and at most {in_full(high)} {units.mass}"
+    as_wall = "also as a wall without damping" if walls else "not as a wall"
     least = f"a {mass} of at least {in_full(low or 0.0)} {units.mass}{most}"
-    walls = "also as a wall without damping" if hands.walls is not None else "not as a wall"
     return {
         "covered": covered,
         "backward": f"Not proved{wall}: by this rule {mass} and spring are other environments.",
-        "trapezoidal": f"Proved within the box: {least}; {walls}.",
+        "trapezoidal": f"Proved within the box: {least}; {as_wall}.",
     }
 
 

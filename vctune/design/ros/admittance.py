@@ -61,10 +61,17 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
         device = {**device, part: {**device.get(part, {}), name: coefficient}}
     numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
     tables = {key: table for key, table in document.items() if key not in OF_FILE}
-    if "servo" not in device and tables.get("environment") == NOTHING:  # the controller's spring is the environment
-        spring = {"min": axis.stiffness, "max": axis.stiffness}
-        tables["environment"] = {**NOTHING, "stiffness": spring}
+    if "servo" not in device and "environment" in tables and axis.stiffness > 0:
+        tables["environment"] = _beside(tables["environment"], axis.stiffness)
     return {**tables, "device": device, "coupling": numbers}
+
+
+def _beside(environment: dict[str, Any], spring: float) -> dict[str, Any]:
+    """Return a box of environments beside the controller's spring, which a loop of its own leaves to them."""
+    stated = environment.get("stiffness", {})
+    ends = dict(stated) if isinstance(stated, dict) else {"min": stated, "max": stated}
+    ends = {"min": 0.0, **ends}
+    return {**environment, "stiffness": {end: value + spring for end, value in ends.items()}}
 
 
 def followed(problem: Problem) -> Problem:
