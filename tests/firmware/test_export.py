@@ -445,5 +445,5 @@ def test_a_header_says_which_built_in_environments_are_proved(tmp_path, environm
     assert vctune("export", "boxed.toml", cwd=tmp_path).returncode == 0
     (header,) = tmp_path.rglob("vctune_controller.h")
     text = " ".join(header.read_text().replace("*", " ").split())
-    assert f"Proved within the box: {said}" in text or (said in text and "Proved within the box" in text)
+    assert said in text.split("Proved within the box: ")[1][:120]
     assert "Not proved: by this rule" in text and "every environment that is passive" not in text

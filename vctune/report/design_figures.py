@@ -78,7 +78,10 @@ def _impedance(design: Design, record: DesignRecord) -> Shown:
     legend_above(axes, 3 if problem.device.units == "linear" else 2)  # units of torque are long
     here = feel(problem.device, *design[1:])
     finding = f"In free motion the handle feels like {quantity(here.mass[0], units.mass, 3)} at {FREE_HZ[0]:g} Hz"
-    if problem.device.kind.own_loop:
+    if problem.worlds is not None and record.felt is not None and record.felt.mass_1hz is not None:
+        mass = quantity(record.felt.mass_1hz, units.mass, 3)
+        finding = f"With {record.felt.behind} behind the handle feels like {mass} at {FREE_HZ[0]:g} Hz"
+    elif problem.device.kind.own_loop:
         finding += f"; a wall feels like {quantity(here.stiffness, units.stiffness, 3)} at {WALL_HZ:g} Hz"
     title = "What the hand feels, beside what it should feel"
     return Shown("impedance", title, f"{finding}.", words("impedance", problem, certified), figure)

@@ -112,8 +112,9 @@ def in_hand_record(problem: Problem, judgement: Judgement) -> InHandRecord:
             found["bare_mass_1hz"] = _felt(problem, *NO_LOOP, omega).imag / omega
     wall = problem.worlds.high.stiffness if problem.worlds is not None and problem.worlds.walls else inf
     if wall < inf and problem.nyquist > (omega := 2 * pi * WALL_HZ):
-        felt = _felt(problem, gains, coupling, omega, World(0.0, 0.0, wall))
-        found |= {"felt_wall_10hz": -omega * felt.imag, "wall": wall}
+        low = problem.worlds.low if problem.worlds is not None else World(0.0, 0.0, 0.0)
+        felt = _felt(problem, gains, coupling, omega, World(low.mass, low.damping, wall))
+        found |= {"felt_wall_10hz": omega * (omega * low.mass - felt.imag), "wall": wall}
     if device.velocity is not None and device.velocity.resolution is not None:
         found["count"] = device.velocity.resolution * _stiffness_of_a_count(gains, coupling, device.sample_time)
     return InHandRecord.model_validate(found)

@@ -25,7 +25,7 @@ class InHandRecord(Part):
     damping_1hz: Number = None
     bare_mass_1hz: Number = None
     behind: str | None = None  # the environment with which it is felt; null for nothing, without [environment]
-    felt_wall_10hz: Number = None  # stiffness that is felt of the stiffest wall, and its own
+    felt_wall_10hz: Number = None  # stiffness that is felt of the stiffest wall, the least tool's inertia apart
     wall: Number = None
     count: Number = None  # force of one count of the encoder, N
 
@@ -41,6 +41,7 @@ class InHandRecord(Part):
             rendered = abs(self.felt_wall_10hz - self.wall) <= RENDERED * self.wall
             verdict = f"{'rendered' if rendered else 'stable, but not rendered'} to {100 * RENDERED:g} %"
             stated = f"{units.stiffness} of the wall of {text(self.wall)} {units.stiffness} at 10 Hz: {verdict}"
+            stated += "" if self.behind in (None, "nothing") else f"; with {self.behind}, whose inertia is left out"
             yield Row("stiffest wall felt", text(self.felt_wall_10hz, 4), stated)
         if self.count is not None:
             yield Row("count of the encoder", text(self.count, 3), f"{units.force} without filters, in its sample")
