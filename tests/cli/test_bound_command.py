@@ -62,7 +62,7 @@ def test_a_time_limit_leaves_the_bound_reached(folder, monkeypatch):
     assert run(*command, "0", cwd=folder).returncode == ExitCode.UNDECIDED
     assert read_design(design).to_json()["optimality"] is None, "a search without time proves nothing"
     monkeypatch.setattr(running, "perf_counter", map(float, count()).__next__)
-    assert run(*command, "200", "--gap", "0.0001", cwd=folder).returncode == ExitCode.UNDECIDED
+    assert run(*command, "400", "--gap", "0.0001", cwd=folder).returncode == ExitCode.UNDECIDED
     found = optimality(design)
     assert found["verdict"] == "open" and found["boxes"] > 0
     monkeypatch.undo()

@@ -332,6 +332,19 @@ def test_the_device_must_have_a_loop(arm):
     assert refused.returncode == ExitCode.BAD_INPUT and "for the axis x; give one of them the name" in refused.stdout
 
 
+def test_a_disc_that_is_not_covered_is_told(arm):
+    (arm / "arm.toml").write_text(ARM + "[uncertainty]\nunmodelled = [[1.0, 0.01], [100.0, 0.1]]\n")
+    assert "uncertainty.unmodelled is not covered" in vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout
+
+
+def test_the_filter_is_the_files_whatever_the_problem_states(arm):
+    """A coefficient of 1 is no filter, also beside one of the problem's own."""
+    changed(arm, filter_coefficient="1.0")
+    alone = vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout
+    (arm / "arm.toml").write_text(ARM + "[device.force_sensor]\nfilter_coefficient = 0.05\n")
+    assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout == alone
+
+
 SPRUNG = """[device]
 mass = 1.0
 damping = 5.0

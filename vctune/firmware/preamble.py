@@ -52,6 +52,8 @@ def assumptions(firmware: Firmware) -> list[str]:
     rendered = PASSIVE_ENVIRONMENTS
     if hands is not None and hands.worlds is not None:
         rendered = "environments are those of the box, by the trapezoidal rule"
+    elif certificate is not None and any(claim.id == "alone" for claim in certificate.claims):
+        rendered = "nothing is behind the coupling, f_e = 0"
     if certificate is not None and certificate.wall is not None:
         rendered = "the environment is rigid, so that the coupling is a wall that is always in contact"
     built = f"{_mechanics(device, units)}{box}; a step every {device.sample_time!r} s"

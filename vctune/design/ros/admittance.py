@@ -56,9 +56,10 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
     coupling = coupling_of_admittance(axis, T, servo="servo" in device)
     if "servo" in device:
         device = _as_servo(device, axis)
-    if coefficient < 1:
-        part, name = FILTER.split(".")
-        device = {**device, part: {**device.get(part, {}), name: coefficient}}
+    part, name = FILTER.split(".")
+    sensor = {key: value for key, value in device.get(part, {}).items() if key != name}
+    sensor |= {name: coefficient} if coefficient < 1 else {}
+    device = {**device, part: sensor} if sensor else {key: value for key, value in device.items() if key != part}
     numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
     tables = {key: table for key, table in document.items() if key not in OF_FILE}
     if "servo" not in device and "environment" in tables and axis.stiffness > 0:
@@ -81,7 +82,7 @@ def followed(problem: Problem) -> Problem:
 
 def _as_servo(device: dict[str, Any], axis: Admittance) -> dict[str, Any]:
     """Return the device's table with the spring of the controller added to the servo."""
-    servo = {key: value for key, value in device["servo"].items() if key != "command"}
+    servo = {key: value for key, value in device["servo"].items() if key not in ("command", "stiffness")}
     if axis.stiffness > 0:
         servo["stiffness"] = axis.stiffness
     return {**device, "servo": servo}

@@ -189,6 +189,10 @@ def _checked(
     repairs = repairs_of_axis(document, file.problem, judgement, progress)
     finding = finding_of(file, judgement, repairs, [])
     traps = [note.line for note in (*given.notes, *_traps(axis, given.filter_coefficient, file.problem.device))]
+    stated = problem.problem.uncertainty
+    if looped and stated is not None and stated.unmodelled:
+        said = "uncertainty.unmodelled is not covered by this proof, which is one in hands"
+        traps.append(Note("ros-unmodelled", said).line)
     finding = replace(finding, warnings=[*traps, *finding.warnings])
     parts, line, verdict = [check_message(judgement)], axis.line, VERDICTS[judgement.status]
     if judgement.status is Status.VIOLATED and finding.repairs is not None:

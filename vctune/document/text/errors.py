@@ -21,7 +21,7 @@ Code = Literal[
     "remark-saturated", "remark-slow-log", "remark-slow-motion", "remark-spring", "remark-stated-delay",
     "remark-unpushed", "remark-unused", "remark-weak-delay", "ros-integers", "ros-unknown-key", "ros-no-damping",
     "ros-other-law", "ros-parameter", "ros-rotation",
-    "ros-slow-filter", "ros-step", "ros-unused-ratio", "rows-file", "rows-torn", "time-limit",
+    "ros-slow-filter", "ros-step", "ros-unmodelled", "ros-unused-ratio", "rows-file", "rows-torn", "time-limit",
     "unknown-key", "unknown-name", "unreadable-file", "usage", "warn-band-edge", "warn-bound", "warn-environment",
     "warn-gain", "warn-idle", "warn-mass", "warn-name", "warn-residual", "warn-sample-time", "warn-stiffness",
     "warn-yields", "wrong-type",
