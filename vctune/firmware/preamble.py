@@ -49,17 +49,17 @@ def assumptions(firmware: Firmware) -> list[str]:
     box = ", and any other of the problem's [uncertainty]" if firmware.record.uncertainty is not None else ""
     certificate = firmware.record.certificate
     hands = None if certificate is None else certificate.hands
-    rendered = PASSIVE_ENVIRONMENTS
+    met = PASSIVE_ENVIRONMENTS
     if hands is not None and hands.worlds is not None:
-        rendered = "environments are those of the box, by the trapezoidal rule"
+        met = "environments are those of the box, by the trapezoidal rule"
     elif certificate is not None and any(claim.id == "alone" for claim in certificate.claims):
-        rendered = "nothing is behind the coupling, f_e = 0"
+        met = "nothing is behind the coupling, f_e = 0"
     if certificate is not None and certificate.wall is not None:
-        rendered = "the environment is rigid, so that the coupling is a wall that is always in contact"
+        met = "the environment is rigid, so that the coupling is a wall that is always in contact"
     built = f"{_mechanics(device, units)}{box}; a step every {device.sample_time!r} s"
     if device.servo is not None:
         return [
-            f"Assumed: {built}; the {units.force_name} is sampled just before a command is given; {rendered}. "
+            f"Assumed: {built}; the {units.force_name} is sampled just before a command is given; {met}. "
             "The proof does not cover a limited speed or acceleration, a lost or late command, "
             "and the rounding of each operation.",
             *_left_to_caller(device, units),
@@ -67,7 +67,7 @@ def assumptions(firmware: Firmware) -> list[str]:
     sampled = "" if firmware.controller.spring else f"; the {units.force_name} is sampled just before"
     return [
         f"Assumed: {built}; the command acts {device.delay!r} s after the "
-        f"sample and is held{sampled}; {rendered}. The "
+        f"sample and is held{sampled}; {met}. The "
         f"proof does not cover static friction, a limited {units.force_name}, quantisation and the rounding of each "
         "operation.",
         *_left_to_caller(device, units),
