@@ -21,7 +21,8 @@ from vctune.analysis.sampled_loop import spectral_radius
 from vctune.document.reading import parse_problem
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
-from vctune.model.hands import Hand
+from vctune.model.hands import Hand, LeastOperator
+from vctune.model.parts import ForceSensor, Servo, Structure
 
 SEVEN = 7  # which combinations of parts are taken: coprime to how many there are
 
@@ -169,3 +170,29 @@ def test_figures_are_drawn_on_axes_that_are_given(wheel, solved):
     band, hz = wheel.stability.band.hz, required["coupling, Re Z_c"].get_xdata()
     shown = np.nanmin(over[(hz >= band[0]) & (hz <= band[1])])
     assert best.min_ratio <= shown < 1.03 * best.min_ratio
+
+
+@pytest.mark.parametrize("structure", [None, Structure(0.1, 60.0, 0.05)], ids=["rigid", "flexible"])
+@pytest.mark.parametrize("mass, damping", [(0.05, 3.0), (0.3, 0.0), (0.0, 4.0)])
+def test_a_load_at_the_handle_is_a_hand_of_its_mass_and_damping(
+    structure: Structure | None, mass: float, damping: float
+) -> None:
+    """L of a device that carries its least operator is L of the bare device in that hand."""
+    device = Device(0.4, 2.0, 1e-3, 3e-4, operator=LeastOperator(mass, damping), structure=structure)
+    gains, omega = Gains(100.0, 2000.0), angles(device)
+    carried, held = (
+        vctune.Loop(device.with_operator, gains),
+        vctune.Loop(device.bare, gains, hand=Hand(mass, damping, 0.0)),
+    )
+    assert carried.L.at(omega).values == pytest.approx(held.L.at(omega).values, rel=1e-9)
+
+
+@pytest.mark.parametrize("command", ["velocity", "position"])
+def test_the_motion_of_a_servo_is_that_of_its_commands_alone(command: str) -> None:
+    """Neither the firmware's own spring, nor the force sensor, nor the disc of its responses is in it."""
+    plain = Device(1.0, 0.0, 2e-3, display="servo", servo=Servo(0.03, 20.0, 2, command))
+    servo = replace(plain.servo, stiffness=40.0, radii=((1.0, 0.1), (100.0, 0.3)))
+    full = replace(plain, servo=servo, force_sensor=ForceSensor(50.0, delay=4e-3))
+    omega = angles(plain)
+    one, other = (vctune.Loop(device, Gains(0.0, 0.0)).motion.at(omega).values for device in (plain, full))
+    assert other == pytest.approx(one, rel=1e-12) and np.abs(one[0] - 1) < 0.1

@@ -45,6 +45,7 @@ from vctune.proof.certificate import certify
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import device_box
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, decimal
 from vctune.proof.outcome import Verdict
 from vctune.report.page import report_files
 from vctune.simulation.scene import designed_scene
@@ -171,6 +172,18 @@ def test_the_loop_in_a_hand_is_that_of_the_matrix_exponential(device):
     found = required_in_hand(loop_in_hand(plant, theta, FLOATS), Gains(K_v, 0.0))
     required = -answer(loop_of(device, hand, K_v=K_v), np.exp(1j * theta)).real / np.sin(theta / 2) ** 2
     assert found.lost / found.size == pytest.approx(required, rel=1e-8, abs=1e-9)
+
+
+def test_the_aliases_that_are_not_summed_are_enclosed() -> None:
+    """A million aliases of an actuator that is far quicker than the sampling: (r - Re c)/s^2 is in its enclosure."""
+    device = display(actuator=Actuator(500.0 / T, 1))
+    theta, delays = np.array([0.3, 1.5, 3.0]), delays_of(device)
+    given = device.converted(decimal), delays.loop, Enclosure(theta), ENCLOSURES
+    short = any_hand(*given, fractional=delays.loop_fractional).short
+    at = theta[:, None] + 2 * pi * np.arange(-500_000, 500_001)
+    A = 1 / (1 + 1j * at / (2 * pi * 500.0))
+    true = ((np.abs(A) - (A * np.exp(-1j * theta[:, None])).real) * (2 / at) ** 2).sum(axis=1) / (2 * B)
+    assert (np.abs(true - short.mid) <= short.rad).all()
 
 
 @pytest.mark.parametrize("device", DEVICES)

@@ -428,3 +428,32 @@ def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(tmp_path):
     assert (running.returncode, out) == (ExitCode.INTERRUPTED, "")
     assert "Traceback" not in err and "internal error" not in err
     assert not list(tmp_path.rglob("*.json")) and not list(tmp_path.rglob("*.html"))
+
+
+@pytest.mark.parametrize("band", ["[0.05, 100.0]", "[3.0, 7.0]", "[0.0, 500.0]"])
+def test_a_narrower_stability_band_keeps_an_octave(band: str) -> None:
+    """Every step of both edges, as README of the design promises."""
+    text = for_passive_hands(DEVICE + f"[stability]\nband_hz = {band}\n")
+    edges = [each for each in parameter_changes(tomllib.loads(text), parsed(text)) if "band_hz" in each.path]
+    for edge in edges:
+        for _, new in edge.steps():
+            low, high = sorted((new, edge.other))
+            assert high >= 2 * low * (1 - 1e-9)
+    assert len(edges) == 2
+
+
+def test_the_edge_that_a_theorem_at_0_hz_advises_is_where_the_coupling_offers_what_is_required() -> None:
+    """There m_c^2 omega^2/b_c, next to 0 Hz all of Re Z_c, is the drag that is advised instead."""
+    advice = impossible(parsed(THEOREMS["K_p > 0 from 0"].replace("[stability]", "drag = 0.0\n[stability]"))).advice
+    drag, edge = (float(found) for found in re.findall(r"coupling.drag of (\S+) .* at least (\S+) Hz", advice)[0])
+    assert (10.0 * 2 * pi * edge) ** 2 / 1.0 == pytest.approx(drag, rel=2e-3)
+
+
+def test_the_coupling_that_a_theorem_towards_infinity_advises_is_just_enough_with_drag() -> None:
+    """b_c + b_0 is what counts there: the drag that the bounds allow is not asked for again."""
+    text = THEOREMS["b_c too small towards inf"].replace(
+        "[stability]", "drag = { min = 0.0, max = 600.0 }\n[stability]"
+    )
+    least = float(re.search(r"coupling.damping.max to (\S+) ", impossible(parsed(text)).advice)[1])
+    for factor, excluded in ((0.999, True), (1.001, False)):
+        assert (impossible(parsed(text.replace("max = 5000.0", f"max = {factor * least}"))) is not None) == excluded

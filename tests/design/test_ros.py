@@ -504,3 +504,14 @@ def test_the_rate_of_another_controller_is_not_that_of_this_one(arm):
     other = "joint_state_broadcaster:\n  ros__parameters:\n    update_rate: 50\n"
     (arm / "ros.yaml").write_text(other + PARAMETERS)
     assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode != ExitCode.BAD_INPUT
+
+
+@pytest.mark.parametrize("coefficient, said", [(0.26, True), (0.28, False), (0.4, False)])
+def test_a_filter_below_a_tenth_of_the_nyquist_frequency_is_warned_of(arm, monkeypatch, coefficient, said) -> None:
+    """At 1 kHz that is 50 Hz: 0.26 is a low-pass of 48 Hz, 0.28 of 52 Hz and 0.4 of 81 Hz."""
+    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: None)
+    changed(arm, filter_coefficient=coefficient)
+    (found,) = strict(vctune("check", "arm.toml", "ros.yaml", "--json", cwd=arm).stdout)
+    assert (
+        any("[ros-slow-filter]" in warning for warning in found["warnings"]) == said == (corner_hz(coefficient, T) < 50)
+    )

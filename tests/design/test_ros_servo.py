@@ -6,6 +6,7 @@ import re
 import tomllib
 from itertools import product
 from math import inf, sqrt
+from pathlib import Path
 from time import process_time
 
 import numpy as np
@@ -16,6 +17,7 @@ from loop import Loop
 from loop import radius as stepped
 from ros_controller import Arm, Rule, World, asked, radius
 
+from vctune import export
 from vctune.design.prepared import pose as prepared
 from vctune.design.ros import admittance_check
 from vctune.design.ros.admittance import as_problem, coupling_of_admittance, document_of_both
@@ -362,3 +364,12 @@ def test_a_design_that_the_controller_cannot_render_is_not_written(tmp_path):
     )
     looped = vctune("export", "wheel.toml", "--to", "ros2", "--unproved", cwd=tmp_path)
     assert looped.returncode == ExitCode.BAD_INPUT and "write [device.servo]" in looped.stderr
+
+
+def test_problems_of_one_name_are_both_beside_the_parameters(tmp_path: Path) -> None:
+    """A translation and a rotation may share a name, and the check needs both files."""
+    texts = [f'name = "arm"\n{text}' for text in (DESIGNED, TURNING)]
+    for number, text in enumerate(texts):
+        (tmp_path / f"{number}.toml").write_text(text)
+    files = export([tmp_path / "0.toml", tmp_path / "1.toml"], to="ros2").files
+    assert sorted(text for name, text in files.items() if name.endswith(".toml")) == sorted(texts)

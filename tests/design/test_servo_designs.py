@@ -14,6 +14,7 @@ from conftest import ROOT
 
 import vctune
 from vctune import solve
+from vctune.analysis.contact import stiffest_contact
 from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.prepared import pose
 from vctune.design.verdict.judge import Status, judge
@@ -60,6 +61,25 @@ def test_at_rest_the_drag_is_stiffness_times_latency():
     R = loops_in_hands(device, hands).required(NONE)[:, 0]
     assert pytest.approx(1000 * latency(device, FLOATS).total, rel=1e-12) == R
     assert latency(device, FLOATS).total == pytest.approx(0.001 + 0.032 + np.sqrt(2) / (2 * np.pi * 20), rel=1e-12)
+
+
+@pytest.mark.parametrize("coupling", [Coupling(10.0, 50.0, 20.0), Coupling(20.0, 5.0, 20.0)], ids=["heavy", "light"])
+def test_the_stiffest_contact_without_mass_and_damping_is_that_at_rest(coupling: Coupling) -> None:
+    """K L = b_0/g: a mass in the coupling, however heavy, resists nothing at rest."""
+    device, hands = problem().device, Hands(Hand(0.0, 0.0, 0.0), Hand(0.0, 0.0, 1000.0))
+    bears = coupling.drag / 1.05 / latency(device, FLOATS).total
+    assert stiffest_contact([device], hands, coupling, 1.05) == pytest.approx(bears, rel=1e-9)
+
+
+def test_the_drag_at_rest_is_the_sum_of_its_parts() -> None:
+    """Contacts act through the force sensor; the firmware's own spring does not wait for it."""
+    sensor = "[device.force_sensor]\ndelay = 0.01\nbandwidth_hz = 30.0\n"
+    text = SERVO.replace("order = 2", "order = 2\nstiffness = 40.0") + sensor
+    text = text.replace("damping = { min = 0.0", "damping = { min = 1.0").replace("1000 }", "300 }")
+    checked = vctune.check(tomllib.loads(text + "[coupling]\ndamping = inf\nmass = 5.0\ndrag = 120.0\n"))
+    contact = checked.finding.record()["contact"]
+    parts = sum(part["drag"] for part in contact["parts"]) + contact["own_spring"]
+    assert contact["rest_drag"] == pytest.approx(parts - contact["safety_factor"] * 1.0, rel=1e-9)
 
 
 def test_nothing_depends_on_a_mass_that_a_servo_does_not_have():
@@ -204,3 +224,12 @@ def test_a_box_is_posed_on_both_sides_of_each_sum_of_a_whole_sample(
     sums = [1e3 * (each.device.servo.delay + each.device.sensing.delay) for each in posed.hand_cases]
     beside = {round(each) + (1e-7 if each > round(each) else -1e-7) for each in sums if abs(each - round(each)) < 2e-7}
     assert beside == {number + side for number in whole for side in (-1e-7, 1e-7)}
+
+
+def test_a_servo_that_follows_late_is_not_idle() -> None:
+    """It has no loop that could hardly work, however far |1 - G_he| is above that of an idle one."""
+    text = SERVO.replace("1000 }", "300 }") + "[coupling]\ndamping = inf\nmass = 5.0\ndrag = 200.0\n"
+    checked = vctune.check(tomllib.loads(text + "[transparency]\nband_hz = [2.0, 20.0]\n"))
+    judgement = checked.finding.judgement
+    assert judgement.status is Status.CERTIFIED and judgement.transparency.tracking > 1
+    assert not judgement.idle and not checked.warnings

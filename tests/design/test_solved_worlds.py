@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
+from dataclasses import astuple, replace
 from math import inf, tan
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command import run
+from device_pairs import tables_of
+from loop import Loop, matrix
 
-from vctune.analysis.in_worlds import binding_world, reaction
+from vctune.analysis.in_worlds import binding_world, growth_near, reaction
 from vctune.api.solving import solve
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem
@@ -21,6 +24,7 @@ from vctune.document.schema.statement import statement
 from vctune.document.text.errors import InputError
 from vctune.document.text.json import problem_digest
 from vctune.exit_codes import ExitCode
+from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem, Range
@@ -226,3 +230,29 @@ def test_the_binding_environment_cancels_the_reactance() -> None:
     assert inside is not None
     assert inside.mass == 0.02
     assert inside.mass * u - inside.stiffness / u == pytest.approx(met)
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 50.0, 400.0, 3000.0])
+def test_the_environment_that_presses_hardest_is_in_the_box(stiffness: float) -> None:
+    """With the reactance that cancels the loop's, or the nearest to it that the box holds."""
+    device, law = Device(0.4, 2.0, 1e-3, 3e-4), (Gains(100.0, 3000.0), Coupling(30.0, 0.2, 0.5))
+    low, high, hand = World(0.1, 0.5, 50.0), World(0.6, 4.0, 900.0), Hand(0.1, 2.0, stiffness)
+    found = [
+        binding_world(device, *law, hand, float(omega), 1.1, Worlds(low, high)) for omega in np.geomspace(2, 3e3, 40)
+    ]
+    masses, springs = {world.mass for world in found if world}, {world.stiffness for world in found if world}
+    assert min(masses) == low.mass and max(masses) == high.mass
+    assert min(springs) == low.stiffness and max(springs) == high.stiffness
+
+
+@pytest.mark.parametrize("sample_time", [1e-3, 4e-3])
+def test_a_motion_grows_at_the_rate_of_the_loops_greatest_pole(sample_time: float) -> None:
+    """log |z|/T of the stepped loop, at its angle."""
+    device, law = Device(0.4, 2.0, sample_time, 2 * sample_time), (Gains(60.0, 1500.0), Coupling(20.0, 0.05, 0.1))
+    hand, world = Hand(0.2, 1.0, 1500.0), World(0.0, 0.0, 3000.0)
+    loop = Loop(tables_of(device)["device"], *map(astuple, (*law, hand, world)))
+    poles = np.linalg.eigvals(matrix(loop))
+    pole = np.log(poles[np.argmax(np.abs(poles))]) / sample_time
+    found = growth_near(device, *law, hand, world, abs(pole.imag))
+    assert found is not None and pole.real > 1.0
+    assert (found.rate, 2 * np.pi * found.hz) == pytest.approx((pole.real, abs(pole.imag)), rel=1e-8)

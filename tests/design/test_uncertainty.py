@@ -23,6 +23,7 @@ from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
+from vctune.document.text.errors import InputError
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Uncertainty
@@ -326,3 +327,15 @@ def test_the_peak_of_many_uncertain_numbers_is_that_of_the_loudest_vertex():
 
     peaks = [peak(signs) for signs in product((-1, 1), repeat=len(shares))]
     assert judge(problem, *problem.fixed_design).peak_sensitivity == pytest.approx(max(peaks), rel=1e-6)
+
+
+@pytest.mark.parametrize("share, refused", [(0.3, False), (0.4, True)])
+def test_an_uncertain_delay_of_the_force_sensor_has_at_most_200_samples(share: float, refused: bool) -> None:
+    """150 sample times and a share of them."""
+    text = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\nforce_sensor = { delay = 0.15 }\n"
+    text += f'[uncertainty]\n"force_sensor.delay" = {share}\n'
+    if refused:
+        with pytest.raises(InputError, match=r"force_sensor\.delay: 0\.15 s is up to 210 sample times"):
+            parse_problem(text, "late", "late")
+    else:
+        assert dict(parse_problem(text, "late", "late").uncertainty.half_widths)["force_sensor.delay"] == share

@@ -11,6 +11,8 @@ import pytest
 from conftest import ROOT
 
 from vctune import identify
+from vctune.document.recording import Channel, Recording
+from vctune.identification.spectra import response
 from vctune.identification.study import distances
 
 DATA = Path(os.environ.get("VCTUNE_DATA", ""))
@@ -141,3 +143,19 @@ def test_the_time_column_of_the_bench_is_not_believed(tmp_path):
 
 def test_nothing_of_the_recordings_is_in_the_project():
     assert not list(ROOT.rglob("emps*.csv*")) and not list(ROOT.rglob("bench*.csv*"))
+
+
+@np.errstate(all="ignore")
+def test_what_rounding_does_to_every_line_is_its_spread() -> None:
+    """Each period repeats the error of the last, which no average shows: its size is quantum sqrt(period/12)."""
+    rng, period, lines, quantum = np.random.default_rng(0), 2000, np.arange(3, 120), 1e-3
+    force = np.zeros(period // 2 + 1, complex)
+    force[lines] = period * np.exp(2j * np.pi * rng.uniform(size=lines.size))
+    pushed, place = np.tile(np.fft.irfft([force, 0.01 * force], period), 6)
+    channels = {
+        "force": Channel("force", pushed, 1.0, None, None),
+        "position": Channel("position", quantum * np.round(place / quantum), 1.0, quantum, None),
+    }
+    found = response(Recording("log.csv", "", 2, channels, (), False), 1e-3)
+    off = np.abs(found.ratio[0] / 0.01 - 1) / found.spread[0]
+    assert found.omega.size == lines.size and 0.8 < np.sqrt(np.mean(off**2)) < 1.25

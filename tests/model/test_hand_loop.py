@@ -31,7 +31,9 @@ from vctune.model.sampled.hand_loop import (
     seen_in_hand,
     seen_in_limp_hand,
 )
+from vctune.model.sampled.loop_in_worlds import disjuncts, limp_disjuncts, offered_at, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand, plants_in_spring
+from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.margins_of_claims import Design, hand_margin, margin_in_spring
 from vctune.proof.enclosures.intervals import ENCLOSURES, between, decimal
 
@@ -174,10 +176,11 @@ def test_what_the_environment_meets_is_what_the_oracle_says(numbers):
 @pytest.mark.parametrize(
     "numbers", [SOME, pytest.param(range(0, 300, EVERY), marks=pytest.mark.slow)], ids=["some", "every"]
 )
-@pytest.mark.parametrize("integrating", [0.0, 1.0])
-def test_next_to_rest_both_forms_differ_by_rho(numbers, integrating):
+@pytest.mark.parametrize("integrating, summed", [(0.0, False), (1.0, False), (1.0, True)])
+def test_next_to_rest_both_forms_differ_by_rho(numbers, integrating, summed):
     """Without an integrator and with little of it, and as exactly anywhere else, of every combination of parts."""
-    for device, gains, hand, rng in cases(numbers, 62):
+    for drawn, gains, hand, rng in cases(numbers, 62):
+        device = replace(drawn, summed=summed)
         held = replace(hand, stiffness=float(10 ** rng.uniform(-6, 4)))
         theta, K_v = float(10 ** rng.uniform(-4, 0.49)), gains.velocity
         K_p = integrating * float(10 ** rng.uniform(-6, 4))
@@ -196,6 +199,29 @@ def test_next_to_rest_both_forms_differ_by_rho(numbers, integrating):
             swing = known.swing / (rho**2 * np.sin(theta / 2))
             found_swing = seen_in_limp_hand(plant, K_v, theta, rest, FLOATS).swing
             assert abs(found_swing - swing) < 1e-6 * size * K_v, (device, held, theta)
+
+
+@pytest.mark.parametrize("softest", [0.0, 40.0])
+def test_next_to_rest_both_forms_of_the_margins_in_environments_differ_by_rho(softest: float) -> None:
+    """Margins in a box of environments, with a softest spring and without one, which leaves another factor s."""
+    worlds, coupling = Worlds(World(0.1, 0.5, softest), World(2.0, 9.0, 900.0)), Coupling(30.0, 0.2, 0.5)
+    for device, gains, hand, rng in cases(FEW, 162):
+        theta, K_v, T = float(10 ** rng.uniform(-3, 0.4)), gains.velocity, device.sample_time
+        plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+        pulled, s = hand.stiffness * T**2 / device.mass, np.sin(theta / 2)
+        rho = 2 * s + pulled
+        seen = seen_in_hand(loop_in_hand(plant, theta, FLOATS), Gains(K_v, 0.0))
+        near = seen_in_limp_hand(plant, K_v, theta, NextToRest(rho, 2 * s / rho, pulled / rho, 0.0), FLOATS)
+        at = offered_at(coupling, T, theta, FLOATS)
+        whole, limp = (
+            disjuncts(at, worlds, T, seen, 1.1, theta, FLOATS),
+            limp_disjuncts(at, worlds, T, near, 1.1, theta, FLOATS),
+        )
+        assert whole.above is not None and limp.above is not None
+        size = rho**2 * (1.0 if softest else s)
+        for terms, factor, others in ((limp.resistive, rho**2, whole.resistive), (limp.above, size, whole.above)):
+            away = abs(sum_of(terms) * factor - sum_of(others))
+            assert away < 1e-6 * sum(map(abs, others)), (device, hand, theta)
 
 
 @pytest.mark.parametrize("share", [0.0, 1e-3, 0.5, 1.0])

@@ -35,6 +35,7 @@ from vctune.report.panels import draw_error, draw_impedance, draw_nyquist, draw_
 from vctune.report.paths import DESIGN_FIGURES
 from vctune.report.study_figures import BAD, GOOD, OPEN, region_figure, sweep_figure
 from vctune.report.style import GREY, PAPER, svg
+from vctune.report.tables import asked as stated_in_tables
 from vctune.simulation.scene import stroke_time
 from vctune.simulation.simulation_record import CURVE_POINTS, simulation_record
 from vctune.simulation.two_runs import simulate
@@ -363,6 +364,19 @@ def test_the_points_of_a_sweep_are_those_of_their_designs() -> None:
     assert list(line(axes, "no certified design")[0]) == [mass for mass in masses if mass not in good]
 
 
+def test_the_line_of_a_region_is_where_its_loops_lose_their_resistance() -> None:
+    """Re G_hh = 0 at low frequencies: tau K_p = b + K_v, with tau = T/2 + delay = 1 ms."""
+    device = "[device]\nmass = 0.4\ndamping = 20.0\nsample_time = 1e-3\ndelay = 5e-4\n"
+    ranges = "[gains]\nvelocity = { min = 1.0, max = 200.0 }\nposition = { min = 0.0, max = 2e5 }\n"
+    text = for_passive_hands(device + ranges + "[coupling]\ndamping = 160.0\nmass = 0.35\n")
+    found = vctune.region(tomllib.loads(text), resolution=0.125)
+    x, y = line(region_figure(found.file.problem, found.region, found.designs).axes[0], "τ K_p")
+    (K_v, K_p), share = found.region.plane.edges, np.linspace(0, 1, found.region.plane.side + 1)
+    there = (x > 0) & (y > 0) & np.isfinite(x + y)
+    assert there.sum() > 3
+    assert 1e-3 * np.interp(y, share, K_p)[there] == pytest.approx(20.0 + np.interp(x, share, K_v)[there], rel=1e-9)
+
+
 @pytest.mark.slow
 def test_the_cells_of_a_region_are_drawn_with_their_areas() -> None:
     """As shares of the plane, and tau K_p = b + K_v with a lag of half a sample."""
@@ -486,3 +500,10 @@ def test_regions_are_told_apart_by_everyone_and_in_grey(sight):
         assert np.linalg.norm(difference) > 25
         assert abs(difference[0]) > 12
         assert mark != other_mark
+
+
+def test_the_page_states_half_widths_in_per_cent() -> None:
+    """Of each uncertain number, and of no other."""
+    lines = stated_in_tables(stated(for_passive_hands(DEVICE + HELD + "[uncertainty]\nmass = 0.02\n"))[1])["Device"]
+    notes = {line.label: line.note for line in lines if "±" in line.note}
+    assert notes == {"mass m": "± 2 %"}

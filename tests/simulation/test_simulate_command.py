@@ -6,6 +6,7 @@ import json
 import shutil
 import signal
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -169,6 +170,16 @@ def test_infeasible_and_unstable_fail(tmp_path):
     assert done.returncode == ExitCode.FAILED
     spring = strict(done.stdout)["experiments"][0]["design"]
     assert spring["metrics"] is None and spring["diverged_s"] > 0 and not spring["loop"]["stable"]
+
+
+def test_an_unstable_design_fails_although_a_short_motion_does_not_show_it(tmp_path: Path) -> None:
+    """An environment six samples late makes the loop grow by half a per cent a sample: nothing diverges in a second."""
+    late = '[[experiment]]\nname = "late"\nenvironment = { stiffness = 2000.0, late = 6 }\n'
+    path = tmp_path / "device.toml"
+    path.write_text(for_passive_hands(DEVICE + FIXED + late + "operator = { to = 0.002, speed = 0.1, cycles = 1 }\n"))
+    done = vctune("simulate", path, "--json", cwd=tmp_path)
+    design = strict(done.stdout)["experiments"][0]["design"]
+    assert design["metrics"] is not None and not design["loop"]["stable"] and done.returncode == ExitCode.FAILED
 
 
 def test_interrupted_leaves_nothing_half_written(tmp_path):

@@ -148,6 +148,18 @@ def test_weights_of_the_error_do_not_change_what_is_infeasible(tmp_path, monkeyp
         assert own == {name: row[name] for name in own}
 
 
+@pytest.mark.parametrize("torn", [False, True])
+def test_a_torn_line_of_an_interrupted_sweep_is_told(tmp_path: Path, torn: bool) -> None:
+    """One is enough: its point is solved again."""
+    path, command = write_study(tmp_path, '"device.damping" = [1.0, 2.0]\n', FIXED), ("--executor", "serial")
+    run("sweep", path, *command, cwd=tmp_path)
+    rows = tmp_path / "results/study/rows.jsonl"
+    whole = rows.read_text()
+    rows.write_text(whole[:-20] if torn else whole)
+    assert ("rows.jsonl: 1 torn lines dropped [rows-torn]" in run("sweep", path, *command, cwd=tmp_path).stderr) == torn
+    assert len(rows_in(rows)) == 2
+
+
 def test_two_jobs_make_the_same_bits_as_one(tmp_path, reference):
     path, rows, table = reference
     assert len(rows) == 12 and all('"certified"' in row for row in rows.values())
