@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
+from math import inf, pi
 
 import pytest
 from command import run
-from conftest import DEVICE, FIXED
+from conftest import DEVICE, FIXED, for_passive_hands
 
 import vctune
+from vctune.design.verdict.felt_record import in_hand_record
+from vctune.design.verdict.judge import judge
+from vctune.document.reading import parse_problem
+from vctune.document.records.design_json import ActiveRecord, design_of
 from vctune.report.study_figures import sweep_figure
 
 WALLS = "[environment]\nmass = { min = 0.05, max = 5.0 }\nstiffness = { max = 2000.0 }\nwalls = true\n"
@@ -82,6 +88,44 @@ def test_numbers_below_any_meaning_are_0_or_absent(written, tmp_path):
 def test_multipliers_are_those_of_every_machine(written):
     record = json.loads((written[0] / "results/free/design.json").read_text())
     assert record["active"] and all(float(f"{row['multiplier']:.9g}") == row["multiplier"] for row in record["active"])
+
+
+@pytest.mark.parametrize("share", [0.3, 0.94, 1.04, 1.06])
+def test_an_active_constraint_has_the_frequency_of_its_claim_only_next_to_it(share: float) -> None:
+    """Within 5 % of the peak of |S| it is that peak; elsewhere it is another extremum."""
+    checked = vctune.check(tomllib.loads(for_passive_hands(DEVICE + FIXED.format(160.0))))
+    record = design_of(checked.finding.record(), "x")
+    peak = record.inner_loop.peak_sensitivity_hz
+    active = ActiveRecord(demand="|S| <= max_sensitivity", hz=share * peak, multiplier=1.0)
+    told = peak if 1 / 1.05 < share < 1.05 else share * peak
+    assert record.model_copy(update={"active": [active]}).limits == [f"|S| <= max_sensitivity at {told:.4g} Hz"]
+
+
+@pytest.mark.parametrize("position, limp", [(40.0, False), (25.0, True)])
+def test_a_spring_below_that_of_the_reference_at_the_lower_edge_of_the_band_is_limp(
+    position: float, limp: bool
+) -> None:
+    """K_p < Z_0 omega_min = 31.4 N/m."""
+    law = FIXED.format(160.0).replace("6000.0", str(position))
+    text = DEVICE + law + "[transparency]\nband_hz = [0.5, 20.0]\nreference_impedance = 10.0\n"
+    problem = parse_problem(for_passive_hands(text), "x", "x")
+    assert in_hand_record(problem, judge(problem, *problem.fixed_design)).limp == limp
+
+
+@pytest.mark.parametrize("least", [0.0, 1.0, 2.0])
+def test_the_felt_wall_is_the_spring_less_the_coupling_whatever_mass_is_always_behind(least: float) -> None:
+    """Of a fast loop k - omega^2 m_c at 10 Hz: the inertia of the least mass of the box is no part of the wall."""
+    stated = vctune.problem(
+        {
+            "device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-4},
+            "gains": {"velocity": 1500.0, "position": 2e4},
+            "coupling": {"damping": inf, "mass": 0.5, "drag": 20.0},
+            "stability": {"criterion": "hands"},
+            "environment": {"mass": {"min": least, "max": 5.0}, "stiffness": {"max": 8000.0}, "walls": True},
+        }
+    ).problem
+    felt = in_hand_record(stated, judge(stated, *stated.fixed_design)).felt_wall_10hz
+    assert felt == pytest.approx(8000.0 - (2 * pi * 10.0) ** 2 * 0.5, rel=0.06)
 
 
 def test_a_number_of_operator_is_that_number_and_a_default_is_what_the_schema_says():

@@ -27,6 +27,7 @@ from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.design.verdict.check import CheckVerdict
 from vctune.design.verdict.design_record import record_of
+from vctune.design.verdict.felt_record import in_hand_record
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.document.text.errors import InputError
@@ -577,3 +578,10 @@ def test_the_error_counts_what_a_design_can_change(structure, free: bool, counte
     expected = counted if coupled else {"admittance", "tracking"}
     for each in found:
         assert each.error == pytest.approx(np.hypot.reduce([weights[t] * getattr(each, t) for t in expected]), rel=1e-9)
+
+
+def test_a_count_of_the_encoder_is_felt_through_damping_and_spring() -> None:
+    """In its sample a step of the position is resolution/T of velocity too: (K_v + b_c)/T + k_c, N/m."""
+    problem = arm(display(velocity=VelocityEstimate("difference", resolution=1e-5)))
+    found = in_hand_record(problem, judge(problem, Gains(0.1, 0.0), SpringDamper(0.05, 150.0)))
+    assert found.count == pytest.approx(1e-5 * ((0.1 + 0.05) / T + 150.0), rel=1e-12)

@@ -42,7 +42,7 @@ criterion = 'passive'
 band_hz = [0.5, 80.0]
 """
 """A device that has every number of a velocity loop; a servo has none of them."""
-WHEEL = (ROOT / "problems/friction-wheel.toml").read_text()
+WHEEL, PADDLE = ((ROOT / f"problems/{name}.toml").read_text() for name in ("friction-wheel", "paddle"))
 
 
 def priced(text):
@@ -82,12 +82,13 @@ SOLVED_AGAIN = {
         for name in ("friction-wheel-uncertain", "extremes/feather", "extremes/peak", "delta-4khz", "paddle")
     },
     "friction-wheel": (WHEEL, 2e-4),
+    "weighted": (PADDLE + "[transparency.weights]\nadmittance = 0.01\ntracking = 10.0\n", 2e-4),
 }
 """Problems, and by how much of the error the price of a hundredth may miss what solving again gives: its second order,
 in hands, where a few of them stand for all, half as much again."""
 
 
-@pytest.mark.parametrize("name", mostly_slow(SOLVED_AGAIN, ["friction-wheel", "paddle"]))
+@pytest.mark.parametrize("name", mostly_slow(SOLVED_AGAIN, ["friction-wheel", "paddle", "weighted"]))
 def test_prices_are_those_of_solving_again(name):
     text, tolerance = SOLVED_AGAIN[name]
     problem = parse_problem(text, "x", "x")
@@ -99,13 +100,19 @@ def test_prices_are_those_of_solving_again(name):
         changed = replace(problem, device=problem.device.with_numbers({key: price.new}))
         again = solve(changed).judgement
         assert price.change == pytest.approx(again.error / solved.judgement.error - 1, abs=tolerance), key
-        free = free_feel(again) / free_feel(solved.judgement) - 1 if problem.device.kind.inverse else None
+        weights = problem.transparency.weights
+        free = (
+            free_feel(again, weights) / free_feel(solved.judgement, weights) - 1
+            if problem.device.kind.inverse
+            else None
+        )
         assert price.free == pytest.approx(free, abs=1e-8), key
 
 
-def free_feel(judgement):
-    """Both terms of free motion, each with the weight 1: of impedance displays without a K_v to choose."""
-    return hypot(judgement.transparency.admittance, judgement.transparency.tracking)
+def free_feel(judgement, weights):
+    """Both terms of free motion, each with its weight: of impedance displays without a K_v to choose."""
+    found = judgement.transparency
+    return hypot(weights.admittance * found.admittance, weights.tracking * found.tracking)
 
 
 def test_a_change_of_units_changes_nothing():

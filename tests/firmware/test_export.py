@@ -15,12 +15,12 @@ from compilers import by_each_compiler, done, has, period, warned
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
 
 from vctune import InputError, export, write_export
-from vctune.document.reading import read_gains, read_problem
+from vctune.document.reading import parse_problem, read_gains, read_problem
 from vctune.document.records.certificate_json import HandsRecord, WallsRecord
 from vctune.exit_codes import ExitCode
 from vctune.firmware.firmware import NOTHING, certified, firmware, rounded
 from vctune.firmware.preamble import rendered
-from vctune.firmware.vectors import commands, replays
+from vctune.firmware.vectors import commands, default_experiments, replays
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
 from vctune.simulation.controller import (
@@ -479,3 +479,16 @@ def test_a_header_says_proved_again_only_of_what_is_proved(damping: float, prove
     text = for_passive_hands(DEVICE + FIXED.format(damping))
     said = " ".join(export(tomllib.loads(text), precision="single", unproved=True).statement)
     assert ("Proved again" in said) == proved == ("NOT PROVED" not in said)
+
+
+def test_what_replays_a_rotary_design_grows_with_its_inertia() -> None:
+    """Of 0.4 kg m2 it has the numbers of a linear device, and of twice the inertia twice the spring, hand and limit."""
+    linear, *rotary = (
+        default_experiments(parse_problem(device + for_passive_hands(FIXED.format(160.0)), "x", "x"))
+        for device in (DEVICE, *(DEVICE.replace("mass = 0.4", f'units = "rotary"\nmass = {m}') for m in (0.4, 0.8)))
+    )
+    assert rotary[0] == linear
+    for one, two in zip(*rotary, strict=True):
+        for numbers in (lambda each: each.environment.stiffness, lambda each: each.operator.stiffness):
+            assert numbers(two) == pytest.approx(2 * numbers(one), rel=1e-12)
+    assert rotary[1][1].limit == pytest.approx(2 * rotary[0][1].limit, rel=1e-12)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import cache
+from math import erf, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from conftest import ROOT
 
 from vctune import identify
 from vctune.document.recording import Channel, Recording
+from vctune.identification.box import joint_factor
 from vctune.identification.spectra import response
 from vctune.identification.study import distances
 
@@ -159,3 +161,10 @@ def test_what_rounding_does_to_every_line_is_its_spread() -> None:
     found = response(Recording("log.csv", "", 2, channels, (), False), 1e-3)
     off = np.abs(found.ratio[0] / 0.01 - 1) / found.spread[0]
     assert found.omega.size == lines.size and 0.8 < np.sqrt(np.mean(off**2)) < 1.25
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 12, 40])
+def test_all_intervals_of_a_box_hold_together_with_95_per_cent(count: int) -> None:
+    """Each alone with the root of it; two deviations are the least."""
+    together = erf(joint_factor(count) / sqrt(2)) ** count
+    assert together >= 0.95 if count == 1 else together == pytest.approx(0.95, rel=1e-9)

@@ -6,6 +6,7 @@ import re
 from dataclasses import astuple
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command import run
 from conftest import ROOT, mostly_slow
@@ -19,7 +20,7 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.toml import toml_text
 from vctune.exit_codes import ExitCode
 from vctune.model.hands import Hand
-from vctune.model.numbers.units import LINEAR, QUANTITIES, ROTARY, Units
+from vctune.model.numbers.units import LINEAR, QUANTITIES, ROTARY, Units, narrowed
 from vctune.model.problem import HUMAN_HANDS
 
 FILE = Path("device.toml")
@@ -190,3 +191,12 @@ def test_every_command_states_the_units_of_a_rotary_device(command: str, tmp_pat
     assert units_in(rotary, LINEAR) == units_in(linear, ROTARY) == []
     same = {LINEAR.of(quantity): ROTARY.of(quantity) for quantity in QUANTITIES}
     assert units_in(rotary, ROTARY) == [same[unit] for unit in units_in(linear, LINEAR)] != []
+
+
+def test_a_band_is_told_with_edges_that_lie_within_it() -> None:
+    """Six digits of a proved band never promise more than it."""
+    rng = np.random.default_rng(7)
+    for low, high in np.sort(10 ** rng.uniform(-3, 4, (200, 2)), axis=1).tolist():
+        inside = [float(edge) for edge in narrowed(low, high)]
+        assert low <= inside[0] and inside[1] <= high and inside == pytest.approx([low, high], rel=1e-5)
+    assert narrowed(0.5, 100.0) == ("0.5", "100")

@@ -7,18 +7,21 @@ import shutil
 import signal
 import subprocess
 import sys
+import tomllib
 from contextlib import contextmanager
 from itertools import count
 
+import numpy as np
 import pytest
 from command import run
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 from test_region import B_0, B_C, K_P, K_V, M_C, found
 
-from vctune import interrupt
+from vctune import interrupt, region
 from vctune.document.records.region_json import read_region
 from vctune.exit_codes import ExitCode
 from vctune.study.region import Kind
+from vctune.study.region_check import RegionFinding
 
 PLAIN = DEVICE + "[coupling]\ndamping = { min = 10.0, max = 3000.0 }\nmass = { min = 0.05, max = 4.0 }\n"
 
@@ -393,3 +396,15 @@ def test_the_reader_of_the_answer_may_go_away(baseline):
     done = subprocess.run(["bash", "-c", script], cwd=baseline, capture_output=True, check=False)
     assert done.stderr == b""
     assert (baseline / "o/device/region.json").exists()
+
+
+def test_lost_cells_are_listed_by_their_edges() -> None:
+    """Each once, and together, in shares of the plane, the area that is lost."""
+    ranges = "[gains]\nvelocity = { min = 1.0, max = 200.0 }\nposition = { min = 0.0, max = 2e5 }\n"
+    text = for_passive_hands(DEVICE + ranges + "[coupling]\ndamping = 160.0\nmass = 0.35\n")
+    mapped = region(tomllib.loads(text), resolution=0.125)
+    lost = RegionFinding(mapped.file, mapped.region, [], [], False, []).record()
+    (x, y), cells = mapped.region.plane.edges, np.array(lost["lost_cells"])
+    assert len(np.unique(cells, axis=0)) == len(cells) > 8
+    wide, high = (np.diff(np.searchsorted(*each)) for each in ((x, cells[:, :2]), (y, cells[:, 2:])))
+    assert (wide * high).sum() / mapped.region.plane.side**2 == pytest.approx(lost["areas"]["lost"], rel=1e-12)
