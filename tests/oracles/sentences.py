@@ -308,10 +308,11 @@ class Drawn:
     def loops(self, t: float, hand: Any, numbers: Any, world: Any = (0.0, 0.0, 0.0)) -> list[Loop]:
         """Return the loop, of a delay of whole samples on both sides of them."""
         device = with_numbers(self.device, self.keys, numbers) if self.keys else self.device
-        own, T = device.get("servo", device).get("delay", 0.0), device["sample_time"]
-        sides = [device]
-        if own and samples_of(device) % 1 == 0:
-            sides.append(with_numbers(device, ["servo.delay" if "servo" in device else "delay"], [own - 1e-7 * T]))
+        delays = {"servo.delay" if "servo" in device else "delay": device.get("servo", device).get("delay", 0.0)}
+        delays["force_sensor.delay"] = device.get("force_sensor", {}).get("delay", 0.0)
+        sides, late = [device], next((key for key, delay in delays.items() if delay), None)
+        if late is not None and samples_of(device) % 1 == 0:
+            sides.append(with_numbers(device, [late], [delays[late] - 1e-7 * device["sample_time"]]))
         return [Loop(side, self.gains, self.coupled(t), triple(hand), triple(world)) for side in sides]
 
     def grows(self, t: float, place: Floats) -> bool:
