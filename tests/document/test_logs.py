@@ -108,7 +108,8 @@ FAULTS = {
     ),
     "jitter": (lambda c: c | {"time_s": c["time_s"] + 3e-4 * np.sin(np.arange(6000.0))}, ["time_s", "jitters by"]),
     "another sign": (lambda c: c | {"command_N": -c["command_N"]}, ["command_N", "scale = -1"]),
-    "decimated": (lambda c: c | {"command_N": np.repeat(c["command_N"][::4], 4)}, ["command_N", "every 4th row"]),
+    "decimated": (lambda c: c | {"position_m": np.repeat(c["position_m"][::4], 4)}, ["position_m", "every 4th row"]),
+    "rounded": (lambda c: c | {"command_N": 3 * np.round(c["command_N"] / 3)}, ["command_N", "too few levels"]),
     "saturated": (lambda c: c | {"command_N": np.clip(c["command_N"], -1.0, 1.0)}, ["command_N", "at its limit"]),
     "position early": (
         lambda c: (

@@ -101,8 +101,8 @@ FAULTS = {
     "a repair that was not proved is listed": (
         "design/verdict/repair.py", "judgement.status is Status.CERTIFIED else None", "True else None"),
     "the delay of a log is that of its force": (
-        "identification/motion.py", 'held = "command" in recording.channels',
-        'held = "force" not in recording.channels'),
+        "identification/search.py", 'pushed = has.get("command", has.get("force"))',
+        'pushed = has.get("force", has.get("command"))'),
     "a mistake is told a line late": (
         "document/text/toml.py", "        return without + 1\n", "        return without + 2\n"),
     "every problem without a design is proved infeasible": (

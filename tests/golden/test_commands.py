@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-from math import exp
+from math import exp, pi
 
 import numpy as np
 import pytest
@@ -130,8 +130,9 @@ def test_the_delay_of_a_log_is_from_the_command_to_the_motion(tmp_path):
     header = "time_s,position_m,command_N,force_N"
     np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=header, comments="", fmt="%.10g")
     found = vctune.identify(tmp_path / "log.csv").found
-    delay, mass = found.bounded("delay"), found.bounded("mass")
-    assert delay.low <= 5e-3 <= delay.high < 5.5e-3
+    delay, mass, lag = (found.bounded(key) for key in ("delay", "mass", "actuator.bandwidth_hz"))
+    assert delay.low <= 3e-3 <= delay.high < 3.3e-3
+    assert lag.low <= 1 / (2 * pi * 2e-3) <= lag.high < 1.1 * lag.low
     assert mass.low <= 0.8 <= mass.high < 0.85
     np.savetxt(
         tmp_path / "force.csv", rows[:, [0, 1, 3]], delimiter=",", header="time_s,position_m,force_N", comments=""

@@ -93,7 +93,6 @@ def test_a_copy_of_the_command_is_no_actuator(repeated, tmp_path):
     """Between two columns that are one there is no lag: none is in the file, where its bandwidth would be refused."""
     found = identified(repeated | {"force_N": repeated["command_N"]}, tmp_path)
     assert found.found.device.actuator is None
-    assert coded(found.record.remarks, "remark-no-lag")
     assert found.file.problem.device.actuator is None
 
 

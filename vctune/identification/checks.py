@@ -13,11 +13,13 @@ from vctune.document.recording import SERVO_COMMANDS, Channel, Floats, Recording
 from vctune.document.text.errors import InputError, Mistake, Note
 
 LEAST_SAMPLES = 500  # Least number of samples
+COMMANDS = ("command", *SERVO_COMMANDS)
 SAMPLE_TIMES = (1e-6, 0.05)  # Range of sample times that a haptic loop can have, s
 SPEEDS = {False: 30.0, True: 3000.0}  # Greatest speed of a device, m/s, or rad/s if it is rotary
 GREATEST_FORCE = 1e4  # Greatest force of a haptic device, N or N m
 FEW_STEPS = 30  # Least span of the motion in resolution steps
 SATURATED = 0.2  # Greatest permitted share of samples at a limit
+LEVELS = 10  # Least number of steps of its resolution that a command spans, unless it jumps between a few levels
 
 
 # Greatest number of samples of the loop between two rows, and greatest error of a step, in samples of the loop
@@ -133,7 +135,9 @@ def _faults_of_column(recording: Recording, role: str, T: float) -> Iterator[str
             yield f"is {channel.values[0]:g} in every row; record it, or leave the column out"
         return
     repeats, peak = _rows_per_change(channel.values), float(np.abs(channel.values).max())
-    if repeats > 1 and role not in SERVO_COMMANDS:
+    if role in COMMANDS:  # may be held over several rows
+        yield from _faults_of_levels(channel)
+    elif repeats > 1:
         yield f"changes only in every {repeats}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
     force = units.force.replace(" ", "")  # spelled as in headers
     if role in ("position", "handle", "position_command"):
@@ -162,6 +166,17 @@ def _faults_of_place(recording: Recording, channel: Channel, role: str, T: float
         yield f"moves by {span / quantum:.3g} of its resolution {quantum:g}; move it further"
 
 
+def _faults_of_levels(channel: Channel) -> Iterator[str]:
+    """Yield the fault of a command that was rounded to a few levels, unlike one that jumps between a few."""
+    moves = np.abs(np.diff(channel.values))
+    moves = moves[moves > 1e-9 * np.ptp(channel.values)]
+    step = float(moves.min(initial=np.inf)) if channel.quantum is None else channel.quantum
+    levels = float(np.ptp(channel.values)) / step
+    if 2.5 < levels < LEVELS and np.mean(moves < 1.5 * step) > 0.9:
+        text = f"has too few levels, {levels + 1:.0f} in steps of {step:.3g}"
+        yield f"{text}; log it before it is rounded, or move further"
+
+
 def _rows_per_change(values: Floats) -> int:
     """Return the greatest number of rows of which all distances between changes are multiples; 1 with fewer than 50
     changes."""
@@ -175,6 +190,8 @@ def _rows_per_change(values: Floats) -> int:
 def _at_limit(channel: Channel) -> float:
     """Return the share of samples that are at the limit of the column."""
     size = np.abs(channel.values)
+    if channel.limit is None and np.unique(channel.values).size < LEVELS:
+        return 0.0  # jumps between a few levels, as a binary sequence does
     limit = channel.limit if channel.limit is not None else float(size.max())
     at = size >= limit * (1 - 1e-9)
     if channel.limit is None:

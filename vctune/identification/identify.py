@@ -12,15 +12,14 @@ import numpy as np
 from vctune.document.log import LogMap
 from vctune.document.recording import SERVO_COMMANDS, Recording
 from vctune.document.records.identification_json import Bounded, Estimate, FrictionRecord, IdentificationRecord
-from vctune.document.schema.rules import impossible_parts
+from vctune.document.schema.rules import MAX_DELAY_SAMPLES, impossible_parts
 from vctune.document.schema.statement import device_table
 from vctune.document.schema.validation import Fault, refusal
 from vctune.document.text import toml
 from vctune.document.text.errors import Code, InputError, Note
 from vctune.identification.box import DELAY_FLOOR, box, readable, unexplained
 from vctune.identification.checks import check, on_even_rows, remarks
-from vctune.identification.motion import motion_study
-from vctune.identification.response import periodic_study
+from vctune.identification.mechanism import mechanism_study
 from vctune.identification.servo import servo_study
 from vctune.identification.study import Study, distances, envelope
 from vctune.model.device import Device
@@ -52,6 +51,9 @@ def known_of(log_map: LogMap, sample_time: float) -> Known:
     ]
     if raw.get("display") == "impedance" and SENSOR in raw:
         faults.append(Fault(("device", SENSOR), "an impedance display senses no force; leave it out", "contradiction"))
+    if raw.get("delay", 0.0) > MAX_DELAY_SAMPLES * sample_time:
+        text = f"is {raw['delay'] / sample_time:.4g} sample times, and at most {MAX_DELAY_SAMPLES} are supported"
+        faults.append(Fault(("device", "delay"), text, "contradiction"))
     impossible = impossible_parts({"device": raw | {"sample_time": sample_time}})
     faults = faults or [Fault(path, message, "contradiction") for path, message in impossible]
     if faults:
@@ -68,7 +70,7 @@ def known_of(log_map: LogMap, sample_time: float) -> Known:
 
 
 SAME_SAMPLE_TIME = 1e-3  # Greatest relative difference between the sample times of recordings of one device
-POOR, UNEXPLAINED = 0.05, 0.25  # Residual share with a warning, and share of a response at which the log is refused
+POOR = 0.05  # Share of the motion that is left, above which there is a warning
 WEAK_SHARE = 0.5  # Relative half-width above which a remark calls a delay poorly determined
 FAST = 0.02  # Share of a command's power above half of the log's Nyquist frequency
 LEAST_RADII = 2  # Least number of frequencies between which the radii of unmodelled can be interpolated
@@ -154,19 +156,14 @@ def _study(recording: Recording, T: float, log_map: LogMap, known: Known) -> Stu
         )
         raise unexplained(recording, message, force.header)
     held = known.display == "impedance"
-    periodic = periodic_study(recording, T, actuator, held=held)
-    return periodic or motion_study(recording, T, actuator, known.delays, held=held)
+    return mechanism_study(recording, T, actuator, known.delays, held=held)
 
 
 def _with_remarks(study: Study) -> Study:
     """Return a study with the remarks on its recording; one of which much is unexplained is refused or warned of."""
-    left, quantity = study.record.residual_share or 0.0, study.quantity
-    if quantity == "response" and left > UNEXPLAINED:
-        message = f"{left:.0%} of the response is that of no device: record longer, or with more force or lines"
-        raise unexplained(study.recording, message)
-    quantity = study.recording.units.force_name if quantity == "force" else quantity
+    left = study.record.residual_share or 0.0
     text = (
-        f"{study.recording.name}: the device in the file leaves {left:.1%} of the {quantity} unexplained: no design "
+        f"{study.recording.name}: the device in the file leaves {left:.1%} of the motion unexplained: no design "
         "for it is better than that; see the report for when and at which frequencies"
     )
     said = [*remarks(study.recording), *study.remarks, *([Note("warn-residual", text)] if left > POOR else [])]
@@ -239,15 +236,15 @@ def _gaps(studies: Sequence[Study], bounds: Sequence[Bounded], log_map: LogMap, 
     def add(code: Code, text: str) -> None:
         said.append(Note(code, text))
 
+    seen = np.concatenate([np.zeros(0), *(lines.hertz for study in studies for lines in study.lines[:1])])
+    if seen.size >= LEAST_RADII:
+        text = f"nothing was measured above {seen.max():.4g} Hz, where unmodelled keeps its last value"
+        add("remark-highest-line", text)
     if log_map.servo:
         if SENSOR not in known.parts:
             text = "no log shows how late the force is sensed: it is assumed to be sensed at once; write "
             add("remark-assumed-sensor", f"{text}[device.{SENSOR}] in a log.toml")
-        hertz = np.concatenate([study.lines[0].hertz for study in studies])
-        if hertz.size >= LEAST_RADII:
-            text = f"nothing was measured above {hertz.max():.4g} Hz, where unmodelled keeps its last value"
-            add("remark-highest-line", text)
-        else:
+        if seen.size < LEAST_RADII:
             add("remark-slow-motion", "no frequency shows clearly enough for unmodelled: record a sweep")
         if not any(each.name.startswith("compliance") for study in studies for each in study.record.numbers):
             text = "no force was logged, so that it is not known whether the servo yields to one: log it as hand or "
@@ -258,14 +255,14 @@ def _gaps(studies: Sequence[Study], bounds: Sequence[Bounded], log_map: LogMap, 
         add("remark-assumed-velocity", f"{text} write [device.velocity] from in a log.toml")
     # a fit of motion has one lag, which excludes the actuator and the delay if the user states them
     lag_is_apart = "actuator" in known.parts or "delay" in known.delays or "actuator.bandwidth_hz" in by_key
-    if any(study.quantity == "force" for study in studies) and not lag_is_apart:
+    if not lag_is_apart:
         text = "a log of motion does not separate the actuator's lag from a delay: the delay includes both"
         add("remark-actuator-lag", text)
     delay = by_key["delay"]
     if delay.share > WEAK_SHARE:
         text = f"the delay is poorly determined: anything from {delay.low:.2g} to {delay.high:.2g} s fits"
         add("remark-weak-delay", text)
-    if "structure.handle_mass" not in by_key and all(study.quantity == "force" for study in studies):
+    if "structure.handle_mass" not in by_key and not seen.size:
         text = "the motion shows nothing above its own frequencies, neither a resonance nor unmodelled dynamics"
         add("remark-slow-motion", f"{text}: record a multisine")
     return said

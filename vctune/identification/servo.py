@@ -381,7 +381,7 @@ def servo_study(recording: Recording, T: float) -> Study:
         lines += [_lines(fit, other, hertz, one.response(hertz), np.zeros(BEYOND)) for one in fits]
     curves = Curves(task.time[task.first :], measured, made)
     orders = {one.task.order: one.cost / inflation for one in (fit, other)}
-    return Study(recording, record, "motion", estimates, lines, curves, remarks, servo_orders=orders)
+    return Study(recording, record, estimates, lines, curves, remarks, servo_orders=orders)
 
 
 def _refuse(recording: Recording, fits: Sequence[ServoFit], gain: float, header: str, place: str) -> None:

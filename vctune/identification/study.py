@@ -19,7 +19,7 @@ Complex = NDArray[np.complex128]
 TRIED = 600  # Number of devices of the box with which a line is compared
 KNOTS = 24  # Greatest number of frequencies at which the radius is stated
 LEAST = 1e-6  # Least radius, because the logarithmic axes have no 0
-MARGIN = 1 + 1e-6  # Relative allowance for the rounding of the numbers in the file
+MARGIN = 1 + 5e-6  # Relative allowance for the rounding of the numbers in the file
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,6 @@ class Study:
 
     recording: Recording
     record: RecordingRecord  # what identification.json and the page say of it
-    quantity: str  # what the fit explains: "force", "response" or "motion"
     estimates: list[Estimate]  # of the parameters that a problem file states
     lines: list[Lines] = field(default_factory=list)
     curves: Curves | None = None
@@ -67,7 +66,7 @@ def number(name: str, value: float, sigma: float | None = None) -> NumberRecord:
 
 def record_of(recording: Recording, sample_time: float, **found: Any) -> RecordingRecord:
     """Return the record of a recording; what the kind of fit does not have is empty."""
-    found = {"cutoff_hz": None, "residual": None, "derived": [], "candidates": [], "remarks": []} | found
+    found = {"derived": [], "candidates": [], "remarks": []} | found
     known: dict[str, Any] = {"source": recording.name, "sha256": recording.sha256, "samples": len(recording)}
     return RecordingRecord(**known, sample_time=sample_time, **found)
 
@@ -106,8 +105,9 @@ def covered(
 
 def envelope(hertz: Floats, needed: Floats) -> list[list[float | None]]:
     """Return a few points (Hz, radius) between which, on logarithmic axes, a line lies above all required radii."""
-    low, high = np.log(hertz.min()), np.log(hertz.max())
-    knots = np.unique(np.round(np.exp(np.linspace(low, high, min(KNOTS, hertz.size))), 6))
+    measured, spaced = np.unique(hertz), np.geomspace(hertz.min(), hertz.max(), min(KNOTS, hertz.size))
+    nearest = np.argmin(np.abs(np.log(measured[:, None] / spaced)), axis=0)
+    knots = np.unique(np.round(measured[nearest], 6))  # no knot lies where nothing was measured
     segment = np.clip(np.searchsorted(knots, hertz, side="right") - 1, 0, knots.size - 2)
     least = np.array([needed[segment == i].max(initial=LEAST) for i in range(knots.size - 1)])
     around = np.maximum(np.append(least, LEAST), np.append(LEAST, least)) * MARGIN

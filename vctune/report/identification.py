@@ -58,13 +58,12 @@ def _figure(found: Identified, record: IdentificationRecord) -> Figure:
     figure = Figure(figsize=(WIDTH, sum(heights)))
     panels = iter(np.atleast_1d(figure.subplots(len(heights), 1, height_ratios=heights)))
     for study in curved:
-        names = (units.force_name, units.force) if study.quantity != "motion" else ("position", units.position)
-        _in_time(next(panels), next(panels), study, *names)
+        _in_time(next(panels), next(panels), study, "position", units.position)
     for study, lines in shown:
         axes = next(panels)
         _response(axes, lines, found, study.recording.name)
-        over = study.quantity == "motion"
-        axes.set_ylabel("measured / commanded" if over else f"position / {units.force_name},\n{units.compliance}")
+        over = "measured / commanded" if found.device.servo else f"position / {units.force_name},\n{units.compliance}"
+        axes.set_ylabel(over)
     _numbers(next(panels), record)
     return figure
 

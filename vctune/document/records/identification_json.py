@@ -54,9 +54,7 @@ class RecordingRecord(Part):
     used: int
     sample_time: float
     kind: str  # kind of the excitation, in words
-    cutoff_hz: Number  # cut-off frequency of the fit in time; null for periodic excitation and for a servo
-    residual: Number
-    residual_share: Number  # root mean square residual as a share of the signal
+    residual_share: Number  # root mean square residual as a share of the motion
     chi2: Number  # residual relative to the noise alone, squared, per degree of freedom; null if the noise is not known
     numbers: list[NumberRecord]  # fitted numbers, and numbers derived from them
     derived: list[NumberRecord]
@@ -77,7 +75,7 @@ class Estimate:
     sigma: float
     source: str  # the recording and the method
     excess: Hidden[tuple[float, float]] = (0.0, 0.0)  # how far the interval extends beyond the standard deviations
-    reason: Hidden[str] = coded("model error: the band that is kept changes it", "limit-band")  # for the excess
+    reason: Hidden[str] = coded("halves of the log differ, in time or in frequency", "limit-band")  # for the excess
     stated: Hidden[bool] = False  # whether the user stated the parameter, which no recording determines then
 
 
@@ -165,9 +163,8 @@ def _head(record: IdentificationRecord) -> list[str]:
         lines.append(
             f"#   {printable(recording.source)}: {recording.used} of {recording.samples} samples, {recording.kind}"
         )
-        quantity = "response" if recording.cutoff_hz is None else record.units.force_name
         residual = (
-            "" if recording.residual_share is None else f"residual {recording.residual_share:.3%} of the {quantity}, "
+            "" if recording.residual_share is None else f"residual {recording.residual_share:.3%} of the motion, "
         )
         lines.append(
             f"#     {residual}chi2/dof {_short(recording.chi2)} with the noise alone, sha256 {recording.sha256}"

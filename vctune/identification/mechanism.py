@@ -1,0 +1,226 @@
+"""Study the log of a mechanism: the device, its intervals, and why a log is refused (README, section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import cos, hypot, pi, sin, sqrt
+
+import numpy as np
+
+from vctune.document.recording import Floats, Recording
+from vctune.document.records.identification_json import Estimate, NumberRecord
+from vctune.document.text.errors import Note, coded
+from vctune.identification.box import COULOMB_SHARE, box, left_to_the_hand, pulled, unexplained
+from vctune.identification.fit import Fit, noise_is_all
+from vctune.identification.remainder import halves, left, spectrum
+from vctune.identification.responses import compliance, held_compliance
+from vctune.identification.search import SIGNIFICANT, WHITE, mechanism_fit, starts_of, task_of
+from vctune.identification.study import Complex, Curves, Lines, Study, number, record_of
+from vctune.model.device import Device
+from vctune.model.loop.device_response import mechanism
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import Actuator, Structure
+
+MAX_SHARE = 0.25  # Of the motion that is left, above which a log is refused
+AGAINST = 0.5  # Share of the force left by a regression below which a negative mass is a sign
+FELT = 0.02  # Share of the force from which a spring is felt
+MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}  # Masses of haptic devices, kg, or kg m2 if rotary
+FRICTION = coded("friction is not quite Coulomb's", "limit-friction")
+
+
+def mechanism_study(
+    recording: Recording, T: float, actuator: Actuator | None, delays: Mapping[str, float], *, held: bool = False
+) -> Study:
+    """Study the log of a mechanism. If `held`, a spring may pull, which stays outside the device as a hand does."""
+    has = recording.channels
+    if "command" not in has:  # a stated delay ends at the measured force or before it
+        delays = {name: late for name, late in delays.items() if name != "delay"}
+    fixed = dict(delays) | ({} if actuator is None else {"lag": 1 / (2 * pi * actuator.bandwidth_hz)})
+    if "hand" not in has:
+        fixed.pop("sensor_delay", None)
+    task = task_of(recording, T, fixed)
+    moves = bool(np.ptp(task.drive.input) > 0)
+    if not moves:
+        task = replace(task, fixed={"delay": 0.0} | dict(task.fixed))
+    found = mechanism_fit(task, recording.rotary)
+    fit, share = found.fit, found.share
+    refuse_unexplained(recording, fit, share)
+    if not found.agree and fit.size > WHITE and fit.numbers.get("delay", 0.0) > -T:  # which is refused as such
+        message = (
+            f"two searches end at different devices, and {share:.1%} of the motion is left: record longer, or move more"
+        )
+        raise unexplained(recording, message, has["position" if "position" in has else "velocity"].header)
+    remarks, numbers, sigma = list[Note](), fit.numbers, fit.sigmas()
+    if (stiffness := pull_of(fit)) is not None:
+        if not held or stiffness <= 0:
+            raise pulled(recording, stiffness, numbers["mass"])
+        remarks.append(left_to_the_hand(recording, stiffness, numbers["mass"]))
+    lines = [lines_of(fit, T)] if not noise_is_all(fit) else []
+    hand, coulomb = recording.values("hand"), numbers.get("coulomb", 0.0)
+    used, (measured, made) = fit.task.rows * fit.task.starts.size, motion_of(fit)
+    record = record_of(
+        recording, T, kind=kind_of(fit), used=used, residual_share=share, chi2=fit.size**2,
+        numbers=[number(name, value, sigma[name]) for name, value in numbers.items()],
+        derived=derived(fit, recording),
+    )  # fmt: skip
+    return Study(
+        recording, record,
+        estimates_of(recording.name, fit, found.others, moves=moves),
+        lines=lines,
+        curves=Curves(np.asarray((fit.task.starts[:, None] + np.arange(fit.task.rows)).ravel() * T), measured, made),
+        remarks=remarks,
+        friction=coulomb if coulomb > SIGNIFICANT * sigma.get("coulomb", 0.0) > 0 else None,
+        force_noise=None if hand is None else float(1.4826 * np.median(np.abs(np.diff(hand, 3))) / sqrt(20)),
+    )  # fmt: skip
+
+
+def kind_of(fit: Fit) -> str:
+    """Return in words what was fitted."""
+    numbers = {**fit.task.fixed, **fit.numbers}
+    parts = ["two masses" if "handle_mass" in numbers else "one mass"]
+    named = {
+        "coulomb": "dry friction",
+        "stiffness": "a spring",
+        "sine": "gravity that turns",
+        "lag": "an actuator's lag",
+    }
+    return ", ".join([*parts, *(text for name, text in named.items() if name in numbers)])
+
+
+def motion_of(fit: Fit) -> tuple[Floats, Floats]:
+    """Return what was read in all segments, and its fit, SI units."""
+    measured, unit = fit.task.measured()[:, 0], fit.task.unit[0]
+    return np.asarray((measured.T * unit).ravel()), np.asarray(((measured - left(fit)[:, 0]).T * unit).ravel())
+
+
+def pull_of(fit: Fit) -> float | None:
+    """Return the stiffness, at the mean position, of what pulls with the position; None if nothing is felt of it."""
+    numbers, sigma, place = fit.numbers, fit.sigmas(), fit.task.read[:, 0] * fit.task.unit[0]
+    if "sine" in numbers:
+        at = float(np.mean(place))
+        stiffness = numbers["sine"] * cos(at) - numbers["cosine"] * sin(at)
+        unsure = hypot(sigma["sine"] * cos(at), sigma["cosine"] * sin(at))
+        force = float(np.std(numbers["sine"] * np.sin(place) + numbers["cosine"] * np.cos(place)))
+    elif "stiffness" in numbers:
+        stiffness, unsure = numbers["stiffness"], sigma["stiffness"]
+        force = abs(stiffness) * float(np.std(place))
+    else:
+        return None
+    pushed = sum(float(np.std(each)) for each in (fit.task.drive.input, fit.task.drive.hand) if each is not None)
+    return stiffness if force > FELT * pushed and abs(stiffness) > SIGNIFICANT * unsure else None
+
+
+def estimates_of(source: str, fit: Fit, others: Sequence[Mapping[str, float]], *, moves: bool) -> list[Estimate]:
+    """Return the estimates of the parameters that a problem file states.
+
+    Each reaches as far as halves of the log differ, or fits with other weights or beside a lag do.
+    """
+    numbers, sigma, apart = fit.numbers, fit.sigmas(), halves(fit)
+    text = f"{source}: motion"
+    excess = {
+        name: max(0.0, max(apart[name], *(abs(value - each[name]) for each in others)) - 2 * sigma[name])
+        for name, value in numbers.items()
+    }
+
+    def estimate(key: str, name: str) -> Estimate:
+        return Estimate(key, numbers[name], sigma[name], text, (excess[name], excess[name]))
+
+    rubbing = COULOMB_SHARE * numbers.get("coulomb", 0.0) / root_mean_square_speed(fit)
+    found = [estimate("mass", "mass"), estimate("damping", "damping")]
+    if rubbing > excess["damping"]:
+        found[1] = replace(found[1], excess=(rubbing, rubbing), reason=FRICTION)
+    if "delay" in numbers and moves:
+        found.append(estimate("delay", "delay"))
+    if "lag" in numbers:
+        lag, hertz = numbers["lag"], 1 / (2 * pi * numbers["lag"])
+        ends = (hertz - 1 / (2 * pi * (lag + excess["lag"])), excess["lag"] / lag * hertz)
+        found.append(Estimate("actuator.bandwidth_hz", hertz, hertz * sigma["lag"] / lag, text, ends))
+    if "sensor_delay" in numbers:
+        found.append(estimate("force_sensor.delay", "sensor_delay"))
+    if "handle_mass" in numbers:
+        found += [estimate(f"structure.{key}", key) for key in ("handle_mass", "frequency_hz", "damping_ratio")]
+    return found
+
+
+def root_mean_square_speed(fit: Fit) -> float:
+    """Return the root mean square of the fitted speed, m/s."""
+    made = motion_of(fit)[1].reshape(fit.task.starts.size, -1)
+    speeds = np.diff(made, axis=1) / fit.task.drive.T if fit.task.drive.reads[0] == 0 else made
+    return float(np.sqrt(np.mean(speeds**2))) + 1e-300
+
+
+def device_of(fit: Fit, T: float) -> Device:
+    """Return the fitted device, without what pulls or rubs."""
+    numbers, structure = {**fit.task.fixed, **fit.numbers}, None
+    if "handle_mass" in numbers:
+        structure = Structure(numbers["handle_mass"], numbers["frequency_hz"], numbers["damping_ratio"])
+    actuator = Actuator(1 / (2 * pi * numbers["lag"])) if "lag" in numbers else None
+    return Device(numbers["mass"], numbers["damping"], T, numbers["delay"], actuator=actuator, structure=structure)
+
+
+def lines_of(fit: Fit, T: float) -> Lines:
+    """Return the measured response where the log shows it, without the effects of friction and springs."""
+    hertz, ratio, spread = spectrum(fit)
+    omega, device = 2 * pi * hertz, device_of(fit, T)
+
+    def model(other: Device) -> Complex:
+        if not fit.task.drive.ramp:
+            return held_compliance(other, omega)
+        return np.asarray(compliance(other, omega) * np.exp(-1j * omega * other.delay))
+
+    fitted_response = model(device)
+    free = 1 + fit.numbers.get("stiffness", 0.0) * fitted_response
+    behind = None
+    if fit.task.drive.ramp and "delay" in fit.numbers:
+        behind = box([Estimate("delay", fit.numbers["delay"], fit.sigmas()["delay"], "")], T)[0]
+    return Lines(hertz, fitted_response * (1 + (ratio - 1) * free), spread, fitted_response, model, behind)
+
+
+def refuse_unexplained(recording: Recording, fit: Fit, share: float) -> None:
+    """Refuse a log if no mass and friction explain its motion, or if only an impossible mass explains it."""
+    mass, units, task = fit.numbers["mass"], recording.units, fit.task
+    headers = {role: channel.header for role, channel in recording.channels.items()}
+    pushed = headers.get("command", headers.get("force", headers.get("hand", "")))
+    place = headers.get("position", headers.get("velocity", ""))
+    if share > MAX_SHARE and task.drive.hand is None and task.drive.reads[0] == 0:
+        turned = replace(
+            task, drive=replace(task.drive, input=task.read[:, 0] * task.unit[0], reads=(0,)),
+            read=task.drive.input[:, None], unit=np.ones(1),
+        )  # fmt: skip
+        straight = starts_of(task)[0].share
+        if starts_of(turned)[0].share < 0.3 * straight:
+            text = f"{share:.0%} of the motion of {place} follows no {units.mass_name} and friction"
+            message = f"{text}, and {pushed} would follow it: are the two columns swapped?"
+            raise unexplained(recording, message, pushed)
+    if share > MAX_SHARE:
+        best = starts_of(task)[0]
+        if best.numbers["mass"] < 0 and best.share < AGAINST:
+            text = f"the {units.mass_name} comes out as {best.numbers['mass']:.3g} {units.mass}"
+            message = f"{text}: {pushed} pushes against the motion; turn one sign by scale = -1"
+            raise unexplained(recording, message, pushed)
+        hint = f"is {units.translated('a force')} missing (a hand's), or is one of another axis or of another time?"
+        text = f"{share:.0%} of the motion of {place} is explained by no {units.mass_name} and friction"
+        message = f"{text} that {pushed} moves; {hint}"
+        raise unexplained(recording, message, pushed)
+    if not MASSES[recording.rotary][0] <= mass <= MASSES[recording.rotary][1]:
+        question = f"is {place} or {pushed} off by 1000? write its unit or scale"
+        text = f"the {units.mass_name} comes out as {mass:.3g} {units.mass}, which is no haptic device"
+        raise unexplained(recording, f"{text}: {question}", pushed)
+
+
+def derived(fit: Fit, recording: Recording) -> list[NumberRecord]:
+    """Return the quantities that describe a structure, such as both masses, the stiffness and the antiresonance."""
+    device = device_of(fit, fit.task.drive.T)
+    if device.structure is None:
+        return []
+    parts = mechanism(device, device.structure, FLOATS)
+    found = {
+        "motor mass": parts.motor,
+        "handle mass": parts.handle,
+        "stiffness of the spring": parts.stiffness,
+        "antiresonance, Hz": sqrt(parts.stiffness / device.structure.handle_mass) / (2 * pi),
+        "resonance, Hz": device.structure.frequency_hz,
+        f"damping between them, {recording.units.damping}": parts.viscosity,
+    }
+    return [number(name, value) for name, value in found.items()]

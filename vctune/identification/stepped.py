@@ -1,0 +1,245 @@
+"""Step a device from the recorded commands, many segments of a log and many devices at once (README, section 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.document.recording import Floats
+
+Numbers = Mapping[str, float]
+INPUTS = 5  # Force of the motor, friction, hand, and the slopes of the first and of the third over a part of a row
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What moved a device, on even rows, and how it was read."""
+
+    T: float  # time between two rows, s
+    input: Floats  # command or force, shape (rows,)
+    hand: Floats | None = None  # sensed force of a hand
+    ramp: bool = False  # whether the input is a line between two rows, or held
+    servo: int = 0  # order of a servo, whose input is a velocity; 0 for a mechanism
+    reads: tuple[int, ...] = (0,)  # states that were read: 0 the position, 1 the velocity, 2 the handle's position
+
+    @property
+    def greatest(self) -> float:
+        """The greatest input, of motor or hand."""
+        return max(float(np.abs(each).max()) for each in (self.input, self.hand) if each is not None)
+
+    def free(self, numbers: Numbers) -> list[int]:
+        """Return the states at the start of a segment that do not follow from the input and are seen."""
+        placed = [0] if self.reads != (1,) else []
+        if self.servo:
+            return placed
+        return [*placed, 1, *([2, 3] if "handle_mass" in numbers else [])]
+
+
+def linear(drive: Drive, numbers: Numbers) -> tuple[Floats, Floats, float]:
+    """Return A and B of z' = A z + B (force, friction, hand) without friction and gravity, and the mass that rubs.
+
+    The states are position and velocity of the motor, those of the handle behind a spring, and the lagging force; of a
+    servo position, velocity and acceleration.
+    """
+    if drive.servo:
+        w = 1 / numbers["lag"]
+        if drive.servo == 1:
+            return np.array([[0, 1.0], [0, -w]]), np.array([[0.0, 0, 0], [numbers["gain"] * w, 0, 0]]), 1.0
+        w *= np.sqrt(2)  # the lag of a Butterworth low-pass of order 2 is sqrt(2)/w
+        A = np.array([[0, 1.0, 0], [0, 0, 1.0], [0, -w * w, -np.sqrt(2) * w]])
+        return A, np.array([[0.0, 0, 0], [0, 0, 0], [numbers["gain"] * w * w, 0, 0]]), 1.0
+    two, lag, mass = "handle_mass" in numbers, "lag" in numbers, numbers["mass"]
+    motor = max(mass - numbers["handle_mass"], 1e-3 * mass) if two else mass
+    size = 2 + 2 * two + lag
+    A, B = np.zeros((size, size)), np.zeros((size, 3))
+    A[0, 1] = 1.0
+    A[1, :2] = -numbers.get("stiffness", 0.0) / motor, -numbers["damping"] / motor
+    B[1, 1] = 1 / motor
+    if lag:
+        A[1, -1], A[-1, -1], B[-1, 0] = 1 / motor, -1 / numbers["lag"], 1 / numbers["lag"]
+    else:
+        B[1, 0] = 1 / motor
+    if two:
+        handle, w = numbers["handle_mass"], 2 * pi * numbers["frequency_hz"]
+        reduced = motor * handle / (motor + handle)
+        k, c = reduced * w * w, 2 * numbers["damping_ratio"] * reduced * w
+        apart = np.array([-k, -c, k, c])
+        A[1, :4] += apart / motor
+        A[2, 3] = 1.0
+        A[3, :4] = -apart / handle
+        B[3, 2] = 1 / handle
+    else:
+        B[1, 2] = 1 / mass
+    return A, B, motor
+
+
+def _propagators(A: Floats, B: Floats, time: Floats) -> tuple[Floats, Floats]:
+    """Return the exact factors of states and of `INPUTS` over a time for each device, with inputs that are lines."""
+    from scipy.linalg import expm
+
+    count, size = A.shape[:2]
+    rate = np.zeros((count, size + INPUTS, size + INPUTS))
+    rate[:, :size, :size], rate[:, :size, size : size + 3] = A, B
+    rate[:, size, size + 3] = rate[:, size + 2, size + 4] = 1.0
+    over = expm(rate * time[:, None, None])
+    return np.ascontiguousarray(over[:, :size, :size]), np.ascontiguousarray(over[:, :size, size:])
+
+
+def _from_the_input(A: Floats, B: Floats, parts: Sequence[tuple[Floats, Floats]], acts: Floats, T: float) -> Floats:
+    """Return the states that follow the input alone at each row, shape (rows, states), from rest at the first input.
+
+    `acts` are the inputs of the two parts of a row, shape (rows, 2).
+    """
+    from scipy.signal import lfilter
+
+    (_, G0), (F1, G1) = parts
+    values, modes = np.linalg.eig(A)
+    back = np.linalg.inv(modes)
+    pushed = np.outer(back @ F1 @ G0, acts[:, 0]) + np.outer(back @ G1, acts[:, 1])
+    rest = -back @ np.linalg.solve(A, B) * acts[0, 0]
+    found = [
+        lfilter([1.0], [1.0, -decay], each, zi=[decay * at])[0]
+        for decay, each, at in zip(np.exp(values * T), pushed, rest.astype(complex), strict=True)
+    ]
+    rows = np.column_stack([np.append(at, each[:-1]) for at, each in zip(rest, found, strict=True)])
+    return np.asarray((rows @ modes.T).real)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of each row, before or after the next command acts, of all devices."""
+
+    length: Floats  # s, shape (devices, 1)
+    F: Floats  # factors of the states and of `INPUTS`, and those of a motor that friction holds
+    G: Floats
+    F_held: Floats
+    G_held: Floats
+    acting: Floats  # inputs, shape (rows, devices, `INPUTS`, segments)
+    pushed: Floats  # what they add to the states
+    rest: Floats  # force on the motor, friction, springs and dampers aside, shape (rows, devices, segments)
+
+
+@dataclass(frozen=True, slots=True)
+class Rubbing:
+    """What is not linear in the devices, each of shape (devices, 1)."""
+
+    friction: Floats  # Coulomb's
+    sine: Floats  # gravity: sine and cosine of the position
+    cosine: Floats
+    motor: Floats  # mass that rubs
+    force: Floats  # force on the motor by the states, shape (devices, 1, states)
+
+
+def stepped(drive: Drive, devices: Sequence[Numbers], first: Floats, starts: NDArray[np.integer], rows: int) -> Floats:
+    """Return what is read of each device in each segment, shape (rows, readings, devices, segments).
+
+    `first` are the free states at the starts of the segments, shape (devices, free, segments). In each part of a row
+    the linear motion is exact. Friction is constant while the velocity keeps its sign, and holds the motor at rest
+    where the other forces do not overcome it.
+    """
+    systems = [linear(drive, each) for each in devices]
+    A, B, motor = (np.array([each[i] for each in systems]) for i in range(3))
+
+    def of(name: str) -> Floats:
+        return np.array([each.get(name, 0.0) for each in devices])[:, None]
+
+    rubbing = Rubbing(of("coulomb"), of("sine"), of("cosine"), motor[:, None], A[:, 1:2] * motor[:, None, None])
+    two = "handle_mass" in devices[0]
+    lagging = "lag" in devices[0] or bool(drive.servo)
+    whole = np.floor(of("delay")[:, 0] / drive.T + 1e-9).astype(int)
+    late = np.clip(of("delay")[:, 0] - whole * drive.T, 0.0, drive.T)
+    lengths = np.stack([late, drive.T - late])
+    A_held, B_held = A.copy(), B.copy()
+    A_held[:, :2] = B_held[:, :2] = 0.0
+    row, last = np.arange(-1, rows + 2)[:, None, None] - whole[None, :, None], len(drive.input) - 1
+    told = drive.input[np.clip(starts + row, 0, last)]  # told[i] acts in the first part of row i, told[i + 1] later
+    acting = _acting(drive, told, lengths, of("sensor_delay"), of("offset"), starts, rows)
+    parts = []
+    for length, each in zip(lengths, acting, strict=True):
+        F, G = _propagators(A, B, length)
+        rest = each[:, :, 1] + each[:, :, 0] * (not lagging) + each[:, :, 2] * (not two)
+        parts.append(Part(length[:, None], F, G, *_propagators(A_held, B_held, length), each, np.matmul(G, each), rest))
+    z = np.zeros((len(devices), A.shape[1], starts.size))
+    known = slice(1 if drive.servo else 2 + 2 * two, A.shape[1])  # the states that follow the input alone
+    for i in range(len(devices) if known.start < A.shape[1] else 0):
+        pair = [(part.F[i, known, known], part.G[i, known, 0]) for part in parts]
+        acts = np.stack([drive.input[np.clip(np.arange(last + 1) - whole[i] - 1 + j, 0, last)] for j in (0, 1)], 1)
+        z[i, known] = _from_the_input(A[i, known, known], B[i, known, 0], pair, acts, drive.T)[starts].T
+    z[:, drive.free(devices[0])] = first
+    return _read(drive, parts, rubbing, z)
+
+
+def _read(drive: Drive, parts: Sequence[Part], rubbing: Rubbing, z: Floats) -> Floats:
+    """Return the readings of all rows from the states at the first."""
+    rows, (before, after) = len(parts[0].acting), parts
+    read = np.empty((rows, len(drive.reads), len(z), z.shape[2]))
+    if not any(np.any(each) for each in (rubbing.friction, rubbing.sine, rubbing.cosine)):
+        F, pushed = after.F @ before.F, np.matmul(after.F, before.pushed) + after.pushed
+        for i in range(rows):
+            read[i] = z[:, drive.reads].transpose(1, 0, 2)
+            z = F @ z + pushed[i]
+        return read
+    for i in range(rows):
+        read[i] = z[:, drive.reads].transpose(1, 0, 2)
+        for part in parts:
+            if part.length.any():
+                z = _over(part, i, z, rubbing)
+    return read
+
+
+def _over(part: Part, i: int, z: Floats, rubbing: Rubbing) -> Floats:
+    """Return the states after a part of row i, with friction and gravity."""
+    v, h, friction, motor = z[:, 1], part.length, rubbing.friction, rubbing.motor
+    middle = z[:, 0] + v * h / 2
+    turning = -rubbing.sine * np.sin(middle) - rubbing.cosine * np.cos(middle)
+    net, stands = (rubbing.force @ z)[:, 0] + part.rest[i] + turning, v == 0
+    sign = np.sign(np.where(stands, net, v)) if stands.any() else np.sign(v)
+    new = part.F @ z + part.pushed[i] + part.G[:, :, 1:2] * (turning - friction * sign)[:, None]
+    d, s = np.nonzero(stands & (np.abs(net) <= friction))
+    if d.size:
+        inputs = part.acting[i, d, :, s][:, :, None]
+        held = (part.F_held[d] @ z[d, :, s][:, :, None] + part.G_held[d] @ inputs)[:, :, 0]
+        later = np.einsum("ij,ij->i", rubbing.force[d, 0], held) + (part.rest[i] + turning)[d, s]
+        more = np.maximum(np.abs(later) - friction[d, 0], 0.0)  # than friction holds at the end: it has begun to move
+        after = h[d, 0] * more / np.where(more > 0, np.abs(later) - np.sign(later) * net[d, s], 1.0)
+        held[:, 1] = np.sign(later) * more * after / (2 * motor[d, 0])
+        held[:, 0] += held[:, 1] * after / 3
+        new[d, :, s] = held
+    d, s = np.nonzero(new[:, 1] * v < 0)
+    if d.size:  # the velocity turns at a share of the part, where friction holds it or turns too
+        share = v[d, s] / (v[d, s] - new[d, 1, s])
+        later = np.einsum("ij,ij->i", rubbing.force[d, 0], new[d, :, s]) + (part.rest[i] + turning)[d, s]
+        stops = np.abs((1 - share) * net[d, s] + share * later) <= friction[d, 0]
+        after = (1 - share) * h[d, 0]
+        change = 2 * friction[d, 0] * sign[d, s] * after / motor[d, 0]
+        at_rest = z[d, 0, s] + share * h[d, 0] * v[d, s] / 2
+        new[d, 0, s] = np.where(stops, at_rest, new[d, 0, s] + change * after / 2)
+        new[d, 1, s] = np.where(stops, 0.0, new[d, 1, s] + change)
+    return np.asarray(new)
+
+
+def _acting(
+    drive: Drive, told: Floats, lengths: Floats, sensor_delay: Floats, pull: Floats, starts: NDArray[np.integer],
+    rows: int,
+) -> list[Floats]:  # fmt: skip
+    """Return the inputs in both parts of each row, each of shape (rows, devices, `INPUTS`, segments)."""
+    T, found = drive.T, []
+    hands = None
+    if drive.hand is not None:
+        at = starts + np.arange(rows + 1)[:, None, None] + sensor_delay[None] / T
+        hands = np.interp(at.ravel(), np.arange(len(drive.hand)), drive.hand).reshape(at.shape)
+    for j, length in enumerate(lengths):
+        acting = np.zeros((rows, len(pull), INPUTS, starts.size))
+        acting[:, :, 0], acting[:, :, 1] = told[j : j + rows], -pull
+        if drive.ramp:
+            acting[:, :, 3] = np.diff(told, axis=0)[j : j + rows] / T
+            acting[:, :, 0] += acting[:, :, 3] * (T - length[:, None]) * (j == 0)
+        if hands is not None:
+            acting[:, :, 4] = np.diff(hands, axis=0) / T
+            acting[:, :, 2] = hands[:-1] + acting[:, :, 4] * lengths[0][:, None] * j
+        found.append(acting)
+    return found
