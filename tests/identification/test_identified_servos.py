@@ -18,7 +18,8 @@ from vctune import check, identify, problem, solve
 from vctune.design.verdict.check import CheckVerdict
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.errors import ENDING, InputError
-from vctune.identification.servo import interpolating_velocity, positions, sampled_response
+from vctune.identification.responses import servo_response
+from vctune.identification.servo import interpolating_velocity, positions
 
 SERVO = {"T": 4e-3, "late": 3.4, "order": 1, "bandwidth": 12.0, "command": "velocity", "jitter": 0.0}
 MANY = range(drawn(75))
@@ -88,7 +89,7 @@ def test_the_sampled_response_is_that_of_an_impulse(order, late):
     time, theta = np.arange(n) * T, np.array([0.01, 0.1, 1.0, 3.0])
     steps = np.diff(positions(time, 1.0 * (np.arange(n) == 1), late * T, 30.0, order), prepend=0.0) / T
     expected = [np.sum(steps * np.exp(-1j * each * (np.arange(n) - 1))) for each in theta]
-    assert sampled_response(theta / T, T, late * T, 30.0, order) == pytest.approx(expected, abs=1e-12)
+    assert servo_response(theta / T, T, late * T, 30.0, order) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", [2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 9, 76))])

@@ -14,6 +14,7 @@ from vctune.document.schema.rules import MAX_DELAY_SAMPLES
 from vctune.document.text.errors import Note, coded
 from vctune.identification.box import jackknife, joint_factor, unexplained
 from vctune.identification.checks import position_noise
+from vctune.identification.responses import modes, servo_response
 from vctune.identification.study import Complex, Curves, Lines, Study, number, record_of
 from vctune.model.device import Device
 
@@ -33,15 +34,6 @@ CLEAR = 0.02  # Greatest relative standard deviation of a band's ratio
 RIDGE, BEYOND = 40, 40  # Numbers of servos with a fit's latency, and of frequencies of the other order
 LATENCY = coded("a delay and a lag are alike in this motion", "limit-latency")
 JITTER = coded("jitter", "limit-jitter")
-
-
-def modes(bandwidth_hz: float, order: int) -> tuple[float, complex, complex]:
-    """Return the lag of a low-pass, a pole, and the weight of its decay in a step of the velocity."""
-    w = 2 * pi * bandwidth_hz
-    if order == 1:
-        return 1 / w, complex(-w), complex(1 / w)
-    pole = w * complex(-1, 1) / sqrt(2)
-    return sqrt(2) / w, pole, 2 * w**2 / (pole**2 * 2 * (pole + w / sqrt(2)))
 
 
 def interpolating_velocity(time: Floats, command: Floats) -> Floats:
@@ -67,16 +59,6 @@ def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float,
     since = time - delay - time[row]
     mode = left[row] * np.exp(pole * np.maximum(since, 0.0))
     return np.asarray(path[row] + velocity[row] * (since - lag) + (residue * mode).real)
-
-
-def sampled_response(omega: Floats, T: float, delay: float, bandwidth_hz: float, order: int) -> Complex:
-    """Return the exact response from a held velocity to the velocity between two samples of the position."""
-    lag, pole, residue = modes(bandwidth_hz, order)
-    whole = np.ceil(delay / T)
-    since, w = whole * T - delay, np.exp(-1j * omega * T)
-    pairs = [(residue, pole)] if order == 1 else [(residue / 2, pole), (np.conj(residue) / 2, np.conj(pole))]
-    left = sum((1 - w) * r * np.exp(p * since) / (1 - np.exp(p * T) * w) for r, p in pairs)
-    return np.asarray(w**whole * (T * w + (1 - w) * (since - lag + left)) / T)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +194,7 @@ class ServoFit:
     def response(self, hertz: Floats) -> Complex:
         """Return the response of the fitted servo."""
         delay, bandwidth = self.task.numbers(self.at)
-        return sampled_response(2 * pi * hertz, self.task.T, max(delay, 0.0), bandwidth, self.task.order)
+        return servo_response(2 * pi * hertz, self.task.T, max(delay, 0.0), bandwidth, self.task.order)
 
 
 def _task(recording: Recording, T: float, command: str) -> Task:
@@ -461,7 +443,7 @@ def _lines(fit: ServoFit, other: ServoFit, hertz: Floats, ratio: Complex, spread
     def model(device: Device) -> Complex:
         servo = device.servo
         assert servo is not None and servo.bandwidth_hz is not None
-        return sampled_response(2 * pi * hertz, device.sample_time, servo.delay, servo.bandwidth_hz, servo.order)
+        return servo_response(2 * pi * hertz, device.sample_time, servo.delay, servo.bandwidth_hz, servo.order)
 
     def more(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
         assert device.servo is not None
