@@ -256,13 +256,13 @@ def _gaps(studies: Sequence[Study], bounds: Sequence[Bounded], log_map: LogMap, 
     # a fit of motion has one lag, which excludes the actuator and the delay if the user states them
     lag_is_apart = "actuator" in known.parts or "delay" in known.delays or "actuator.bandwidth_hz" in by_key
     if not lag_is_apart:
-        text = "a log of motion does not separate the actuator's lag from a delay: the delay includes both"
+        text = "no lag of the actuator is told from a delay: the delay includes both"
         add("remark-actuator-lag", text)
     delay = by_key["delay"]
     if delay.share > WEAK_SHARE:
         text = f"the delay is poorly determined: anything from {delay.low:.2g} to {delay.high:.2g} s fits"
         add("remark-weak-delay", text)
     if "structure.handle_mass" not in by_key and not seen.size:
-        text = "the motion shows nothing above its own frequencies, neither a resonance nor unmodelled dynamics"
-        add("remark-slow-motion", f"{text}: record a multisine")
+        text = "nothing but noise is left of the motion, which shows no dynamics above its own frequencies"
+        add("remark-slow-motion", f"{text}: excite up to a fifth of the sampling rate")
     return said
