@@ -52,7 +52,8 @@ def test_a_multisine_shows_nothing_above_its_highest_line(tmp_path):
     lines, period = np.array([4, 7, 12, 20, 33, 50, 70, 90]), 512
     wave = 3.0 * multisine(np.random.default_rng(4), lines, period, 8, T)
     recorded = driven(DEVICE, FRICTION, wave)
-    columns = {"time_s": np.arange(wave.size) * T, "position_m": recorded["position"], "command_N": recorded["motor"]}
+    position = encoded(recorded["position"], 1e-6)
+    columns = {"time_s": np.arange(wave.size) * T, "position_m": position, "command_N": recorded["motor"]}
     remarks = identify(*Log(columns, "").write(tmp_path)).record.remarks
     (line,) = [line for line in remarks if line.endswith("[remark-highest-line]")]
     (highest,) = re.findall(r"above (\S+) Hz", line)

@@ -19,6 +19,7 @@ from vctune.identification.stepped import Drive
 # Length of a segment in the search for the parts, and in the last fit: in seconds, and at most as a share of the log
 SHORT, LONG = (0.08, 1 / 40), (0.25, 1 / 16)
 LEAST_ROWS, SEARCHED, FITTED = 40, 60, 300  # Least rows of a segment, and most segments in the search and at last
+LONGEST = 300_000  # Rows of a log that are used
 SMOOTHINGS = (4, 8, 16, 32, 64)  # Deviations of the Gaussians of the first regressions, rows
 DELAYS = np.concatenate(
     [np.arange(0.0, 12.0, 0.5), np.arange(12.0, 100.0, 4.0)]
@@ -46,8 +47,8 @@ class Start:
 
 def task_of(recording: Recording, T: float, fixed: Mapping[str, float]) -> Task:
     """Return a log in the long segments of the last fit."""
-    has = recording.channels
-    read = {role: has[role].values for role in ("position", "velocity", "handle") if role in has}
+    has, rows = recording.channels, slice(0, LONGEST)
+    read = {role: has[role].values[rows] for role in ("position", "velocity", "handle") if role in has}
     if "position" in read:
         read.pop("velocity", None)
     states = {"position": 0, "velocity": 1, "handle": 2}
@@ -55,8 +56,8 @@ def task_of(recording: Recording, T: float, fixed: Mapping[str, float]) -> Task:
     if "handle" in read:  # a spring is relaxed in the mean
         read["handle"] = read["handle"] - float(np.mean(read["handle"] - read["position"]))
     pushed = has.get("command", has.get("force"))
-    values = np.zeros(len(recording)) if pushed is None else pushed.values
-    hand = recording.values("hand")
+    values = np.zeros(min(len(recording), LONGEST)) if pushed is None else pushed.values[rows]
+    hand = has["hand"].values[rows] if "hand" in has else None
     drive = Drive(T, values, hand, "command" not in has, 0, tuple(states[role] for role in read))
     task = Task(drive, np.stack(list(read.values()), 1) / unit, unit, np.arange(1), 1, fixed)
     return in_segments(task, LONG, FITTED)
