@@ -137,7 +137,7 @@ def _faults_of_column(recording: Recording, role: str, T: float) -> Iterator[str
     repeats, peak = _rows_per_change(channel.values), float(np.abs(channel.values).max())
     if role in COMMANDS:  # may be held over several rows
         yield from _faults_of_levels(channel)
-    elif repeats > 1:
+    elif repeats > 1 and np.unique(channel.values).size >= LEVELS:
         yield f"changes only in every {repeats}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
     force = units.force.replace(" ", "")  # spelled as in headers
     if role in ("position", "handle", "position_command"):
@@ -163,7 +163,8 @@ def _faults_of_place(recording: Recording, channel: Channel, role: str, T: float
         question = f"is it in m{units.position}, or not a position? write its unit or scale"
         yield f"moves at up to {speed:.3g} {units.speed}: {question}"
     elif role == "position" and span < FEW_STEPS * quantum:
-        yield f"moves by {span / quantum:.3g} of its resolution {quantum:g}; move it further"
+        moved = f"moves by {span / quantum:.3g} of its resolution {quantum:g}"
+        yield f"{moved}; move it further, or is it swapped with the command?"
 
 
 def _faults_of_levels(channel: Channel) -> Iterator[str]:

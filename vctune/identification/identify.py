@@ -144,7 +144,7 @@ def identify(
 
 
 def _study(recording: Recording, T: float, log_map: LogMap, known: Known) -> Study:
-    """Fit a servo, or a periodic excitation, or any motion if the recording has no usable periodic response."""
+    """Fit a servo or a mechanism to a recording."""
     if log_map.servo:
         return servo_study(recording, T)
     force, actuator = recording.channels.get("force"), known.parts.get("actuator")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -76,8 +74,3 @@ def _half(scores: Floats, told: Floats) -> Floats:
     share = np.cumsum(told, axis=0) / (np.sum(told, axis=0) + 1e-300)
     first: NDArray[np.bool_] = share <= 0.5
     return np.asarray(np.abs(2 * np.sum(scores * first, axis=0)))
-
-
-def expected(fit: Fit) -> float:
-    """Return the greatest size of a residual that noise alone leaves."""
-    return 1 + 3 / sqrt(2 * fit.residual.size)
