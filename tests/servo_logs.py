@@ -23,12 +23,20 @@ def step_response(t, w, order):
     return t - (1 - np.exp(-a * t) * np.cos(a * t)) / a
 
 
-def moved(at, velocity, arrivals, bandwidth_hz, order):
-    """Return where a servo is at some instants, of velocities that arrive at others and stay."""
+def velocity_step(t, w, order):
+    """Return the velocity that a low-pass makes of a step of 1 m/s."""
+    a, t = w / sqrt(2), np.maximum(t, 0.0)
+    if order == 1:
+        return 1 - np.exp(-w * t)
+    return 1 - np.exp(-a * t) * (np.cos(a * t) + np.sin(a * t))
+
+
+def moved(at, velocity, arrivals, bandwidth_hz, order, response=step_response):
+    """Return where a servo is at some instants, or another response, of velocities that arrive at others and stay."""
     x = np.zeros(at.size)
     for arrival, jump in zip(arrivals, np.diff(velocity, prepend=0.0), strict=True):
         first = np.searchsorted(at, arrival)
-        x[first:] += jump * step_response(at[first:] - arrival, 2 * pi * bandwidth_hz, order)
+        x[first:] += jump * response(at[first:] - arrival, 2 * pi * bandwidth_hz, order)
     return x
 
 
@@ -103,3 +111,33 @@ def servo_case(seed, *, kind=None, n=4000, **fixed) -> ServoCase:
     position = quantum * np.floor((x + noise * quantum * random.normal(size=n)) / quantum + 0.5)
     columns = {"time_s": time, header: told, "position_m": position}
     return ServoCase(T, late * T, bandwidth, order, command, kind, jitter * T / sqrt(12), columns)
+
+
+def robot_case(seed, n=2500) -> ServoCase:
+    """Return a random robot whose position or velocity was read, rounded as robots log it, with stamps that jitter."""
+    random = np.random.default_rng(seed)
+    T, order = float(random.choice([4e-3, 8e-3, 12e-3])), int(random.integers(1, 3))
+    delay = T * float(np.exp(random.uniform(np.log(0.2), np.log(10.0))))
+    bandwidth = float(np.exp(random.uniform(np.log(1.5), np.log(min(20.0, 0.15 / T)))))
+    kind = str(random.choice([*KINDS, "sweep", "ramps"]))
+    command, reads = str(random.choice(["velocity", "position"])), str(random.choice(["position", "velocity"]))
+    quantum = float(np.exp(random.uniform(np.log(1e-5), np.log(1e-3))))
+    speeds = np.repeat(random.choice([-1.0, -0.3, 0.0, 0.3, 1.0], n // 150 + 1), 150)[:n]
+    velocity = SPEED * (speeds - speeds.mean()) if kind == "ramps" else motion(kind, random, n, T)
+    time = np.arange(n) * T
+    arrivals, told = time + delay, velocity
+    if command == "position":
+        told = np.concatenate([[0.0], np.cumsum(velocity[:-1]) * T])
+        arrivals, velocity = arrivals + T, np.append(np.diff(told) / T, 0.0)
+    x = moved(time, velocity, arrivals, bandwidth, order, step_response if reads == "position" else velocity_step)
+
+    def rounded(values, step):
+        return step * np.floor(values / step + 0.5)
+
+    if command == "position":
+        told = rounded(told, quantum)
+    x = rounded(x, quantum) if reads == "position" else rounded(x + 2e-3 * SPEED * random.normal(size=n), 1e-4)
+    jitter = float(random.choice([0.0, 0.1, 0.3])) * T * random.uniform(-1, 1, n)
+    units = {"position": "m", "velocity": "m_s"}
+    columns = {"time_s": time + jitter, f"{command}_command_{units[command]}": told, f"{reads}_{units[reads]}": x}
+    return ServoCase(T, delay, bandwidth, order, command, kind, 0.0, columns)

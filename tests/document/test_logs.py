@@ -100,13 +100,21 @@ FAULTS = {
     ),
     "ten samples": (lambda c: {key: values[:10] for key, values in c.items()}, ["has 10 samples"]),
     "not a number": (lambda c: c | {"position_m": _with(c["position_m"], 77, np.nan)}, [":79: position_m: nan"]),
+    "rows without numbers": (
+        lambda c: c | {key: np.where(c["time_s"] > 2.5, np.nan, c[key]) for key in ("position_m", "command_N")},
+        ["position_m: nan is no finite number", "more rows are like it"],
+    ),
+    "two logs joined": (
+        lambda c: c | {"position_m": c["position_m"] + 0.3 * (np.arange(c["time_s"].size) >= 2000)},
+        ["position_m: jumps by 0.", "in line 2002,", "two logs joined"],
+    ),
     "time backwards": (lambda c: c | {"time_s": _with(c["time_s"], 100, 0.0)}, [":102: time_s: runs backwards"]),
     "counts": (lambda c: c | {"position_m": np.round(c["position_m"] * 1e6)}, ["position_m", "counts"]),
     "a gap": (
         lambda c: {key: np.delete(values, slice(50, 60)) for key, values in c.items()},
         [":52: time_s", "10 samples"],
     ),
-    "jitter": (lambda c: c | {"time_s": c["time_s"] + 3e-4 * np.sin(np.arange(6000.0))}, ["time_s", "jitters by"]),
+    "jitter": (lambda c: c | {"time_s": c["time_s"] + 4e-4 * np.sin(np.arange(6000.0))}, ["time_s", "jitters by"]),
     "another sign": (lambda c: c | {"command_N": -c["command_N"]}, ["command_N", "scale = -1"]),
     "decimated": (lambda c: c | {"position_m": np.repeat(c["position_m"][::4], 4)}, ["position_m", "every 4th row"]),
     "rounded": (lambda c: c | {"command_N": 3 * np.round(c["command_N"] / 3)}, ["command_N", "too few levels"]),

@@ -200,3 +200,28 @@ def test_a_structure_that_overflows_in_a_fit_is_dropped(tmp_path):
     path = tmp_path / "wheel.csv"
     np.savetxt(path, log, delimiter=",", header="time_s,position_m,command_N", comments="", fmt="%.9g")
     assert identify(path).file.problem.device.mass == pytest.approx(mass, rel=0.01)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_velocity_that_was_read_is_enough(friction, tmp_path):
+    """Of a mass with friction, stepped finely; the stamps jitter by 0.3 rows around 1 kHz."""
+    T, rows, parts, random = 1e-3, 3000, 50, np.random.default_rng(3)
+    mass, damping, delay = 0.4, 2.0, 1.4e-3
+    f = np.fft.rfftfreq(rows, T)
+    wave = np.fft.irfft(np.fft.rfft(random.normal(size=rows)) * (f > 0.5) / (1 + (f / 8.0) ** 2), rows)
+    told, read, v, h = 3.0 * wave / wave.std(), np.zeros(rows), 0.0, T / parts
+    for i in range(rows):
+        read[i] = v
+        for j in range(parts):
+            acting = told[max(int(np.floor(i + (j + 0.5) / parts - delay / T)), 0)]
+            free = v + h / mass * (acting - damping * v)
+            v = float(np.sign(free) * max(abs(free) - h * friction / mass, 0.0))
+    stamps = T * (np.arange(rows) + 0.3 * random.uniform(-1, 1, rows))
+    columns = np.column_stack([stamps, told, np.round(read + 1e-4 * random.normal(size=rows), 5)])
+    np.savetxt(tmp_path / "log.csv", columns, "%.9g", ",", header="time_s,command_N,velocity_m_s", comments="")
+    found = identify(tmp_path / "log.csv").record
+    assert found.sample_time == T
+    for key, truth in (("mass", mass), ("damping", damping), ("delay", delay)):
+        number = next(each for each in found.numbers if each.key == key)
+        assert number.low <= truth <= number.high, number
+    assert (found.friction.coulomb if found.friction else 0.0) == pytest.approx(friction, abs=3e-3)

@@ -16,7 +16,7 @@ from vctune.design.verdict.check import CheckVerdict
 from vctune.document.reading import read_problem
 from vctune.document.records.identification_json import Estimate
 from vctune.document.text.errors import InputError
-from vctune.identification.box import box, jackknife, readable
+from vctune.identification.box import box, readable
 from vctune.model.device import Device
 from vctune.model.experiment import Friction, Operator
 
@@ -136,18 +136,6 @@ def test_a_handle_is_lighter_than_its_device(moved, tmp_path):
 def test_a_damping_that_comes_out_negative_may_be_nothing_and_as_much():
     (damping,) = box(estimates(damping=(-2.0, 0.1)), T)
     assert (damping.low, damping.high) == (0.0, 2.0)
-
-
-def test_a_jackknife_is_the_spread_of_fits_with_a_block_left_out():
-    random, blocks = np.random.default_rng(0), 40
-    sensitivity, starts = random.normal(size=(4000, 3)) * [1.0, 1e-3, 1e3], np.arange(0, 4000, 100)
-    correlated = np.repeat(random.normal(size=400), 10)
-    values = [1.0, 2.0, 3.0] + np.linalg.lstsq(sensitivity, correlated, rcond=None)[0]
-    residual = correlated - sensitivity @ (values - [1.0, 2.0, 3.0])
-    kept = [np.delete(np.arange(4000), np.s_[start : start + 100]) for start in starts]
-    found = [np.linalg.lstsq(sensitivity[rows], residual[rows], rcond=None)[0] for rows in kept]
-    expected = (blocks - 1) * np.var(found, axis=0)
-    assert np.diag(jackknife(sensitivity, residual, starts)) == pytest.approx(expected, rel=0.15)
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ KINDS = {
     "time": ("s", "ms", "us"),
     **dict.fromkeys(("position", "handle", "position_command"), PLACES),
     **dict.fromkeys(("command", "force", "hand"), FORCES),
-    "velocity_command": ("m/s", "mm/s", "rad/s", "deg/s"),
+    **dict.fromkeys(("velocity", "velocity_command"), ("m/s", "mm/s", "rad/s", "deg/s")),
 }
 # Units of angles, torques and angular velocities, which only the log of a rotary device has
 ANGLES = ("rad", "mrad", "deg", "Nm", "mNm", "rad/s", "deg/s")
@@ -86,10 +86,11 @@ def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, Colum
 
 
 def _missing(columns: dict[str, ColumnTable], log_map: LogMap) -> list[tuple[str, str]]:
-    """Return what a log lacks: a position, times and sample time, or what moves the device."""
+    """Return what a log lacks: a motion, times and sample time, or what moves the device."""
     missing, sent = [], [columns[role].column for role in SERVO_COMMANDS if role in columns]
-    if "position" not in columns:
-        missing.append(("columns.position", "without a position nothing can be identified; name its column"))
+    if not {"position", "velocity"} & set(columns):
+        text = "without a position or a velocity nothing can be identified; name its column"
+        missing.append(("columns.position", text))
     if log_map.servo and len(sent) == 2:
         text = (
             f"a servo is sent a velocity or a position, and {' and '.join(sent)} are there; name the one that is sent"

@@ -21,9 +21,16 @@ from vctune.model.numbers.units import UNITS, Units
 
 Floats = NDArray[np.float64]
 # Roles of the columns in a device's log
-ROLES = ("time", "position", "command", "force", "hand", "handle")
+ROLES = ("time", "position", "velocity", "command", "force", "hand", "handle")
 SERVO_COMMANDS = ("velocity_command", "position_command")  # Roles of a servo's command
-SERVO_ROLES = ("time", "position", *SERVO_COMMANDS, "force", "hand")  # Roles of the columns in a servo's log
+SERVO_ROLES = (
+    "time",
+    "position",
+    "velocity",
+    *SERVO_COMMANDS,
+    "force",
+    "hand",
+)  # Roles of the columns in a servo's log
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,6 +208,8 @@ def _faulty(path: Path, data: bytes, separator: str, headers: list[str], first_l
         message = f"has a decimal comma in {shown(comma[1])}; export the log with decimal points"
         return InputError.of(str(path), "log-text", message, line=first_line + comma[0])
 
+    missing = list[tuple[int, str, str]]()  # first cell without a finite number of each such row
+
     def faults() -> Iterator[Mistake]:
         for number, cells in enumerate((*first, *rows), first_line):
             if len(cells) != len(headers):
@@ -211,11 +220,16 @@ def _faulty(path: Path, data: bytes, separator: str, headers: list[str], first_l
                 if not _is_number(cell):
                     message = f"{shown(cell)} is not a number; repair or remove the row"
                     yield Mistake("log-text", header, message, number)
-                elif not isfinite(float(cell)):
-                    message = f"{cell} is no finite number: the sample is missing; record again"
-                    yield Mistake("log-text", header, message, number)
+                elif not isfinite(float(cell)) and (not missing or missing[-1][0] != number):
+                    missing.append((number, header, cell))
 
-    return InputError(str(path), list(islice(faults(), MAX_MISTAKES)))
+    found = list(islice(faults(), MAX_MISTAKES))
+    if missing:
+        number, header, cell = missing[0]
+        more = f", and {len(missing) - 1} more rows are like it" if len(missing) > 1 else ""
+        message = f"{cell} is no finite number: the sample is missing{more}; record again"
+        found = sorted([*found, Mistake("log-text", header, message, number)], key=lambda each: each.line or 0)
+    return InputError(str(path), found)
 
 
 def _decimal_comma(rows: list[list[str]], separator: str, columns: int) -> tuple[int, str] | None:

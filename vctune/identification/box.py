@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import NormalDist
 
-import numpy as np
-from numpy.typing import NDArray
-
-from vctune.document.recording import Floats, Recording
+from vctune.document.recording import Recording
 from vctune.document.records.identification_json import Bounded, Estimate, bounded
 from vctune.document.schema.rules import MAX_DELAY_SAMPLES
 from vctune.document.text.errors import InputError, Note, coded
@@ -53,19 +50,6 @@ def _pull(recording: Recording, stiffness: float, mass: float) -> str:
 def joint_factor(count: int) -> float:
     """Return the number of standard deviations with which `count` intervals hold together."""
     return max(2.0, NormalDist().inv_cdf(0.5 + 0.5 * TOGETHER ** (1 / max(count, 1))))
-
-
-def sizes(table: Floats) -> Floats:
-    """Return the Euclidean norm of each column of a long table, without a copy of it."""
-    return np.sqrt(np.einsum("ij,ij->j", table, table))
-
-
-def jackknife(sensitivity: Floats, residual: Floats, starts: NDArray[np.integer]) -> Floats:
-    """Return the covariance of estimates by leaving out, to first order, one block of neighbouring rows at a time."""
-    size = sizes(sensitivity)
-    inverse = np.linalg.pinv(sensitivity.T @ sensitivity / np.outer(size, size), hermitian=True) / np.outer(size, size)
-    left_out = inverse @ np.array([np.add.reduceat(column * residual, starts) for column in sensitivity.T])
-    return np.asarray(left_out @ left_out.T) * len(starts) / max(len(starts) - 1, 1)
 
 
 def box(estimates: Sequence[Estimate], T: float, units: Units = UNITS["linear"]) -> list[Bounded]:

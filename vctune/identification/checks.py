@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import log, pi, sqrt
+from math import log, log10, pi, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from vctune.document.recording import SERVO_COMMANDS, Channel, Floats, Recording
@@ -18,7 +19,9 @@ SAMPLE_TIMES = (1e-6, 0.05)  # Range of sample times that a haptic loop can have
 SPEEDS = {False: 30.0, True: 3000.0}  # Greatest speed of a device, m/s, or rad/s if it is rotary
 GREATEST_FORCE = 1e4  # Greatest force of a haptic device, N or N m
 FEW_STEPS = 30  # Least span of the motion in resolution steps
+JUMP = 20.0  # Steps of a position that jumps, in neighbouring steps and in quanta
 SATURATED = 0.2  # Greatest permitted share of samples at a limit
+ROUND_LEVELS = 30  # Least number of levels of a column that is called rounded
 LEVELS = 10  # Least number of steps of its resolution that a command spans, unless it jumps between a few levels
 
 
@@ -29,23 +32,38 @@ MOST_SKIPPED, EXACT = 8, 0.02
 LOOP, LINK = (0.05, 1.5), (0.25, 1.9)
 
 
-def on_even_rows(recording: Recording) -> Recording:
-    """Return a log on the rows of a faster loop if its times are exact, each step a few samples of that loop.
+def on_even_rows(recording: Recording, *, servo: bool) -> Recording:
+    """Return a log on even rows: those of a steady rate, if its times lie within a third of a row of them; those of a
+    faster loop, if its times are exact, each step a few samples of that loop; or those of a link that wanders.
 
-    A position between two rows is a cubic's, the command's and each force's is linear. Any other log stays as it is.
+    A position between two rows is a cubic's, a force is linear, and a velocity command is held. Any other log stays as
+    it is.
     """
-    time = recording.channels["time"].values
-    if len(recording) < LEAST_SAMPLES or not np.all(np.isfinite(time)) or np.any(np.diff(time) <= 0):
+    time = recording.channels["time"].values if "time" in recording.channels else np.zeros(0)
+    if len(time) < LEAST_SAMPLES or not np.all(np.isfinite(time)) or np.any(np.diff(time) <= 0):
         return recording
-    steps = np.diff(time)
-    base = _common_step(steps)
-    if base is None or np.ptp(steps) < 0.5 * base or steps.max() > MOST_SKIPPED * base:
-        return recording
-    even = time[0] + base * np.arange(round(float(time[-1] - time[0]) / base) + 1)
+    steps, n = np.diff(time), time.size
+    T, base = float(np.polyfit(np.arange(n), time, 1)[0]), None if servo else _common_step(steps)
+    if base is not None and np.ptp(steps) >= 0.5 * base and steps.max() <= MOST_SKIPPED * base:
+        even = time[0] + base * np.arange(round(float(time[-1] - time[0]) / base) + 1)
+    else:
+        off = time - time[0] - T * np.arange(n)
+        if np.ptp(off) <= 2 * T / 3:
+            T = float(f"{T:.{int(1.5 * log10(n))}g}") if np.ptp(off) > EXACT * T else T  # jitter hides further digits
+            even = time[0] + float(off.max() + off.min()) / 2 + T * np.arange(n)
+            channels = {**recording.channels, "time": replace(recording.channels["time"], values=even)}
+            return replace(recording, channels=channels)
+        if not servo or np.std(steps) > LINK[0] * T or steps.max() > LINK[1] * T:
+            return recording
+        even = np.linspace(time[0], time[-1], n)
+        T = float(even[1] - even[0])
     channels = {}
     for role, channel in recording.channels.items():
-        smooth = role in ("position", "handle")
+        smooth = role in ("position", "handle", "velocity")
         values = CubicSpline(time, channel.values)(even) if smooth else np.interp(even, time, channel.values)
+        if role == "velocity_command":
+            path = np.append(0.0, np.cumsum(channel.values[:-1] * steps))
+            values = np.diff(np.interp(even, time, path), append=path[-1] + T * channel.values[-1]) / T
         moves = np.abs(np.diff(channel.values))  # the resolution no longer shows between the rows
         quantum = channel.quantum or (float(moves[moves > 0].min(initial=np.inf)) if smooth else None)
         channels[role] = replace(channel, values=even if role == "time" else values, quantum=quantum)
@@ -159,12 +177,23 @@ def _faults_of_place(recording: Recording, channel: Channel, role: str, T: float
     if abs(channel.scale) >= 1e-3 and np.all(raw == np.round(raw)) and np.ptp(raw) > 2 * pi:
         counts = f"up to {np.abs(raw).max():g}: counts? write scale = {units.position} per count"
         yield f"has only whole numbers, {counts}"
+    elif (jumps := _jumps(steps, quantum)).size:
+        row = int(jumps[0])
+        jump = f"jumps by {steps[row]:.3g} {units.position} in line {recording.first_line + 1 + row}"
+        yield f"{jump}, unlike before and after: were two logs joined, or counts lost? cut the log there"
     elif speed > SPEEDS[recording.rotary]:
         question = f"is it in m{units.position}, or not a position? write its unit or scale"
         yield f"moves at up to {speed:.3g} {units.speed}: {question}"
     elif role == "position" and span < FEW_STEPS * quantum:
         moved = f"moves by {span / quantum:.3g} of its resolution {quantum:g}"
         yield f"{moved}; move it further, or is it swapped with the command?"
+
+
+def _jumps(steps: Floats, quantum: float) -> NDArray[np.integer]:
+    """Return the steps of a position that are far greater than their neighbours, and than all others."""
+    around = np.maximum(np.append(0.0, steps[:-1]), np.append(steps[1:], 0.0))
+    alone = steps > JUMP * np.maximum(around, quantum)
+    return np.flatnonzero(alone & (steps > JUMP / 4 * np.max(steps, where=~alone, initial=0.0)))
 
 
 def _faults_of_levels(channel: Channel) -> Iterator[str]:
@@ -176,6 +205,21 @@ def _faults_of_levels(channel: Channel) -> Iterator[str]:
     if 2.5 < levels < LEVELS and np.mean(moves < 1.5 * step) > 0.9:
         text = f"has too few levels, {levels + 1:.0f} in steps of {step:.3g}"
         yield f"{text}; log it before it is rounded, or move further"
+
+
+def quantum_of(channel: Channel) -> float | None:
+    """Return the resolution of a rounded column: the stated one, or the step of which all others are multiples; None of
+    one that is not rounded, or that jumps between some levels."""
+    if channel.quantum is not None:
+        return channel.quantum
+    values = np.unique(channel.values)
+    span = float(values[-1] - values[0])
+    steps = np.diff(values)
+    least = float(steps[steps > 1e-9 * span].min(initial=np.inf))
+    if values.size < ROUND_LEVELS or not ROUND_LEVELS < span / least < 1e6:
+        return None
+    even = np.abs(steps / least - np.round(steps / least)).max() < 0.01
+    return least if even else None
 
 
 def _rows_per_change(values: Floats) -> int:

@@ -118,7 +118,8 @@ class Fit:
     def inflation(self) -> float:
         """Return the factor by which correlation between the rows of a segment increases a variance."""
         robust, plain = np.sum(self.scores**2, axis=0), np.diag(self.inverse) * self.size**2
-        return max(1.0, float(np.median(robust / plain)))
+        told = plain > 0
+        return max(1.0, float(np.median(robust[told] / plain[told]))) if told.any() else 1.0
 
 
 def noise_is_all(fit: Fit, deviations: float = 3.0) -> bool:
@@ -141,7 +142,8 @@ def first_states(task: Task, numbers: Numbers) -> Floats:
     cubic = [np.polynomial.polynomial.polyfit(np.arange(near) * drive.T, one, 3) for one in rows.transpose(1, 0, 2)]
     still = np.zeros_like(cubic[0][0])
     motor, handle = (each[:2] if drive.reads[0] == 0 else (still, each[0]) for each in (cubic[0], cubic[-1]))
-    return np.array([*motor, *handle])[drive.free({**task.fixed, **numbers})].reshape(-1, task.starts.size)
+    free = drive.free({**task.fixed, **numbers})
+    return np.array([*motor, *handle])[free].reshape(len(free), task.starts.size)
 
 
 def fitted(
@@ -213,13 +215,11 @@ def _limit(name: str, T: float) -> float:
 
 
 def whitening(fit: Fit) -> Task:
-    """Return the task with a filter after which the residual of a fit is white."""
-    from scipy.linalg import solve_toeplitz
-
+    """Return the task with the filter that leaves least of the residual of a fit, which is then white."""
     plain = replace(fit.task, white=(1.0,))
     left = plain.measured() - plain.stepped([fit.numbers], fit.first[None])[:, :, 0]
     size, rows = left / np.sqrt(np.mean(left**2)), len(left)
-    lags = np.array([float(np.mean(size[k:] * size[: rows - k])) for k in range(ORDER + 1)])
-    lags[0] *= 1 + 1e-6
-    filtered = (1.0, *(-solve_toeplitz(lags[:-1], lags[1:])))
-    return replace(plain, white=tuple(map(float, filtered)))
+    late = [size[ORDER - k : rows - k].ravel() for k in range(ORDER + 1)]
+    products = np.array([[one @ other for other in late] for one in late])
+    more = 1e-9 * float(np.trace(products)) * np.eye(ORDER)
+    return replace(plain, white=(1.0, *map(float, -np.linalg.solve(products[1:, 1:] + more, products[1:, 0]))))

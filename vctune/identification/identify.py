@@ -97,8 +97,7 @@ def identify(
     versions: Mapping[str, str | None],
 ) -> Identified:
     """Identify a device."""
-    if not log_map.servo:
-        recordings = [on_even_rows(recording) for recording in recordings]
+    recordings = [on_even_rows(recording, servo=log_map.servo) for recording in recordings]
     times = [check(recording, log_map.document.sample_time, servo=log_map.servo) for recording in recordings]
     first, T = recordings[0], times[0]
     for recording, step in zip(recordings, times, strict=True):

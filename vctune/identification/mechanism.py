@@ -8,12 +8,12 @@ from math import cos, hypot, pi, sin, sqrt
 
 import numpy as np
 
-from vctune.document.recording import Floats, Recording
+from vctune.document.recording import Recording
 from vctune.document.records.identification_json import Estimate, NumberRecord
 from vctune.document.text.errors import Note, coded
 from vctune.identification.box import COULOMB_SHARE, box, left_to_the_hand, pulled, unexplained
 from vctune.identification.fit import Fit, noise_is_all
-from vctune.identification.remainder import halves, left, spectrum
+from vctune.identification.remainder import halves, motion_of, spectrum
 from vctune.identification.responses import compliance, held_compliance
 from vctune.identification.search import SIGNIFICANT, WHITE, mechanism_fit, starts_of, task_of
 from vctune.identification.study import Complex, Curves, Lines, Study, number, record_of
@@ -86,12 +86,6 @@ def kind_of(fit: Fit) -> str:
         "lag": "an actuator's lag",
     }
     return ", ".join([*parts, *(text for name, text in named.items() if name in numbers)])
-
-
-def motion_of(fit: Fit) -> tuple[Floats, Floats]:
-    """Return what was read in all segments, and its fit, SI units."""
-    measured, unit = fit.task.measured()[:, 0], fit.task.unit[0]
-    return np.asarray((measured.T * unit).ravel()), np.asarray(((measured - left(fit)[:, 0]).T * unit).ravel())
 
 
 def pull_of(fit: Fit) -> float | None:

@@ -20,11 +20,18 @@ def left(fit: Fit) -> Floats:
     return np.asarray(task.measured() - task.stepped([fit.numbers], fit.first[None])[:, :, 0])
 
 
+def motion_of(fit: Fit) -> tuple[Floats, Floats]:
+    """Return what was read in all segments, and its fit, SI units."""
+    measured, unit = fit.task.measured()[:, 0], fit.task.unit[0]
+    return np.asarray((measured.T * unit).ravel()), np.asarray(((measured - left(fit)[:, 0]).T * unit).ravel())
+
+
 def share_left(fit: Fit) -> float:
-    """Return the root mean square of the residual over that of the motion in the segments, less a steady speed."""
+    """Return the root mean square of the residual over that of the motion in the segments, less a mechanism's steady
+    speed."""
     measured = fit.task.measured()[:, 0]
     row = np.linspace(-1.0, 1.0, len(measured))
-    table = np.stack([np.ones(len(row)), row], 1)[:, : 1 + (fit.task.drive.reads[0] == 0)]
+    table = np.stack([np.ones(len(row)), row], 1)[:, : 1 + (fit.task.drive.reads[0] == 0 and not fit.task.drive.servo)]
     moves = measured - table @ np.linalg.lstsq(table, measured, rcond=None)[0]
     return float(np.linalg.norm(left(fit)[:, 0]) / (np.linalg.norm(moves) + 1e-300))
 

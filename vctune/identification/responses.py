@@ -35,6 +35,9 @@ def compliance(device: Device, omega: Floats) -> Complex:
     return np.asarray(1 / (s * (Z_1 + Z_2 / (1 + y * Z_2))))
 
 
+LAGS = {1: 1.0, 2: sqrt(2)}  # Lag of a low-pass, times its angular frequency, by its order
+
+
 def modes(bandwidth_hz: float, order: int) -> tuple[float, complex, complex]:
     """Return the lag of a low-pass, a pole, and the weight of its decay in a step of the velocity."""
     w = 2 * pi * bandwidth_hz

@@ -9,7 +9,7 @@ from math import log, pi
 import numpy as np
 
 from vctune.document.recording import Floats, Recording
-from vctune.document.schema.rules import FASTEST
+from vctune.document.schema.rules import FASTEST, MAX_DELAY_SAMPLES
 from vctune.identification.box import DELAY_FLOOR
 from vctune.identification.checks import position_noise
 from vctune.identification.fit import SEGMENTS, Fit, Task, fitted, noise_is_all, whitening
@@ -21,9 +21,8 @@ SHORT, LONG = (0.08, 1 / 40), (0.25, 1 / 16)
 LEAST_ROWS, SEARCHED, FITTED = 40, 60, 300  # Least rows of a segment, and most segments in the search and at last
 LONGEST = 300_000  # Rows of a log that are used
 SMOOTHINGS = (4, 8, 16, 32, 64)  # Deviations of the Gaussians of the first regressions, rows
-DELAYS = np.concatenate(
-    [np.arange(0.0, 12.0, 0.5), np.arange(12.0, 100.0, 4.0)]
-)  # That the first regressions try, rows
+DELAYS = np.concatenate([np.arange(0.0, 12.0, 0.5), np.arange(12.0, 100.0, 4.0)])  # That the regressions try, rows
+LATE = np.arange(100.0, MAX_DELAY_SAMPLES, 8.0)  # More of them for a servo
 FRICTIONS = (1e-3, 0.1, 0.02)  # Coulomb friction of the first starts at least, as a share of the greatest command
 RUBS = 5e-3  # Share of the greatest force below which a first friction is none
 GLANCED, TRIED = 3, 10  # Gauss-Newton steps from each start of a part on trial, and from the best of them
@@ -53,7 +52,7 @@ def task_of(recording: Recording, T: float, fixed: Mapping[str, float]) -> Task:
         read.pop("velocity", None)
     states = {"position": 0, "velocity": 1, "handle": 2}
     unit = np.array([position_noise(read[role], has[role].quantum) for role in read])
-    if "handle" in read:  # a spring is relaxed in the mean
+    if {"handle", "position"} <= set(read):  # a spring is relaxed in the mean
         read["handle"] = read["handle"] - float(np.mean(read["handle"] - read["position"]))
     pushed = has.get("command", has.get("force"))
     values = np.zeros(min(len(recording), LONGEST)) if pushed is None else pushed.values[rows]
@@ -63,17 +62,20 @@ def task_of(recording: Recording, T: float, fixed: Mapping[str, float]) -> Task:
     return in_segments(task, LONG, FITTED)
 
 
-def in_segments(task: Task, length: tuple[float, float], most: int) -> Task:
-    """Return a task in segments of another length, at most so many of them, evenly over the log."""
-    n, (seconds, share) = len(task.drive.input), length
-    rows = min(max(min(round(seconds / task.drive.T), round(share * n)), LEAST_ROWS), n // SEGMENTS)
-    starts = np.arange(n // rows) * rows
+def in_segments(task: Task, length: tuple[float, float], most: int, first: int = 0) -> Task:
+    """Return a task in segments of another length, at most so many of them, evenly over the log from a first row."""
+    n, (seconds, share) = len(task.drive.input) - first, length
+    rows = min(max(round(min(seconds / task.drive.T, share * n)), LEAST_ROWS), n // SEGMENTS)
+    starts = first + np.arange(n // rows) * rows
     starts = starts[np.unique(np.linspace(0, starts.size - 1, most).astype(int))]
     return replace(task, starts=starts, rows=rows, white=(1.0,))
 
 
 def regression(task: Task, smoothing: int) -> Start:
-    """Return mass, friction, spring and delay that explain the force best after a Gaussian low-pass of rows."""
+    """Return mass, friction, spring and delay that explain the force best after a Gaussian low-pass of rows.
+
+    Of a servo, the mass is lag over gain and the damping is 1 over gain.
+    """
     from scipy.ndimage import gaussian_filter1d
 
     T, drive, n = task.drive.T, task.drive, len(task.drive.input)
@@ -85,8 +87,9 @@ def regression(task: Task, smoothing: int) -> Start:
 
     ways = np.sign(smooth(y, 0 if speed_read else 1, max(2.0, smoothing / 3)))
     columns = {"mass": smooth(y, 1 if speed_read else 2), "damping": smooth(y, 0 if speed_read else 1)}
-    columns |= {"coulomb": smooth(ways), "offset": np.ones(n)}
-    if not speed_read:
+    if not drive.servo:
+        columns |= {"coulomb": smooth(ways), "offset": np.ones(n)}
+    if not drive.servo and not speed_read:
         columns["stiffness"] = smooth(y)
     cut = slice(4 * smoothing + 8, n - 4 * smoothing - 8, max(1, smoothing // 2))
     table = np.stack(list(columns.values()), 1)[cut]
@@ -96,7 +99,8 @@ def regression(task: Task, smoothing: int) -> Start:
     hand = 0.0 if drive.hand is None else smooth(drive.hand)[cut]
     free = "delay" not in task.fixed
     found = list[tuple[float, float, Floats]]()
-    for delay in T * DELAYS if free else [task.fixed["delay"]]:
+    delays = np.append(DELAYS, LATE) if drive.servo else DELAYS
+    for delay in T * delays if free else [task.fixed["delay"]]:
         force = np.interp(rows - delay / T - 0.5 * (not drive.ramp), rows, pushed)[cut] + hand
         along = base.T @ force
         left = float(np.linalg.norm(force - base @ along) / (np.linalg.norm(force) + 1e-300))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from vctune.document.recording import Floats
 
 Numbers = Mapping[str, float]
+SHORTEST = 0.02  # Shortest lag of a servo, in rows
 INPUTS = 5  # Force of the motor, friction, hand, and the slopes of the first and of the third over a part of a row
 
 
@@ -46,7 +47,7 @@ def linear(drive: Drive, numbers: Numbers) -> tuple[Floats, Floats, float]:
     servo position, velocity and acceleration.
     """
     if drive.servo:
-        w = 1 / numbers["lag"]
+        w = 1 / max(numbers["lag"], SHORTEST * drive.T)
         if drive.servo == 1:
             return np.array([[0, 1.0], [0, -w]]), np.array([[0.0, 0, 0], [numbers["gain"] * w, 0, 0]]), 1.0
         w *= np.sqrt(2)  # the lag of a Butterworth low-pass of order 2 is sqrt(2)/w

@@ -32,7 +32,6 @@ class Lines:
     fitted: Complex
     model: Callable[[Device], Complex]
     delay: Bounded | None = None  # delay behind the recorded force, if the response is one to this force
-    more: Callable[[Device, Sequence[Bounded]], list[Device]] = lambda device, bounds: []  # more devices to compare
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ def responses(lines: Lines, device: Device, bounds: Sequence[Bounded]) -> Comple
         device.with_numbers({b.key: b.value * (1 + b.share * at) for b, at in zip(varied, row, strict=True)})
         for row in random
     ]
-    return np.array([lines.model(each) for each in (*tried, *lines.more(device, bounds))])
+    return np.array([lines.model(each) for each in tried])
 
 
 def distances(lines: Lines, device: Device, bounds: Sequence[Bounded]) -> Floats:

@@ -58,7 +58,10 @@ def _figure(found: Identified, record: IdentificationRecord) -> Figure:
     figure = Figure(figsize=(WIDTH, sum(heights)))
     panels = iter(np.atleast_1d(figure.subplots(len(heights), 1, height_ratios=heights)))
     for study in curved:
-        _in_time(next(panels), next(panels), study, "position", units.position)
+        quantity, unit = ("position", units.position)
+        if "position" not in study.recording.channels:
+            quantity, unit = "velocity", units.speed
+        _in_time(next(panels), next(panels), study, quantity, unit)
     for study, lines in shown:
         axes = next(panels)
         _response(axes, lines, found, study.recording.name)

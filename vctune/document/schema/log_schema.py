@@ -58,6 +58,7 @@ class ColumnsTable(Table):
 
     time: Column | None = Field(None, description="Time of the sample. Default: a column time_s, time_ms, ...")
     position: Column | None = Field(None, description="Position of the motor, from the encoder.")
+    velocity: Column | None = Field(None, description="Velocity of the motor, if its position was not logged.")
     command: Column | None = Field(None, description="Commanded force, held until the next sample.")
     force: Column | None = Field(
         None,
