@@ -6,7 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from vctune.document.recording import ROLES, SERVO_COMMANDS, SERVO_ROLES, Channel, Floats, Recording, read_table
+from vctune.document.recording import (
+    RESPONSE_ROLES,
+    ROLES,
+    SERVO_COMMANDS,
+    SERVO_ROLES,
+    Channel,
+    Floats,
+    Recording,
+    read_table,
+)
 from vctune.document.schema.log_schema import UNITS, ColumnTable, LogDocument
 from vctune.document.schema.validation import Contradiction, shown, validated
 from vctune.document.text import toml
@@ -19,7 +28,18 @@ KINDS = {
     **dict.fromkeys(("position", "handle", "position_command"), PLACES),
     **dict.fromkeys(("command", "force", "hand"), FORCES),
     **dict.fromkeys(("velocity", "velocity_command"), ("m/s", "mm/s", "rad/s", "deg/s")),
+    "frequency": ("Hz",),
+    "real": (),
+    "imag": (),
+    "gain": ("dB",),
+    "phase": ("deg", "rad"),
 }
+BARE = {
+    "hertz": "frequency",
+    "real": "real",
+    "imag": "imag",
+    "gain_db": "gain",
+}  # Headers of a response that are a role without a unit
 # Units of angles, torques and angular velocities, which only the log of a rotary device has
 ANGLES = ("rad", "mrad", "deg", "Nm", "mNm", "rad/s", "deg/s")
 
@@ -56,7 +76,7 @@ def read_log(path: Path, log_map: LogMap) -> Recording:
 
 def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, ColumnTable]:
     """Return the column of each role: the one in the map, or the first whose header states role and unit."""
-    roles = SERVO_ROLES if log_map.servo else ROLES
+    roles = (*(SERVO_ROLES if log_map.servo else ROLES), *RESPONSE_ROLES)
     entries = {role: entry for role in roles if (entry := getattr(log_map.document.columns, role)) is not None}
     stated = {
         role: entry if isinstance(entry, ColumnTable) else ColumnTable(column=entry) for role, entry in entries.items()
@@ -71,9 +91,12 @@ def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, Colum
     columns = dict[str, ColumnTable]()
     for role in roles:
         possible = {f"{role}_{unit.replace('/', '_')}" for unit in KINDS[role]} - used
+        bare = next((header for header in headers if BARE.get(header) == role and header not in used), None)
         header = next((header for header in headers if header in possible), None)
         if role in stated:
             columns[role] = stated[role]
+        elif bare is not None:
+            columns[role] = ColumnTable(column=bare, scale=1.0)
         elif header is not None and not (named and role in SERVO_COMMANDS):
             columns[role] = ColumnTable(column=header)
     faults = faults or [
@@ -88,6 +111,12 @@ def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, Colum
 def _missing(columns: dict[str, ColumnTable], log_map: LogMap) -> list[tuple[str, str]]:
     """Return what a log lacks: a motion, times and sample time, or what moves the device."""
     missing, sent = [], [columns[role].column for role in SERVO_COMMANDS if role in columns]
+    if "frequency" in columns:
+        if not ({"real", "imag"} <= set(columns) or {"gain", "phase"} <= set(columns)):
+            missing.append(("columns.real", "a response has real and imag, or gain_dB and phase_deg; name its columns"))
+        if log_map.document.sample_time is None:
+            missing.append(("sample_time", "a response does not show the sample time of the loop; write sample_time"))
+        return missing
     if not {"position", "velocity"} & set(columns):
         text = "without a position or a velocity nothing can be identified; name its column"
         missing.append(("columns.position", text))
@@ -115,14 +144,15 @@ def _channel(path: Path, values: Floats, stated: ColumnTable, log_map: LogMap, r
 def _unit(path: Path, stated: ColumnTable, log_map: LogMap, role: str) -> str:
     """Return the unit of a column: the stated unit, or the end of its header."""
     rotary = log_map.document.rotary
-    fitting = [unit for unit in KINDS[role] if role == "time" or (unit in ANGLES) == rotary]
+    either = role in ("time", *RESPONSE_ROLES)
+    fitting = [unit for unit in KINDS[role] if either or (unit in ANGLES) == rotary]
     ends = [unit for unit in fitting if stated.column.endswith(f"_{unit.replace('/', '_')}")]
     unit: str = stated.unit or (ends or [stated.column.rpartition("_")[2]])[0]
     if unit in fitting:
         return unit
     fault = f"its unit {unit} is none" if stated.unit else "its header does not end with a unit"
     other = ""
-    if role != "time" and (unit in ANGLES) != rotary and unit in UNITS:
+    if not either and (unit in ANGLES) != rotary and unit in UNITS:
         other = "; write rotary = true" if unit in ANGLES else "; or is the device not rotary?"
     fault = f"column {shown(stated.column)} of {path}: {fault} of {', '.join(fitting)}"
     message = f"{fault}; write its unit, or scale = SI units per unit{other}"

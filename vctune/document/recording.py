@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 # Roles of the columns in a device's log
 ROLES = ("time", "position", "velocity", "command", "force", "hand", "handle")
 SERVO_COMMANDS = ("velocity_command", "position_command")  # Roles of a servo's command
+RESPONSE_ROLES = ("frequency", "real", "imag", "gain", "phase")  # Roles of the columns in a measured response
 SERVO_ROLES = (
     "time",
     "position",
@@ -51,7 +52,7 @@ class Recording:
     source: str  # path of its file
     sha256: str  # SHA-256 digest of the file, in hexadecimal
     first_line: int  # line of the file that contains the first sample
-    channels: Mapping[str, Channel]  # columns by their role, one of `ROLES` or `SERVO_ROLES`
+    channels: Mapping[str, Channel]  # columns by their role, one of `ROLES`, `SERVO_ROLES` or `RESPONSE_ROLES`
     ignored: tuple[str, ...]  # headers of unused columns
     rotary: bool  # whether positions are angles
 
@@ -64,6 +65,11 @@ class Recording:
     def units(self) -> Units:
         """The units of the recording."""
         return UNITS["rotary" if self.rotary else "linear"]
+
+    @property
+    def is_response(self) -> bool:
+        """Whether the recording is a measured response and not a log over time."""
+        return "frequency" in self.channels
 
     def __len__(self) -> int:
         return next((channel.values.size for channel in self.channels.values()), 0)

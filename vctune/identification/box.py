@@ -26,7 +26,9 @@ def unexplained(recording: Recording, message: str, key: str = "") -> InputError
 def pulled(recording: Recording, stiffness: float, mass: float) -> InputError:
     """Return the refusal of a log in which something besides motor and hand pulls with the position."""
     remedy = "which no device here has; record where it is balanced, or without it"
-    position = recording.channels["position"].header
+    position = next(
+        recording.channels[role].header for role in ("position", "real", "gain") if role in recording.channels
+    )
     return unexplained(recording, f"{_pull(recording, stiffness, mass)}, {remedy}", position)
 
 

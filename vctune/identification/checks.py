@@ -84,6 +84,8 @@ def _common_step(steps: Floats) -> float | None:
 
 def check(recording: Recording, sample_time: float | None, *, servo: bool = False) -> float:
     """Return the time between the rows of a usable recording, s: the stated sample time, unless its loop is faster."""
+    if recording.is_response and sample_time is not None:
+        return sample_time
     if len(recording) < LEAST_SAMPLES:
         message = f"has {len(recording)} samples; record at least {LEAST_SAMPLES}, better some seconds"
         raise InputError.of(recording.source, "log-samples", message)

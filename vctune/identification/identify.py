@@ -20,6 +20,7 @@ from vctune.document.text.errors import Code, InputError, Note
 from vctune.identification.box import DELAY_FLOOR, box, readable, unexplained
 from vctune.identification.checks import check, on_even_rows, remarks
 from vctune.identification.mechanism import mechanism_study
+from vctune.identification.response import response_study
 from vctune.identification.servo import servo_study
 from vctune.identification.study import Study, distances, envelope
 from vctune.model.device import Device
@@ -144,6 +145,10 @@ def identify(
 
 def _study(recording: Recording, T: float, log_map: LogMap, known: Known) -> Study:
     """Fit a servo or a mechanism to a recording."""
+    held = known.display == "impedance"
+    if recording.is_response:
+        fixed = {name: late for name, late in known.delays.items() if name == "delay"}
+        return response_study(recording, T, fixed, servo=log_map.servo, held=held)
     if log_map.servo:
         return servo_study(recording, T)
     force, actuator = recording.channels.get("force"), known.parts.get("actuator")
@@ -154,7 +159,6 @@ def _study(recording: Recording, T: float, log_map: LogMap, known: Known) -> Stu
             "firmware wrote; or write device.delay, of the whole path from the command to the motion, into log.toml"
         )
         raise unexplained(recording, message, force.header)
-    held = known.display == "impedance"
     return mechanism_study(recording, T, actuator, known.delays, held=held)
 
 
@@ -219,7 +223,7 @@ def _device(bounds: Sequence[Bounded], log_map: LogMap, T: float, studies: Seque
     if log_map.servo:
         order = 1 + (sum(each.servo_orders[1] for each in studies) > sum(each.servo_orders[2] for each in studies))
         roles = studies[0].recording.channels
-        command: Literal["velocity", "position"] = "velocity" if "velocity_command" in roles else "position"
+        command: Literal["velocity", "position"] = "position" if "position_command" in roles else "velocity"
         servo = Servo(value["servo.delay"], value["servo.bandwidth_hz"], order, command)
         return Device(1.0, 0.0, T, display="servo", force_sensor=known.parts.get(SENSOR), servo=servo, **parts)
     for key, part in PARTS.items():

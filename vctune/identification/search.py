@@ -182,6 +182,7 @@ def possible(fit: Fit) -> bool:
     if (
         numbers.get("coulomb", 0.0) > fit.task.drive.greatest
         or numbers.get("lag", 1.0) < SHORTEST_LAG * fit.task.drive.T
+        or ("lag" in numbers and numbers.get("delay", 0.0) < -DELAY_FLOOR * fit.task.drive.T)
     ):
         return False
     if "frequency_hz" not in numbers:
@@ -267,7 +268,7 @@ class Found:
     """What a search has found."""
 
     fit: Fit
-    others: list[dict[str, float]]  # the numbers with other weights, and beside a lag that is not decisive
+    others: list[dict[str, float]]  # the numbers with other weights, and beside a part that is not decisive
     share: float  # of the motion that the fit leaves
     agree: bool  # whether another start ends at the same device
 
@@ -301,7 +302,9 @@ def mechanism_fit(task: Task, rotary: bool) -> Found:
     fit = without_idle(fit)
     others = [fitted(in_segments(task, SHORT, FITTED), fit.numbers, None, TRIED).numbers]
     for parts in parts_on_trial(fit, rotary=False):
-        rival = tried(fit, parts) if "lag" in parts[0] and "lag" not in fit.numbers else None
+        more = set(parts[0]) - set(fit.numbers)
+        rival = tried(fit, parts) if "lag" in more or ("handle_mass" in more and fit.size < WHITE) else None
         if rival is not None and possible(rival) and gain(fit, rival) > 0:
-            others.append(rival.numbers | {"delay": rival.numbers["delay"] + rival.numbers["lag"]})
+            lag = rival.numbers["lag"] if "lag" in more else 0.0
+            others.append(rival.numbers | {"delay": rival.numbers.get("delay", 0.0) + lag})
     return Found(fit, others, share, agree)

@@ -142,9 +142,7 @@ def device_text(record: IdentificationRecord) -> str:
     document: dict[str, Any] = {"name": record.name}
     document |= {"description": record.description} if record.description else {}
     document["device"] = device
-    if "servo" not in device:
-        document["stability"] = {"criterion": "passive"}
-    elif record.rotary:
+    if record.rotary:
         document["operator"] = {name: {"min": 0.0, "max": most} for name, most in ROTARY_HAND.items()}
     document["uncertainty"] = {number.key: number.share for number in record.numbers}
     if record.unmodelled:
@@ -206,10 +204,6 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
             lines.append(
                 "# [Hz, radius]: every measured line, less the effect of Coulomb friction, is that of a device of the "
                 "box, times a number this far from 1"
-            )
-        if heading == "[stability]" and key == "criterion":
-            lines.append(
-                '# "both" proves every human hand too; over so many uncertain numbers that may take many minutes'
             )
         if heading == "[operator]" and line == heading:
             lines.append(f"# assumed: vctune's hand, {GRIP:g} m from the axis; write the numbers of your users' hands")

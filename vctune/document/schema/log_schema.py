@@ -16,10 +16,11 @@ UNITS: dict[str, float] = {
     "m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295,
     "m/s": 1.0, "mm/s": 1e-3, "rad/s": 1.0, "deg/s": 0.017453292519943295,
     "N": 1.0, "mN": 1e-3, "kN": 1e3, "Nm": 1.0, "mNm": 1e-3,
+    "Hz": 1.0, "dB": 1.0,
 }  # fmt: skip
 Unit = Literal[
     "s", "ms", "us", "m", "mm", "um", "rad", "mrad", "deg", "m/s", "mm/s", "rad/s", "deg/s", "N", "mN", "kN",
-    "Nm", "mNm",
+    "Nm", "mNm", "Hz", "dB",
 ]  # fmt: skip
 
 
@@ -74,6 +75,13 @@ class ColumnsTable(Table):
         None,
         description="Position command of a servo (--servo), instead of a velocity command; interpolated over a sample.",
     )
+    frequency: Column | None = Field(None, description="Frequency of a measured response, instead of a time.")
+    real: Column | None = Field(
+        None, description="Real part of the response: velocity over command of a servo, position over force otherwise."
+    )
+    imag: Column | None = Field(None, description="Imaginary part of the response.")
+    gain: Column | None = Field(None, description="Size of the response in dB, instead of both parts.")
+    phase: Column | None = Field(None, description="Phase of the response, negative for a lag.")
 
 
 class KnownDeviceTable(Table):
