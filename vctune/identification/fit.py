@@ -215,11 +215,19 @@ def _limit(name: str, T: float) -> float:
 
 
 def whitening(fit: Fit) -> Task:
-    """Return the task with the filter that leaves least of the residual of a fit, which is then white."""
+    """Return the task with a filter after which the residual of a fit is white.
+
+    A taper shows the whole range of a link's noise, which drifts. The residual of a mechanism is an error of its model:
+    without a taper, leakage keeps the weights of the frequencies within bounds.
+    """
+    from scipy.linalg import solve_toeplitz
+
     plain = replace(fit.task, white=(1.0,))
     left = plain.measured() - plain.stepped([fit.numbers], fit.first[None])[:, :, 0]
+    if fit.task.drive.servo:
+        left = left * np.hanning(len(left))[:, None, None]
     size, rows = left / np.sqrt(np.mean(left**2)), len(left)
-    late = [size[ORDER - k : rows - k].ravel() for k in range(ORDER + 1)]
-    products = np.array([[one @ other for other in late] for one in late])
-    more = 1e-9 * float(np.trace(products)) * np.eye(ORDER)
-    return replace(plain, white=(1.0, *map(float, -np.linalg.solve(products[1:, 1:] + more, products[1:, 0]))))
+    lags = np.array([float(np.mean(size[k:] * size[: rows - k])) for k in range(ORDER + 1)])
+    lags[0] *= 1 + 1e-6
+    filtered = (1.0, *(-solve_toeplitz(lags[:-1], lags[1:])))
+    return replace(plain, white=tuple(map(float, filtered)))
