@@ -82,13 +82,16 @@ def test_the_box_holds_what_both_recordings_say(emps):
     ],
 )
 def test_the_box_of_the_bench_holds_what_is_published(bench, name, motor, load, resonance, delay, lag, late):
-    """The delay without that of the hold is the sum of both delays and the lag of the current."""
+    """The delay without that of the hold, and the lag of the current, are together both delays and the lag."""
     known = {"mass": motor + load, "structure.handle_mass": load, "structure.frequency_hz": resonance}
-    known["delay"] = delay + lag + late - bench(name).record.sample_time / 2
     for key, published in known.items():
         found = bench(name).found.bounded(key)
         assert found.low <= published <= found.high, key
-        assert found.high / found.low < 1.25
+        assert found.high / found.low < 1.07
+    ends, corner = (bench(name).found.bounded(key) for key in ("delay", "actuator.bandwidth_hz"))
+    least, most = (ends.low + 1 / (2 * np.pi * corner.high), ends.high + 1 / (2 * np.pi * corner.low))
+    assert least <= delay + lag + late - bench(name).record.sample_time / 2 <= most
+    assert most / least < 1.4
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import cos, hypot, pi, sin, sqrt
+from math import cos, hypot, inf, pi, sin, sqrt
 
 import numpy as np
 
@@ -12,10 +12,20 @@ from vctune.document.recording import Recording
 from vctune.document.records.identification_json import Estimate, NumberRecord
 from vctune.document.text.errors import Note, coded
 from vctune.identification.box import COULOMB_SHARE, box, left_to_the_hand, pulled, unexplained
-from vctune.identification.fit import Fit, noise_is_all
-from vctune.identification.remainder import halves, motion_of, spectrum
+from vctune.identification.checks import position_noise
+from vctune.identification.fit import SEGMENTS, Fit, Task, fitted, noise_is_all
+from vctune.identification.remainder import halves, motion_of, share_left, spectrum
 from vctune.identification.responses import compliance, held_compliance
-from vctune.identification.search import SIGNIFICANT, WHITE, mechanism_fit, starts_of, task_of
+from vctune.identification.search import (
+    LONGEST,
+    SIGNIFICANT,
+    WHITE,
+    in_segments,
+    mechanism_fit,
+    starts_of,
+    task_of,
+)
+from vctune.identification.stepped import Drive
 from vctune.identification.study import Complex, Curves, Lines, Study, number, record_of
 from vctune.model.device import Device
 from vctune.model.loop.device_response import mechanism
@@ -24,6 +34,7 @@ from vctune.model.parts import Actuator, Structure
 
 MAX_SHARE = 0.25  # Of the motion that is left, above which a log is refused
 AGAINST = 0.5  # Share of the force left by a regression below which a negative mass is a sign
+SHORTEST_MOTOR = 0.1  # Shortest lag of a motor that a measured force tells, in rows
 FELT = 0.02  # Share of the force from which a spring is felt
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}  # Masses of haptic devices, kg, or kg m2 if rotary
 FRICTION = coded("friction is not quite Coulomb's", "limit-friction")
@@ -39,6 +50,9 @@ def mechanism_study(
     fixed = dict(delays) | ({} if actuator is None else {"lag": 1 / (2 * pi * actuator.bandwidth_hz)})
     if "hand" not in has:
         fixed.pop("sensor_delay", None)
+    motor = motor_lag(recording, T) if {"command", "force"} <= set(has) and "lag" not in fixed else []
+    if motor:
+        fixed["lag"] = 1 / (2 * pi * motor[0].value)
     task = task_of(recording, T, fixed)
     moves = bool(np.ptp(task.drive.input) > 0)
     if not moves:
@@ -66,13 +80,32 @@ def mechanism_study(
     )  # fmt: skip
     return Study(
         recording, record,
-        estimates_of(recording.name, fit, found.others, moves=moves),
+        [*estimates_of(recording.name, fit, found.others, moves=moves), *motor],
         lines=lines,
         curves=Curves(np.asarray((fit.task.starts[:, None] + np.arange(fit.task.rows)).ravel() * T), measured, made),
         remarks=remarks,
         friction=coulomb if coulomb > SIGNIFICANT * sigma.get("coulomb", 0.0) > 0 else None,
         force_noise=None if hand is None else float(1.4826 * np.median(np.abs(np.diff(hand, 3))) / sqrt(20)),
     )  # fmt: skip
+
+
+def motor_lag(recording: Recording, T: float) -> list[Estimate]:
+    """Return the bandwidth of the motor, from its command to its measured force; none if the two tell no lag.
+
+    The lag is as uncertain as the share of the force that it leaves, because no motor is quite of first order.
+    """
+    told, force = recording.channels["command"].values[:LONGEST], recording.channels["force"].values[:LONGEST]
+    unit = np.array([position_noise(force, recording.channels["force"].quantum)])
+    task = Task(Drive(T, told, servo=1, reads=(1,)), force[:, None] / unit, unit, np.arange(1), 1)
+    task = in_segments(task, (inf, 1 / SEGMENTS), SEGMENTS)
+    starts = ({"gain": 1.0, "delay": rows * T, "lag": T / 2} for rows in (-1.0, 0.0, 1.0))
+    fit = min((fitted(task, start) for start in starts), key=lambda each: each.cost)
+    lag, sigma, share = fit.numbers["lag"], fit.sigmas()["lag"], share_left(fit)
+    if not (share < MAX_SHARE and lag > SHORTEST_MOTOR * T and SIGNIFICANT * sigma < lag):
+        return []
+    hertz = 1 / (2 * pi * lag)
+    text = f"{recording.name}: force"
+    return [Estimate("actuator.bandwidth_hz", hertz, hertz * sigma / lag, text, (share * hertz, share * hertz))]
 
 
 def kind_of(fit: Fit) -> str:

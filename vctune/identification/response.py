@@ -162,7 +162,9 @@ def response_study(
         raise InputError.of(recording.source, "log-samples", message, key=recording.channels["frequency"].header)
     matches = servo_matches(T, hertz, measured) if servo else [mechanism_match(T, hertz, measured, fixed)]
     one = matches[0]
-    share = float(np.sqrt(np.mean(np.minimum(np.abs(one.made / measured - 1), 1.0) ** 2)))
+    share, *others = (
+        float(np.sqrt(np.mean(np.minimum(np.abs(each.made / measured - 1), 1.0) ** 2))) for each in matches
+    )
     kind = f"a servo's response, order {one.drive.servo}" if servo else "a mechanism's response"
     _refuse(recording, one, share, header, kind)
     if (stiffness := one.numbers.get("stiffness")) is not None:
@@ -175,13 +177,13 @@ def response_study(
         remarks.append(Note("remark-order", text))
     candidates = [
         CandidateRecord(
-            structure=f"order {each.drive.servo}", chosen=each is one, chi2=each.cost / one.cost, model_error=[share]
+            structure=f"order {each.drive.servo}", chosen=each is one, chi2=each.cost / one.cost, model_error=[left]
         )
-        for each in matches
+        for each, left in zip(matches, (share, *others), strict=True)
         if servo
     ]
     record = record_of(
-        recording, T, kind=kind, used=hertz.size, residual_share=share, chi2=1.0,
+        recording, T, kind=kind, used=hertz.size, residual_share=share, chi2=None,
         numbers=[number(key, value) for key, value in one.numbers.items()],
         candidates=candidates,
     )  # fmt: skip

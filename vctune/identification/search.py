@@ -199,7 +199,7 @@ def decisive(before: Fit, after: Fit) -> bool:
 
 
 def tried(fit: Fit, starts: Sequence[dict[str, float]]) -> Fit | None:
-    """Return the fit from the start that is the best after a few steps; None if all run away."""
+    """Return the best of the fits from the three starts that are the best after a few steps; None if all run away."""
     task, first, found = fit.task, fit.first, list[Fit]()
     if "handle_mass" in starts[0] and "handle_mass" not in fit.numbers:
         first = np.concatenate([first, first[-2:] if len(first) > 1 else np.concatenate([0 * first, first])])
@@ -210,8 +210,9 @@ def tried(fit: Fit, starts: Sequence[dict[str, float]]) -> Fit | None:
             except (np.linalg.LinAlgError, ValueError):
                 continue
         found = [each for each in found if np.isfinite(each.cost)]
-        best = min(found, key=lambda each: each.cost, default=None)
-        return None if best is None else fitted(task, best.numbers, best.first, TRIED, 1e-3)
+        best = sorted(found, key=lambda each: each.cost)[:3]
+        ended = (fitted(task, each.numbers, each.first, TRIED, 1e-3) for each in best)
+        return min(ended, key=lambda each: each.cost, default=None)
 
 
 def last(task: Task, numbers: Mapping[str, float]) -> tuple[Fit, float]:
@@ -230,6 +231,17 @@ def last(task: Task, numbers: Mapping[str, float]) -> tuple[Fit, float]:
     return found, share
 
 
+def with_second_mass(fit: Fit) -> Fit:
+    """Return the fit with a second mass that long segments show and short ones did not."""
+    *_, starts = [[], *parts_on_trial(fit, rotary=False)]
+    if fit.size > WHITE or not starts or "handle_mass" not in set(starts[0]) - set(fit.numbers):
+        return fit
+    one = tried(fit, starts)
+    if one is None or not possible(one) or not decisive(fit, one) or gain(fit, one) <= 0:
+        return fit
+    return fitted(one.task, one.numbers, one.first)
+
+
 def without_idle(fit: Fit) -> Fit:
     """Return the fit without the parts that do not lower its residual by more than their share."""
     for names in (
@@ -246,7 +258,8 @@ def without_idle(fit: Fit) -> Fit:
             kept["delay"] += fit.numbers["lag"]
         weak = names[0] in ("handle_mass", "lag") and fit.numbers[names[0]] < SIGNIFICANT * fit.sigmas()[names[0]]
         less = fitted(fit.task, kept, None if "handle_mass" in names else fit.first, TRIED)
-        if weak or gain(less, fit) < CLEAR_GAIN or not possible(fit) or not decisive(less, fit):
+        cured = possible(less) and not possible(fit)
+        if weak or cured or gain(less, fit) < CLEAR_GAIN or not decisive(less, fit):
             fit = less
     return fit
 
@@ -268,7 +281,7 @@ class Found:
     """What a search has found."""
 
     fit: Fit
-    others: list[dict[str, float]]  # the numbers with other weights, and beside a part that is not decisive
+    others: list[dict[str, float]]  # the numbers with other weights, and beside a lag that is not decisive
     share: float  # of the motion that the fit leaves
     agree: bool  # whether another start ends at the same device
 
@@ -299,12 +312,10 @@ def mechanism_fit(task: Task, rotary: bool) -> Found:
         if agree:
             break
     fit, share = last(task, best.numbers)
-    fit = without_idle(fit)
+    fit = without_idle(with_second_mass(fit))
     others = [fitted(in_segments(task, SHORT, FITTED), fit.numbers, None, TRIED).numbers]
     for parts in parts_on_trial(fit, rotary=False):
-        more = set(parts[0]) - set(fit.numbers)
-        rival = tried(fit, parts) if "lag" in more or ("handle_mass" in more and fit.size < WHITE) else None
+        rival = tried(fit, parts) if "lag" in parts[0] and "lag" not in fit.numbers else None
         if rival is not None and possible(rival) and gain(fit, rival) > 0:
-            lag = rival.numbers["lag"] if "lag" in more else 0.0
-            others.append(rival.numbers | {"delay": rival.numbers.get("delay", 0.0) + lag})
+            others.append(rival.numbers | {"delay": rival.numbers["delay"] + rival.numbers["lag"]})
     return Found(fit, others, share, agree)

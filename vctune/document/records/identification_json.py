@@ -164,9 +164,8 @@ def _head(record: IdentificationRecord) -> list[str]:
         residual = (
             "" if recording.residual_share is None else f"residual {recording.residual_share:.3%} of the motion, "
         )
-        lines.append(
-            f"#     {residual}chi2/dof {_short(recording.chi2)} with the noise alone, sha256 {recording.sha256}"
-        )
+        noise = "" if recording.chi2 is None else f"chi2/dof {_short(recording.chi2)} with the noise alone, "
+        lines.append(f"#     {residual}{noise}sha256 {recording.sha256}")
     if any(number.low <= 0 for number in record.numbers):
         lines.append("# What may be 0 is written as plus or minus 99 %, down to a hundredth of its middle.")
     lines += [f"# warning: {printable(warning)}" for warning in record.warnings]
