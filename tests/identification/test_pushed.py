@@ -54,7 +54,9 @@ def test_a_box_holds_the_truth(seed: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="95.5 of 100 inside, four of 120 logs off by more: a lag and a second mass beside friction")
+@pytest.mark.xfail(
+    reason="97.9 of 100 inside, one number off by 1.26 of its width: a second mass that a hand hardly moves"
+)
 def test_boxes_of_random_mechanisms_hold_the_truth(tmp_path: Path) -> None:
     """Of the numbers 98 of 100 are inside and none is off by its box's width; one log in five at most is refused."""
     found = [trial(seed, tmp_path) for seed in range(so_many(120))]

@@ -231,17 +231,6 @@ def last(task: Task, numbers: Mapping[str, float]) -> tuple[Fit, float]:
     return found, share
 
 
-def with_second_mass(fit: Fit) -> Fit:
-    """Return the fit with a second mass that long segments show and short ones did not."""
-    *_, starts = [[], *parts_on_trial(fit, rotary=False)]
-    if fit.size > WHITE or not starts or "handle_mass" not in set(starts[0]) - set(fit.numbers):
-        return fit
-    one = tried(fit, starts)
-    if one is None or not possible(one) or not decisive(fit, one) or gain(fit, one) <= 0:
-        return fit
-    return fitted(one.task, one.numbers, one.first)
-
-
 def without_idle(fit: Fit) -> Fit:
     """Return the fit without the parts that do not lower its residual by more than their share."""
     for names in (
@@ -312,7 +301,7 @@ def mechanism_fit(task: Task, rotary: bool) -> Found:
         if agree:
             break
     fit, share = last(task, best.numbers)
-    fit = without_idle(with_second_mass(fit))
+    fit = without_idle(fit)
     others = [fitted(in_segments(task, SHORT, FITTED), fit.numbers, None, TRIED).numbers]
     for parts in parts_on_trial(fit, rotary=False):
         rival = tried(fit, parts) if "lag" in parts[0] and "lag" not in fit.numbers else None
