@@ -157,9 +157,8 @@ def response_study(
     name, remarks = recording.name, list[Note]()
     hertz, measured = measured_response(recording, HIGHEST / T)
     header = recording.channels["real" if "real" in recording.channels else "gain"].header
-    if hertz.size < LEAST_LINES or hertz[0] <= 0 or np.any(measured == 0):
-        message = f"has {hertz.size} frequencies up to half the sampling rate; {LEAST_LINES} are needed, all above 0"
-        raise InputError.of(recording.source, "log-samples", message, key=recording.channels["frequency"].header)
+    if (fault := _fault(hertz, measured)) is not None:
+        raise InputError.of(recording.source, "log-samples", fault, key=recording.channels["frequency"].header)
     matches = servo_matches(T, hertz, measured) if servo else [mechanism_match(T, hertz, measured, fixed)]
     one = matches[0]
     share, *others = (
@@ -194,6 +193,17 @@ def response_study(
     lines = Lines(hertz, made * (1 + (measured / one.made - 1) * free), np.full(hertz.size, share), made, _model(hertz))
     orders = {each.drive.servo: 2 * hertz.size * log(each.cost) for each in matches}
     return Study(recording, record, estimates, [lines], remarks=remarks, servo_orders=orders)
+
+
+def _fault(hertz: Floats, measured: Complex) -> str | None:
+    """Return why a response cannot be fitted; None if it can."""
+    if np.unique(hertz).size < LEAST_LINES:
+        return f"has {np.unique(hertz).size} frequencies up to half the sampling rate; {LEAST_LINES} are needed"
+    if hertz[0] <= 0:
+        return f"has a frequency of {hertz[0]:g} Hz; leave out its row, all must be above 0"
+    if np.any(measured == 0):
+        return f"has a response of 0 at {hertz[np.argmax(measured == 0)]:g} Hz; leave out its row"
+    return None
 
 
 def _model(hertz: Floats) -> Callable[[Device], Complex]:
