@@ -183,10 +183,15 @@ def each_repair_suffices(text: str) -> list[dict]:
         key, old, new, needs = repair["key"], repair["old"], repair["new"], repair["needs"]
         assert new != old
         assert certified(changed(text, key, new, needs)), repair
-    ranks = [
-        (file.problem.bounds.fixed and repair["key"] not in KEYS, float(f"{repair['error']:.4g}"), repair["size"])
-        for repair in found
-    ]
+        change = next(
+            one
+            for one in parameter_changes(tomllib.loads(text), file.problem)
+            if one.key == key and (one.limit > one.old) == (new > one.old)
+        )
+        before = change.applied(tomllib.loads(text), change.old + 0.9 * (new - change.old))
+        assert change.switch or not certified(toml_text(before)), ("nine tenths of the way suffice", repair)
+    assert len(found) <= 4
+    ranks = [(repair["assumes"], repair["size"]) for repair in found]
     assert ranks == sorted(ranks)
     again = with_repairs(file, solve(file.problem)).repairs
     assert [(each.key, each.new) for each in again] == [(each["key"], each["new"]) for each in found]
@@ -204,9 +209,10 @@ def test_each_repair_suffices(name):
 
 @pytest.mark.parametrize("name", REFUTED | IN_HANDS)
 def test_each_repair_of_a_refuted_design(name):
-    """Changes of the gains come first, of the problem after them."""
+    """A gain or a number of the coupling is among the changes, and at most one is of what is assumed."""
     found = each_repair_suffices((REFUTED | IN_HANDS)[name])
-    assert found[0]["key"] in KEYS or all(repair["key"] not in KEYS for repair in found)
+    assert name == "delay" or any(repair["key"] in KEYS for repair in found)
+    assert [repair["assumes"] for repair in found].count(True) <= 1
 
 
 @pytest.mark.slow
@@ -225,7 +231,7 @@ def test_a_step_is_at_most_a_few_times_what_is_needed():
     R = (abs(q) - q.real) / (2 * (1 / (Z_d + C)).real)
     series = 1 / (1 / 25000 + 1 / (5 * s))
     needed = max(0.025, (R - series.real).max())
-    assert needed <= found["new"] <= 12 * needed
+    assert needed <= found["new"] <= 1.1 * needed
 
 
 @pytest.mark.slow
@@ -250,7 +256,7 @@ drag = DRAG
 """
     assert certified(text.replace("DRAG", "155.0"))
     found = {each["key"]: each for each in each_repair_suffices(text.replace("DRAG", "150.0"))}
-    assert found["coupling.drag"]["new"] <= 160.0 and found["operator.stiffness.max"]["new"] >= 450.0
+    assert found["coupling.drag"]["new"] <= 155.0 and found["operator.stiffness.max"]["new"] >= 480.0
 
 
 def test_a_check_names_the_best_change_of_a_gain_and_what_else_would_do(tmp_path):
@@ -261,7 +267,7 @@ def test_a_check_names_the_best_change_of_a_gain_and_what_else_would_do(tmp_path
     pasted = check_files([tmp_path / "pasted.toml"])[0]
     assert apart.message == pasted.message
     assert re.search(r"(gains|coupling)\.\w+ = (\S+) instead of \S+ would pass; so would ", apart.message)
-    assert "stability.band_hz[1] = " in apart.message
+    assert re.search(r"; with operator.damping = \S+ instead of 0, if that is so, it passes", apart.message)
     assert apart.finding.record()["repairs"] == pasted.finding.record()["repairs"]
     assert (apart.line, pasted.line) == (2, 6)
 
@@ -270,8 +276,13 @@ def test_nothing_found_is_said(tmp_path):
     text = REFUTED["from 0"].replace("10.0]", "inf]").replace("25000.0", "9.0")
     (tmp_path / "poor.toml").write_text(text)
     document = tomllib.loads(text)
-    assert find_repairs(document, parameter_changes(document, parsed(text))) == []
-    assert check_files([tmp_path / "poor.toml"])[0].message.endswith("no change of one number passes")
+    found = find_repairs(document, parameter_changes(document, parsed(text)))
+    assert found.repairs == [] and {said.split(" to ")[0] for said in found.tried} >= {
+        "device.damping",
+        "gains.velocity",
+    }
+    said = check_files([tmp_path / "poor.toml"])[0].message
+    assert "; none of these, each changed alone, passes: device.damping to 2e+03, device.sample_time to 1e-06" in said
 
 
 @pytest.mark.slow
@@ -284,7 +295,8 @@ def test_no_design_found_is_undecided_and_has_repairs_too(monkeypatch):
     assert solved.infeasibility.reason.startswith("no admissible design was found, nor proved impossible")
     record = design_record(file, with_repairs(file, solved))
     assert (
-        record["repairs"] and f"the repair with the least error: {record['repairs'][0]['key']} = " in record["reason"]
+        record["repairs"]
+        and f"the least change that gives a design: {record['repairs'][0]['key']} = " in record["reason"]
     )
 
 
@@ -436,7 +448,7 @@ def test_a_narrower_stability_band_keeps_an_octave(band: str) -> None:
     text = for_passive_hands(DEVICE + f"[stability]\nband_hz = {band}\n")
     edges = [each for each in parameter_changes(tomllib.loads(text), parsed(text)) if "band_hz" in each.path]
     for edge in edges:
-        for _, new in edge.steps():
+        for _, new in edge.steps({}):
             low, high = sorted((new, edge.other))
             assert high >= 2 * low * (1 - 1e-9)
     assert len(edges) == 2

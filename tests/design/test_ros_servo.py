@@ -25,6 +25,7 @@ from vctune.design.ros.admittance_check import check_admittance
 from vctune.design.solve import solve
 from vctune.design.verdict.check import CheckVerdict
 from vctune.design.verdict.judge import Status
+from vctune.design.verdict.repair import Found
 from vctune.document.building import problem
 from vctune.document.reading import pose, problem_file, read_problem
 from vctune.document.ros import read_admittances
@@ -191,7 +192,7 @@ def test_the_lightest_arm_is_what_its_hands_permit(seed):
 @pytest.fixture
 def unrepaired(monkeypatch):
     """What would help is looked for in other tests, and takes a while."""
-    monkeypatch.setattr(admittance_check, "repairs_of_axis", lambda *axis: None)
+    monkeypatch.setattr(admittance_check, "repairs_of_axis", lambda *axis: Found())
 
 
 def limited(folder, arm, rule, share):

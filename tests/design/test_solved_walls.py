@@ -111,7 +111,7 @@ def test_a_design_that_bears_springs_alone_may_do_without_walls() -> None:
     tables["gains"] = {"velocity": 167.34044, "position": 1e5}
     tables["coupling"] = {"damping": 0.73047156, "mass": 0.0023011791, "drag": 0.68781965}
     (change,) = (each for each in parameter_changes(tables, problem(tables).problem) if each.key == "environment.walls")
-    (repair,) = find_repairs(tables, [change])
+    (repair,) = find_repairs(tables, [change]).repairs
     assert tomllib.loads(repair.needs) == {"environment": {"walls": False}}
     assert str(repair) == "environment.walls = false instead of true"
     assert change.applied(tables, repair.new)["environment"]["walls"] is False

@@ -76,7 +76,8 @@ def test_a_coupling_for_given_gains_is_certified() -> None:
 
 
 def test_what_the_grids_have_missed() -> None:
-    """The expected designs miss their limit between the frequencies of the grids that they come from, by 1.3 %."""
+    """The expected designs miss their limit between the frequencies of the grids that they come from, by 3.5 % of the
+    coupling."""
     for name, expected in EXPECTED.items():
         K_v, K_p, *coupling = expected["x"]
         law = Gains(K_v, min(K_p, 1e5)), Coupling(*coupling)
@@ -84,7 +85,7 @@ def test_what_the_grids_have_missed() -> None:
         outcome = judgement.certificate.outcomes["worlds"]
         assert outcome.verdict is Verdict.REFUTED
         assert outcome.hand is not None
-        assert 1 / 1.015 < judgement.in_hand.ratio / 1.05 < 1
+        assert 1 / 1.035 < judgement.in_hand.ratio / 1.05 < 1
 
 
 def test_a_problem_states_its_environments() -> None:

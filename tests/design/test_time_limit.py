@@ -388,14 +388,15 @@ def test_repairs_that_a_limit_cut_are_not_called_complete(folder, ticks, monkeyp
     (full,) = strict(run(*limited, ENOUGH, cwd=folder).stdout)
     whole, known = next(asks), [repair["key"] for repair in full["repairs"]]
     assert known and full["warnings"] == [] and full["status"] == "violated"
-    for share, found in ((0.4, None), (0.9, known)):
+    for share, some in ((0.3, False), (0.9, True)):
         ticks()
         (part,) = strict(run(*limited, int(share * whole), cwd=folder).stdout)
         assert part["status"] == "violated" and any(said.endswith("[time-limit]") for said in part["warnings"])
-        assert (part["repairs"] and [repair["key"] for repair in part["repairs"]]) == found
+        found = part["repairs"] and [repair["key"] for repair in part["repairs"]]
+        assert {*found} <= {*known} if some else found is None
     ticks()
-    said = run("check", "poor.toml", "--time-limit", int(0.4 * whole), cwd=folder).stdout
-    assert "no change of one number passes" not in said and "would pass" not in said, "nobody knows yet"
+    said = run("check", "poor.toml", "--time-limit", int(0.3 * whole), cwd=folder).stdout
+    assert "each changed alone" not in said and "would pass" not in said, "nobody knows yet"
 
 
 def saves(monkeypatch, *texts: tuple[Path, str]) -> None:

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from vctune.analysis.extrema import Floats, local_minima
-from vctune.analysis.hardest_hands import hardest_near, needs_in_hands, needs_in_worlds
+from vctune.analysis.hardest_hands import hardest_near, needs_in_hands
 from vctune.analysis.loops_in_hands import PER_DECADE, angles, answers, loops_at_rest, loops_in_hands
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
@@ -170,15 +170,6 @@ def ratio_at(
     theta = np.array([omega * device.sample_time])
     loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
     return _inverse(float(needs_in_hands(loop, device, gains, coupling, theta, met)[0]))
-
-
-def resistive_ratio_at(
-    device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet
-) -> float:
-    """Return Re Z_c / R in one hand at one frequency, where an environment has the reactance of the loop."""
-    theta = np.array([min(omega * device.sample_time, pi)])
-    loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
-    return _inverse(float(needs_in_worlds(loop, device, gains, coupling, theta, met)["resistive"][0]))
 
 
 def least_ratios_near(

@@ -67,8 +67,8 @@ def solve(
     -------
     Solved
         `status`, and `judgement` with the best design and its proved claims. Without a design, `judgement` is None,
-        `reason` states why, and `repairs` lists changes of one value that give a design, the least error first. A
-        refuted or idle design also has `repairs`.
+        `reason` states why, and `repairs` lists changes of one value that give a design, the least change first. A
+        refuted design also has `repairs`.
 
     Raises
     ------
@@ -137,9 +137,10 @@ class Design:
         """Return the next steps: look at the report, repair the problem, or use the design."""
         design, source, named = folder / DESIGN_FILE, self.file.source, self.file.source != str(called(STDIN))
         look = [f"open {folder / REPORT}" if (folder / REPORT).exists() else f"vctune report {quote(str(design))}"]
-        if self.found.repairs:
+        own = [repair for repair in self.found.repairs or [] if not repair.assumes]
+        if own:
             name = source if named else "the problem"
-            return [f"write {self.found.repairs[0].needs} into {name} and solve again", *look]
+            return [f"write {own[0].needs} into {name} and solve again", *look]
         if self.found.status != Status.CERTIFIED.value:
             return look
         check = f"in CI vctune check {quote(source)} {quote(str(folder / GAINS_FILE))}"
@@ -172,12 +173,14 @@ def rows_of(record: DesignRecord) -> Rows:
     limits = [("limited by", "", "", line) for line in record.limits]
     if record.gains is not None:
         yield Table([*first, *limits, *(row for rows in groups.values() for row in rows)], right=(2,), groups=True)
-    if record.repairs:
-        yield ("any one of these alone would do:",)
-        width = max(len(repair.needs) for repair in record.repairs)
-        yield from (_repair(repair, width) for repair in record.repairs)
-    elif record.repairs is not None:
-        yield ("vctune found no change of a single value that makes the problem feasible",)
+    own, assumed = ([each for each in record.repairs or [] if each.assumes == kind] for kind in (False, True))
+    for title, repairs in (("any one of these alone would do:", own), ("or one of these, if it is so:", assumed)):
+        if repairs:
+            yield (title,)
+            width = max(len(repair.needs) for repair in record.repairs or [])
+            yield from (_repair(repair, width) for repair in repairs)
+    if record.tried:
+        yield (f"none of these, each changed alone, gives a design: {', '.join(record.tried)}",)
     yield from ((("warning:", "yellow"), f" {warning}") for warning in record.warnings)
 
 

@@ -12,6 +12,7 @@ from vctune.design.search.working_set import Start, WorkingSet
 from vctune.design.variables import Point
 from vctune.design.verdict.infeasible import Infeasibility
 from vctune.design.verdict.judge import Judgement, Status
+from vctune.design.verdict.said import said_of
 from vctune.document.records.design_json import Price, Repair
 from vctune.document.text.errors import Note
 from vctune.model.display import Display
@@ -96,7 +97,10 @@ class Solved:
     optimality : Optimality, optional
         Proved bound on the error of any design; None if not requested.
     repairs : list[Repair], optional
-        Changes of the problem that would make a design possible; None if not requested.
+        Changes of the problem that would make a design possible; None if not requested, or if the search for them
+        was cut short without one.
+    tried : list[str]
+        Without repairs: the keys that were changed alone in vain, each with the value up to which it was tried.
     prices : list[Price], optional
         Prices of the device's parameters, the greatest gain first; None if not requested, without an optimum,
         or if the design is not certified, IPOPT has not converged or the time limit ended the work.
@@ -113,6 +117,7 @@ class Solved:
     seconds: dict[str, float] = field(default_factory=dict)
     optimality: Optimality | None = None
     repairs: list[Repair] | None = None
+    tried: list[str] = field(default_factory=list)
     prices: list[Price] | None = None
     cut: tuple[str, ...] = ()
 
@@ -162,10 +167,10 @@ class Solved:
 
     @property
     def reason(self) -> str | None:
-        """The reason why there is no design, with the best repair. For a given design that is stable but misses the
-        safety factor, the amount that is missed; else None."""
+        """The reason why there is no design, with the least repair; what fails of a given design; else None."""
         if self.infeasibility is None:
-            return self.judgement.reserve_missed if self.judgement else None
+            open_ = self.judgement is not None and self.status is not Status.CERTIFIED
+            return said_of(self.judgement) if self.judgement is not None and open_ else None
         if self.repairs:
-            return f"{self.infeasibility.cause}; the repair with the least error: {self.repairs[0]}"
+            return f"{self.infeasibility.cause}; the least change that gives a design: {self.repairs[0]}"
         return self.infeasibility.reason

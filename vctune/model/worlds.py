@@ -9,6 +9,8 @@ from math import inf
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import Units, in_full
 
+OVER_LIMIT = "Z_c over its limit"  # name of the number by which a coupling may be divided before something fails
+
 
 @dataclass(frozen=True, slots=True)
 class World:

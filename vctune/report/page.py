@@ -12,13 +12,10 @@ from matplotlib import rc_context
 
 from vctune.analysis.demands import transparency_error
 from vctune.document.reading import parse_problem
-from vctune.document.records.certificate_json import CertificateRecord
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.records.part import text
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.document.text.output_files import write_together
 from vctune.model.gains import Gains
-from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import CLAIMS
 from vctune.report.curves import no_coupling, requirements
@@ -37,6 +34,7 @@ NAMES = {
     "|1 - S|": "Robustness against unmodelled dynamics",
     "walls in a hand": "Stability at walls",
     "in a hand": "Stability in the stated hands",
+    "any passive hand": "Stability in any passive hand",
     " R": "Stability in any passive hand",
 }
 Kind = Literal["good", "doubtful", "bad"]
@@ -69,9 +67,9 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
         reason = record.reason or ("no design meets the constraints" if kind == "bad" else "no design was found")
         sentence = f"{reason[0].upper()}{reason[1:]}."
     elif record.status == "violated":
-        sentence = f"Not for use: {_failed(proof, 'refuted', record.units)}."
+        sentence = f"Not for use: {record.reason}."
     elif record.status == "undecided":
-        sentence = f"Not proved, so not for use: {_failed(proof, 'undecided', record.units)}."
+        sentence = f"Not proved, so not for use: {record.reason}."
     else:
         useless = record.idle or error is None or error >= LITTLE_USE * alone
         kind, doubt = ("doubtful", "of little use") if useless else ("good", "")
@@ -89,11 +87,12 @@ def limits(record: DesignRecord) -> list[tuple[str, str, str]]:
     device: each in words, with its formula and frequencies, and with the effect of weakening it."""
     prices: dict[str, float] = {}
     for each in record.active:
-        prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
+        prices[each.demand] = prices.get(each.demand, 0.0) + (each.multiplier or 0.0)
     dearest, found = sorted(prices, key=lambda demand: -prices[demand]), list[tuple[str, str, str]]()
     for formula, demand in zip(record.limits[:MOST], dearest, strict=False):
         name = next((name for part, name in NAMES.items() if part in demand), "Constraint")
-        found.append((name, formula, f"with this limit 1 % weaker: error {-prices[demand]:+.2g} %"))
+        weaker = f"with this limit 1 % weaker: error {-prices[demand]:+.2g} %" if prices[demand] else ""
+        found.append((name, formula, weaker))
     hands = record.certificate.hands if record.certificate is not None else None
     if found and hands is not None:
         world = hands.worst_world.row(None, record.units) if hands.worst_world else None
@@ -104,18 +103,6 @@ def limits(record: DesignRecord) -> list[tuple[str, str, str]]:
         when_free = f", felt when free {best.worth_free}" if best.worth_free else ""
         found.append(("Best change of the device", f"{best.key} better by 1 %: error {best.worth}{when_free}", ""))
     return found
-
-
-def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
-    """Return the first claim with a given verdict and where it fails; if no claim has it, the certificate's verdict."""
-    claim = next((claim for claim in proof.claims if claim.verdict == verdict), None)
-    if claim is None:
-        return f"the certificate is {proof.verdict}"
-    where = f" at {text(claim.witness_hz, 4)} Hz" if claim.witness_hz is not None else ""
-    hand = f" in the hand of {claim.witness_hand.in_words(units)}" if claim.witness_hand is not None else ""
-    one_is_proved = claim.id == "passive" and proof.proved_ratio == 1
-    safe = " (a ratio of 1 is proved, the safety factor is missed)" if one_is_proved else ""
-    return f"{CLAIMS[claim.id].label}, “{claim.claim}”, is {verdict}{where}{hand}{safe}"
 
 
 def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> None:

@@ -16,6 +16,7 @@ from vctune.model.hands import QUANTITIES
 from vctune.model.numbers.units import hertz
 from vctune.model.parts import PART_NUMBERS, PARTS
 from vctune.model.problem import Problem
+from vctune.model.worlds import OVER_LIMIT
 from vctune.proof.claims.registry import BEFORE_WALL, IN_HANDS, ClaimId
 from vctune.report.curves import Required
 from vctune.report.style import in_place, limit, quantity
@@ -59,7 +60,8 @@ def _device(problem: Problem) -> list[Line]:
 
 def _demands(problem: Problem) -> list[Line]:
     wanted, stable, kind = problem.transparency, problem.stability, problem.device.kind
-    limited = "multiple of the wall that is stable" if problem.rigid else kind.ratio
+    limited = kind.ratio if problem.worlds is None else OVER_LIMIT
+    limited = "multiple of the wall that is stable" if problem.rigid else limited
     lines = [Line(limited, f"≥ {stable.safety_factor:g}", "", "the safety factor")]
     if kind.own_loop:
         most = f"≤ {stable.max_sensitivity:g}"

@@ -16,6 +16,7 @@ from vctune.design.solve import solve
 from vctune.design.variables import keys_for, point
 from vctune.design.verdict.design_record import felt_record
 from vctune.design.verdict.judge import Status
+from vctune.design.verdict.said import open_claims
 from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN, RowRecord
 from vctune.document.schema.validation import dotted
 from vctune.document.study_file import Study
@@ -69,7 +70,7 @@ def row_of(solved: Solved) -> dict[str, Any]:
     return {
         "status": solved.status.value,
         "idle": judgement.idle,
-        "reason": "; ".join(judgement.open_claims) or None,
+        "reason": "; ".join(open_claims(judgement)) or None,
         **dict.fromkeys(QUANTITY_OF_COLUMN),
         **{name: number if isfinite(number) else None for name, number in numbers.items()},
         **felt_record(problem.device, judgement.gains, judgement.coupling).model_dump(),

@@ -20,10 +20,18 @@ from vctune.design.ros.admittance import (
     followed,
     problems_of_axes,
 )
-from vctune.design.verdict.check import VERDICTS, Checked, CheckVerdict, DesignFinding, check_message, finding_of
+from vctune.design.verdict.check import (
+    VERDICTS,
+    Checked,
+    CheckVerdict,
+    DesignFinding,
+    finding_of,
+    remedy,
+)
 from vctune.design.verdict.judge import Judgement, Status, judge
 from vctune.design.verdict.parameter_changes import ParameterChange, parameter_changes
-from vctune.design.verdict.repair import Progress, find_repairs
+from vctune.design.verdict.repair import Found, Progress, find_repairs, hands_of
+from vctune.design.verdict.said import said_of
 from vctune.document.reading import ProblemFile, pose, problem_file
 from vctune.document.records.design_json import Repair
 from vctune.document.ros import HEAVIEST, LIGHTEST, TUNED, Admittance, AdmittanceFile
@@ -194,10 +202,9 @@ def _checked(
         said = "uncertainty.unmodelled is not covered by this proof, which is one in hands"
         traps.append(Note("ros-unmodelled", said).line)
     finding = replace(finding, warnings=[*traps, *finding.warnings])
-    parts, line, verdict = [check_message(judgement)], axis.line, VERDICTS[judgement.status]
-    if judgement.status is Status.VIOLATED and finding.repairs is not None:
-        parts.append(remedy(finding.repairs, problem.source))
-        line = next((given.lines[repair.key] for repair in finding.repairs if repair.key in given.lines), line)
+    parts, line, verdict = [said_of(judgement)], axis.line, VERDICTS[judgement.status]
+    parts += remedy(repairs, {}, f"in {problem.source} ")
+    line = next((given.lines[repair.key] for repair in repairs.repairs or [] if repair.key in given.lines), line)
     return Checked(Path(), "", verdict, "; ".join(parts), line, finding)
 
 
@@ -242,29 +249,14 @@ def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
     return found
 
 
-def repairs_of_axis(
-    document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress
-) -> list[Repair] | None:
-    """Return the changes of one value after which a refuted axis passes; None if the axis needs no change."""
+def repairs_of_axis(document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress) -> Found:
+    """Return the changes of one value after which a refuted axis passes; none if the axis needs no change."""
     if judgement.status is not Status.VIOLATED:
-        return None
+        return Found()
     changes = [*_of_file(document), *parameter_changes(as_problem(document), problem)]
     own = [each for each in changes if each.path[0] != "coupling"]
-    found = find_repairs(document, own, progress, _posed)
-    return sorted(map(_in_yaml, found), key=lambda repair: (repair.key not in TUNED, repair.rank))
-
-
-def remedy(repairs: Sequence[Repair], source: str) -> str:
-    """Return the best repair in words."""
-    words = [
-        f"{place}{', or '.join(map(str, found))} would pass"
-        for place, found in (
-            ("", [repair for repair in repairs if repair.key in TUNED]),
-            (f"in {source} ", [repair for repair in repairs if repair.key not in TUNED]),
-        )
-        if found
-    ]
-    return "; ".join(words) or "no change of one number passes"
+    found = find_repairs(document, own, hands_of(judgement), progress, _posed)
+    return found._replace(repairs=found.repairs and [_in_yaml(repair) for repair in found.repairs])
 
 
 def _posed(document: dict[str, Any]) -> Problem | None:

@@ -3,40 +3,36 @@ repairs. See cli/README.md, section 2."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from math import ceil, floor, log10, pi
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from vctune.analysis.in_hands import least_ratios
-from vctune.analysis.in_worlds import growth_near
 from vctune.design.prepared import pose
 from vctune.design.result import Solved
 from vctune.design.variables import keys_for, ranges
 from vctune.design.verdict.design_record import record_of, warnings
 from vctune.design.verdict.judge import Judgement, Status, judge_all
 from vctune.design.verdict.parameter_changes import ParameterChange
-from vctune.design.verdict.repair import Progress, edits, repairs_of_design
+from vctune.design.verdict.repair import Found, Progress, edits, repairs_of_design
+from vctune.design.verdict.said import said_of
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import GainsFile, ProblemFile, require_gains_of
 from vctune.document.records.design_json import Repair
+from vctune.document.ros import TUNED
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake, Note
-from vctune.model.hands import passive_hand
-from vctune.model.numbers.units import SYMBOLS, UNITS, hertz, in_full, narrowed
+from vctune.model.numbers.units import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.model.worlds import Worlds
-from vctune.proof.certificate import certify
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.claims.registry import BEFORE_WALL, IN_HANDS
 from vctune.proof.outcome import Verdict
-from vctune.proof.prover import boxes_at_most
 from vctune.running import OutOfTimeError, out_of_time
 
 OUT_OF_TIME = Note("time-limit", "the time limit cut the check short; what is stated was known by then")
@@ -75,12 +71,18 @@ class DesignFinding:
 
     file: ProblemFile
     judgement: Judgement
-    repairs: list[Repair] | None
+    found: Found
     warnings: list[str]
+
+    @property
+    def repairs(self) -> list[Repair] | None:
+        """The changes of one value after which the design passes; None if none were looked for."""
+        return self.found.repairs
 
     def record(self) -> dict[str, Any]:
         """Return the object of design.json."""
-        solved = Solved(problem=self.file.problem, judgement=self.judgement, repairs=self.repairs)
+        repairs, tried = self.found.repairs, list(self.found.tried)
+        solved = Solved(problem=self.file.problem, judgement=self.judgement, repairs=repairs, tried=tried)
         found = record_of(self.file, solved)
         return found.model_copy(update={"warnings": list(dict.fromkeys([*self.warnings, *found.warnings]))}).to_json()
 
@@ -135,7 +137,7 @@ def _judged(file: ProblemFile, design: GainsFile, progress: Progress) -> Checked
     progress(f"proving {Path(design.source).name}")
     (judgement,) = judge_all(file.problem, [(design.gains, design.coupling)], [design.corner])
     edited = edits(file.problem, judgement, design.solved) if design.sha256 == file.sha256 else []
-    repairs, together, remedies = None, list[ParameterChange](), list[str]()
+    repairs, together, remedies = Found(), list[ParameterChange](), list[str]()
     if judgement.status is Status.VIOLATED:
         stated = toml.parse(file.text, file.problem.name)
         repairs, undone = repairs_of_design(stated, judgement, edited, progress)
@@ -146,100 +148,39 @@ def _judged(file: ProblemFile, design: GainsFile, progress: Progress) -> Checked
         numbers = [f"{change.key} = {change.limit:.12g} instead of {change.old:.12g}" for change in together]
         remedies.append(f"the design of this problem, with {' and '.join(numbers)}, passes")
     if finding.repairs is not None:
-        remedies.append(_remedy(finding.repairs, edited))
+        remedies += remedy(repairs, {change.key: change.limit for change in edited})
     known = rendered_in_words(file.problem, judgement)
-    message = "; ".join([check_message(judgement), *remedies, *([known] if known else [])])
+    message = "; ".join([said_of(judgement), *remedies, *([known] if known else [])])
     line = _line_to_change(design.text, finding.repairs, together)
     return Checked(Path(design.source), file.problem.name, VERDICTS[judgement.status], message, line, finding)
 
 
-def finding_of(
-    file: ProblemFile, judgement: Judgement, repairs: list[Repair] | None, notes: Sequence[Note]
-) -> DesignFinding:
+def finding_of(file: ProblemFile, judgement: Judgement, repairs: Found, notes: Sequence[Note]) -> DesignFinding:
     """Return the details of the check of judged gains, with all warnings."""
-    cut = judgement.cut
-    if judgement.status is Status.VIOLATED:
-        cut |= out_of_time()
-        repairs = repairs or None if cut else repairs  # after the time limit others may exist
+    cut = judgement.cut or (judgement.status is Status.VIOLATED and out_of_time())
     found = [*([OUT_OF_TIME] if cut else []), *file_doubts(file), *warnings(file.problem, judgement), *notes]
     return DesignFinding(file, judgement, repairs, [note.line for note in found])
 
 
-def check_message(judgement: Judgement) -> str:
-    """Return the proved claims of a design, or the claims that fail with the least margin."""
-    if judgement.status is Status.CERTIFIED:
-        return _proved(judgement)
-    at, units = judgement.binding, UNITS[judgement.device.units]
-    hand = "" if at.hand is None else f" in the hand of {at.hand.in_words(units)}"
-    if _misses_only_the_factor(judgement):
-        return judgement.stable_but + hand
-    grows = [words] if (words := _growth(judgement)) else []
-    if (missed := judgement.reserve_missed) is not None:
-        return "; ".join([missed + hand, *judgement.open_claims, *grows])
-    worst = f"{judgement.ratio_name} {at.ratio:.6g} at {at.omega / (2 * pi):.6g} Hz{hand}"
-    return "; ".join([*judgement.open_claims, worst, *grows])
-
-
-def _proved(judgement: Judgement) -> str:
-    demands, units = judgement.certificate.demands, UNITS[judgement.device.units]
-    low, high = narrowed(*map(hertz, demands.band))
-    hand = passive_hand(judgement.device.counted_on, units)
-    behind = f" in {hand}" if demands.alone or judgement.device.counted_on else ""
-    behind += " with nothing behind" if demands.alone else ""
-    where = [f"from {low} to {high} Hz{behind}"] if demands.passive else []
-    where += [f"in {hand} up to Nyquist"] if demands.any_hand else []
-    where += ["against a rigid world"] if demands.rigid else []
-    if demands.hands is not None:
-        worlds = f" with {demands.worlds.in_words(units)}" if demands.worlds else ""
-        where += [f"in every hand of {demands.hands.in_words(units)}{worlds} up to Nyquist"]
-    limits = [f"safety factor {in_full(demands.factor)}"]
-    limits += [f"|S| at most {in_full(demands.max_sensitivity)}"] if judgement.kind.own_loop else []
-    return f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, {', '.join(limits)}"
-
-
-def _misses_only_the_factor(judgement: Judgement) -> bool:
-    """Return whether a refuted design is proved without a safety factor, where only hands or environments ask for it.
-
-    `Judgement.reserve_missed` says so of Llewellyn's conditions.
-    """
-    certificate = judgement.certificate
-    failing = {claim for claim, outcome in certificate.outcomes.items() if outcome.verdict is not Verdict.PROVED}
-    if certificate.demands.factor <= 1 or not failing or not failing <= {*IN_HANDS, *BEFORE_WALL, "any_hand"}:
-        return False
-    with boxes_at_most(MOST_BOXES), suppress(OutOfTimeError):
-        demands = replace(certificate.demands, factor=1.0)
-        return certify(certificate.design, demands, certificate.box).verdict is Verdict.PROVED
-    return False
-
-
-def _growth(judgement: Judgement) -> str:
-    """Return how a motion grows in the hand of a refuted claim with its least environment; "" if it does not."""
-    demands, outcome = judgement.certificate.demands, judgement.certificate.outcomes.get("worlds")
-    if outcome is None or outcome.verdict is not Verdict.REFUTED or outcome.hand is None or not outcome.witness:
-        return ""
-    assert demands.worlds is not None
-    law, device, worlds = (judgement.gains, judgement.coupling), outcome.device or judgement.device, demands.worlds
-    found = growth_near(device, *law, outcome.hand, worlds.low, outcome.witness)
-    if found is None:
-        return ""
-    behind = "with the least environment of the box"
-    if worlds.exact and worlds.high.mass == 0:
-        behind = "with its spring alone" if worlds.high.stiffness else "with nothing behind it"
-    hand = outcome.hand.in_words(UNITS[judgement.device.units])
-    return f"in the hand of {hand} {behind} a motion grows by {found.rate:.4g}/s at {found.hz:.4g} Hz"
-
-
-def _remedy(repairs: Sequence[Repair], edited: Sequence[ParameterChange]) -> str:
-    """Return the best change of one gain after which the design passes, and the changes of the problem after which it
-    passes."""
-    if not repairs:
-        return "no change of one number passes"
-    of_gain = [repair for repair in repairs if repair.key in SYMBOLS]
-    first, *others = [*of_gain[:1], *(repair for repair in repairs if repair.key not in SYMBOLS)]
-    taken_back = (first.key, first.new) in {(change.key, change.limit) for change in edited}
-    known = ", as in the design of this problem" if taken_back else ""
-    so = f"; so would {', or '.join(map(str, others))}" if others else ""
-    return f"{first} would pass{known}{so}"
+def remedy(found: Found, solved: Mapping[str, float], place: str = "") -> list[str]:
+    """Return in words the changes of the design after which it passes, then those of what is assumed; or what was tried
+    in vain. A place is said of the keys of a problem beside a parameter file."""
+    own, assumed = (
+        [f"{place * (repair.key not in TUNED)}{repair}" for repair in found.repairs or [] if repair.assumes == kind]
+        for kind in (False, True)
+    )
+    said = list[str]()
+    if own:
+        first, *others = own
+        key = next(repair.key for repair in found.repairs or [] if not repair.assumes)
+        of_problem = f" (the design of this problem has {solved[key]:.12g})" if key in solved else ""
+        so = f"; so would {', or '.join(others)}" if others else ""
+        said.append(f"{first}{of_problem} would pass{so}")
+    if assumed:
+        said.append(f"with {', or '.join(assumed)}, if that is so, it passes")
+    if found.tried:
+        said.append(f"none of these, each changed alone, passes: {', '.join(found.tried)}")
+    return said
 
 
 def _line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequence[ParameterChange]) -> int:

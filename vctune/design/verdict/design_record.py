@@ -103,6 +103,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     also = {
         "date": date,
         "prices": solved.prices,
+        "tried": solved.tried or None,
         **{name: parts.pop(name, None) for name in ("contact", "felt", "uncertainty")},
     }
     said = [*solved.cut_short, *file_doubts(file, Path(file.source).name), *warned]
@@ -335,15 +336,18 @@ def felt_record(device: Device, gains: Gains, coupling: AnyCoupling) -> FeltReco
 
 
 ACTIVE = 1e-5  # Multiplier above which the record lists a constraint as active
+AT_LIMIT = 1.01  # Greatest ratio, over the safety factor, of a claim that limits a design without multipliers
 DIGITS = 9  # Number of significant digits of multipliers, of which machines agree
 
 
 def active(solved: Solved) -> list[ActiveRecord]:
     """Return the active constraints of a design, with kind, frequency and multiplier, the greatest multiplier first."""
-    if solved.polished is None or not solved.polished.solution.converged:
+    if solved.polished is None:
+        return [] if solved.judgement is None else _at_limit(solved.problem, solved.judgement)
+    if not solved.polished.solution.converged:
         return []
     at, multipliers = solved.polished.working_set, [float(f"{m:.{DIGITS}g}") for m in _priced(solved.polished)]
-    coupled = f"Re {solved.problem.device.kind.couples} >= safety_factor R in"
+    coupled = _coupled(solved.problem)
     # the demand and the place of each constraint, in the order of the NLP
     where: list[tuple[str, ConstraintPoint | None]] = [("Re Z_c >= safety_factor R", place) for place in at.ratio]
     where += [("|S| <= max_sensitivity", place) for place in at.sensitivity]
@@ -351,7 +355,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
     where += [("greatest error", place) for place in at.peak]
     where += [("|1 - S| r < 1 of the unmodelled dynamics", place) for place in at.unmodelled]
     for place in at.in_hand:
-        in_hand = f"{coupled} {'any passive' if place.hand is None else 'a'} hand"
+        in_hand = f"{coupled} in {'any passive' if place.hand is None else 'a'} hand"
         where.append((in_hand if place.wall is None else "walls in a hand", place))
     for place in at.tracked_peaks:
         where += [("|S| <= max_sensitivity", place), ("", None)]
@@ -362,7 +366,28 @@ def active(solved: Solved) -> list[ActiveRecord]:
             hz = hertz(where_at.omega / solved.problem.device.sample_time) if where_at else None
             also = {"device": _device(solved.problem, where_at)} if where_at and several else {}
             found.append(ActiveRecord(demand=demand, hz=hz, multiplier=multiplier, **also))
-    return sorted(found, key=lambda row: -row.multiplier)
+    return sorted(found, key=lambda row: -(row.multiplier or 0.0))
+
+
+def _coupled(problem: Problem) -> str:
+    """Return the formula of the constraint in hands."""
+    if problem.rigid:
+        return "stable against a wall of safety_factor times the coupling"
+    if problem.worlds is not None:
+        return "stable with Z_c / safety_factor"
+    return f"Re {problem.device.kind.couples} >= safety_factor R"
+
+
+def _at_limit(problem: Problem, judgement: Judgement) -> list[ActiveRecord]:
+    """Return the claims whose least ratio is next to the safety factor, of a design without multipliers."""
+    found, limit = list[ActiveRecord](), AT_LIMIT * problem.stability.safety_factor
+    for at in judgement.margins:
+        own = "Re Z_c >= safety_factor R" if at.of == "ratio" else _coupled(problem)
+        where = "" if at.of == "ratio" else f" in {'any passive' if at.hand is None else 'a'} hand"
+        demand = "walls in a hand" if at.of == "walls" else own + where
+        if at.ratio <= limit and all(each.demand != demand for each in found):
+            found.append(ActiveRecord(demand=demand, hz=finite_hertz(at.omega), multiplier=None))
+    return found
 
 
 def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from math import inf, pi
+from math import inf
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -18,29 +18,29 @@ from vctune.analysis.demands import (
 )
 from vctune.analysis.in_hands import (
     TOGETHER,
+    RatioInHand,
     least_on_grid,
     least_ratio_before_wall,
     least_ratios_in_any_hand,
     least_ratios_of_devices,
-    resistive_ratio_at,
 )
 from vctune.analysis.in_worlds import corner_of
+from vctune.analysis.multiples import least_ratio_in_worlds, least_ratio_with_walls
 from vctune.analysis.responses import Loop
 from vctune.design.prepared import Posed, pose, with_corner
 from vctune.design.search.worst import loudest, worst_inside
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
-from vctune.model.hands import Hand, Hands, passive_hand
+from vctune.model.hands import Hand, Hands
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
-from vctune.model.numbers.units import UNITS, Units, hertz, in_full
+from vctune.model.numbers.units import hertz
 from vctune.model.problem import Demands, Problem
-from vctune.model.worlds import WorldsMet
+from vctune.model.worlds import OVER_LIMIT
 from vctune.proof.certificate import Certificate, certify
 from vctune.proof.claims.crossing import worst_before_wall
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.claims.registry import CLAIMS
-from vctune.proof.outcome import Outcome, Verdict
+from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, check_time, seconds_left, time_limit, unlimited
 
 
@@ -63,7 +63,6 @@ IDLE_TRACKING = 0.5  # Mean or greatest |1 - G_he| above which vctune warns that
 
 
 PROVING = 0.85  # Share of the remaining time that the proof of a design may take if there is a time limit
-CUT = " (the time limit cut its proof)"  # Words that follow a claim if the time limit ended its proof
 
 
 MarginName = Literal["ratio", "hands", "any_hand", "walls", "wall"]
@@ -193,8 +192,11 @@ class Judgement:
 
     @property
     def ratio_name(self) -> str:
-        """The name of the least ratio: Re Z_c / R, or Re(1/Z_c)/R for an impedance display; of a wall, its limit."""
-        return "least unstable multiple of the wall" if self.before_wall else f"least {self.kind.ratio}"
+        """The name of the least ratio: Re Z_c / R, or Re(1/Z_c)/R for an impedance display; with environments, the
+        number by which the coupling may be divided; of a wall, its limit."""
+        if self.before_wall:
+            return "least unstable multiple of the wall"
+        return f"least {self.kind.ratio}" if self.certificate.demands.worlds is None else OVER_LIMIT
 
     def loop(self, hand: Hand | None = None) -> Loop:
         """Return the sampled loop of the nominal device with this design, for arrays, state space and python-control.
@@ -213,45 +215,6 @@ class Judgement:
     def idle(self) -> bool:
         """Whether the design is certified but hardly uses its velocity loop."""
         return self.kind.own_loop and self.status is Status.CERTIFIED and self.transparency.tracking > IDLE_TRACKING
-
-    @property
-    def open_claims(self) -> list[str]:
-        """The claims that are not proved, in words: each with its verdict, its place, and the device on which it
-        fails."""
-        units, kind = UNITS[self.device.units], self.kind
-        hand = passive_hand(self.device.counted_on, units)
-        return [
-            f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(kind, hand)}{CUT * found.cut}"
-            for claim, found in self.certificate.outcomes.items()
-            if found.verdict is not Verdict.PROVED
-        ]
-
-    @property
-    def reserve_missed(self) -> str | None:
-        """A message for a design that is stable but misses the safety factor; None for any other design."""
-        if self.certificate.without_factor is None or self.certificate.proved_ratio is None:
-            return None
-        return self.stable_but if self.certificate.demands.alone else f"absolutely {self.stable_but}"
-
-    @property
-    def stable_but(self) -> str:
-        """The phrase on a stable design that misses the safety factor, with its least ratio."""
-        factor, ratio = self.certificate.demands.factor, self.min_ratio
-        texts = (f"{ratio:.{digits}g}" for digits in range(6, 18))  # enough digits to differ from the factor
-        least = next((text for text in texts if float(text) != factor), f"{ratio:g}")
-        misses = "misses" if self.status is Status.VIOLATED else "not proved with"
-        return f"stable; {misses} safety_factor {factor:g}: {self.ratio_name} {least} at {self.worst_hz:.6g} Hz"
-
-
-def _place(outcome: Outcome, units: Units) -> str:
-    place = f" at {outcome.witness / (2 * pi):.6g} Hz" if outcome.witness else ""
-    if (hand := outcome.hand) is not None:
-        place += f" in the hand of {hand.in_words(units)}"
-    if (device := outcome.device) is None:
-        return place
-    known = [f"{key} {in_full(number)}" for key, number in device.numbers().items() if key != "sample_time"]
-    off = [] if device.unmodelled is None else [str(device.unmodelled)]
-    return f"{place} with {', '.join([*known, *off])}"
 
 
 def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
@@ -310,7 +273,6 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
     with unlimited():
         transparency = transparency_error(posed.problem, gains, coupling)
         error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
-        refuted = _refuted(posed, gains, coupling, certificate)
     try:
         on_band, (sensitivity, omega) = _without_hands(posed, gains, coupling)
     except OutOfTimeError:
@@ -332,7 +294,7 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
         coupling=coupling,
         transparency=transparency,
         error=error,
-        margins=(*on_band, *in_hands, *refuted),
+        margins=(*on_band, *in_hands),
         peak_sensitivity=sensitivity,
         worst_sensitivity=omega,
         certificate=certificate,
@@ -381,20 +343,26 @@ def margins_in_hands(
     if demands.rigid:
         return [_before_wall(device, demands.hands, coupling) for device in devices]
     found = list[Margin]()
-    if demands.hands is not None:
-        claims: list[tuple[MarginName, WorldsMet | None]] = [("hands", demands.worlds_met)]
-        claims += [("walls", demands.walls_met)] if demands.walls_met else []
-        for name, worlds in claims:
-            if climbed:
-                ratios = least_ratios_of_devices(devices, demands.hands, gains, coupling, worlds)
-            else:
-                ratios = [[least_on_grid(device, demands.hands, gains, coupling, worlds)] for device in devices]
-            least = ((device, each[0]) for device, each in zip(devices, ratios, strict=True))
-            found += [Margin(at.ratio, at.omega, device, at.hand, name) for device, at in least]
+    if demands.hands is not None and demands.worlds is not None:
+        for device in devices:
+            law = device, demands.hands, gains, coupling
+            found.append(_in_hand(device, least_ratio_in_worlds(*law, demands.worlds), "hands"))
+            if demands.walls_met:
+                found.append(_in_hand(device, least_ratio_with_walls(*law, demands.walls_met), "walls"))
+    elif demands.hands is not None:
+        if climbed:
+            ratios = [each[0] for each in least_ratios_of_devices(devices, demands.hands, gains, coupling)]
+        else:
+            ratios = [least_on_grid(device, demands.hands, gains, coupling) for device in devices]
+        found += [_in_hand(device, at, "hands") for device, at in zip(devices, ratios, strict=True)]
     if demands.any_hand:
         worst = ((device, least_ratios_in_any_hand(device, gains, coupling)[0]) for device in devices)
         found += [Margin(at.ratio, at.omega, device, of="any_hand") for device, at in worst]
     return found
+
+
+def _in_hand(device: Device, at: RatioInHand, claim: MarginName) -> Margin:
+    return Margin(at.ratio, at.omega, device, at.hand, claim)
 
 
 def _before_wall(device: Device, hands: Hands | None, coupling: AnyCoupling) -> Margin:
@@ -404,15 +372,3 @@ def _before_wall(device: Device, hands: Hands | None, coupling: AnyCoupling) -> 
         return Margin(at.ratio, at.omega, device, of="wall")
     worst = worst_before_wall(device, coupling, hands)
     return Margin(worst.ratio, worst.omega, device, worst.hand, "wall")
-
-
-def _refuted(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> list[Margin]:
-    """Return Re Z_c / R at the witness of a claim with environments, one of which resonates with the loop there."""
-    outcome, met = certificate.outcomes.get("worlds"), posed.demands.worlds_met
-    # elsewhere the margins of the reactance are as good, and continuous; with one environment they say nothing there
-    if outcome is None or met is None or not met.worlds.exact or outcome.verdict is not Verdict.REFUTED:
-        return []
-    device, hand, omega = outcome.device or posed.problem.device, outcome.hand, outcome.witness
-    if hand is None or not omega:
-        return []
-    return [Margin(resistive_ratio_at(device, gains, coupling, omega, hand, met), omega, device, hand, "hands")]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from math import inf, pi
@@ -17,14 +17,15 @@ from vctune.model.problem import Problem
 
 # Steps that the search tries before the limit, relative to the smaller of the old and the new value, or to the natural
 # size if the old value is 0
-STEPS = (0.03, 0.2, 1.0, 3.0, 10.0)
-STEPS_FROM_ZERO = (1e-4, 1e-2, 0.1, 1.0, 10.0)
-ROUNDING = 0.15  # Greatest share by which rounding to few digits may enlarge a step
-FURTHEST = 100.0  # Greatest factor by which the search changes a bound or a gain
-SOFTEST = 1e-3  # Least share to which the search reduces the greatest mass, damping or stiffness of a box
+STEPS = (0.03, 0.1, 0.3, 0.7, 1.5, 3.0, 6.0, 12.0, 30.0, 100.0, 300.0)
+STEPS_FROM_ZERO = (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+ROUNDING = 0.02  # Greatest share of a change, or of the value, by which rounding to few digits may enlarge the change
+FURTHEST = 1e3  # Greatest factor by which the search changes a value
 DIGITS = 12  # Greatest number of significant digits of a new value
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
-ONLY_UPWARDS = ("coupling.mass", "coupling.drag")  # Keys of parameters that increase Re Z_c as they grow
+ASSUMED = ("operator", "environment", "stability")  # Tables that state what is assumed of the world and asked for
+
+CHOSEN = ("gains", "coupling", "admittance", "ft_sensor")  # Tables of what a design, or a ROS 2 file, chooses
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +46,22 @@ class ParameterChange:
         return dotted(self.path)
 
     @property
+    def assumes(self) -> bool:
+        """Whether the change is one of what is assumed or asked for, not of the design or the device."""
+        return self.path[0] in ASSUMED
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the change is one of the gains or the coupling, which are free to choose."""
+        return self.path[0] in CHOSEN
+
+    @property
     def eases(self) -> bool:
         """Whether a larger change only relaxes constraints or permits more designs: fewer hands, a narrower band, wider
         bounds."""
         if self.path[0] in ("operator", "environment"):
             return self.path[-1] != "max" or self.limit < self.old
-        return self.path[0] == "stability" or self.path[-1] in ("min", "max") or self.key in ONLY_UPWARDS
+        return self.path[0] == "stability" or self.path[-1] in ("min", "max")
 
     def relative(self, new: float) -> float:
         """Return the relative change to a new value; inf for a change to 0."""
@@ -63,28 +74,38 @@ class ParameterChange:
         relative = self.relative(new)
         return relative / (1 + relative) if relative < inf else 1.0
 
-    def steps(self) -> Iterator[tuple[float, float]]:
-        """Yield at most six relative changes with their new values; the last is the limit."""
+    def steps(self, solved: Mapping[str, float]) -> Iterator[tuple[float, float]]:
+        """Yield relative changes with their new values, up to the limit; a solved value of the key is among them."""
+        known = solved.get(self.key)
+        if known is not None and (self.old < known < self.limit or self.old > known > self.limit):
+            yield self.relative(known), known
         last = self.relative(self.limit)
         for step in () if self.switch else STEPS_FROM_ZERO if self.old == 0 else STEPS:
             if step < last:
-                yield step, self._rounded(self._value(step), step)
-        yield last, self._rounded(self.limit, last)
+                yield step, self._value(step)
+        yield last, self.limit
+
+    def between(self, first: float, second: float) -> float:
+        """Return a value between two, by their factor if there is one."""
+        if inf in (first, second):
+            return 4 * min(first, second)
+        return (first * second) ** 0.5 if first > 0 and second > 0 else 0.5 * (first + second)
 
     def _value(self, relative: float) -> float:
         if self.old in (0, inf):
             return self.scale * relative if self.old == 0 else self.scale / relative
         return self.old * (1 + relative) if self.limit > self.old else self.old / (1 + relative)
 
-    def _rounded(self, exact: float, relative: float) -> float:
-        """Return a new value, rounded away from the old one to as few digits as possible."""
-        upwards = self.limit > self.old
+    def rounded(self, exact: float) -> float:
+        """Return a new value, rounded away from the old one to as few digits as possible, and not beyond the limit."""
+        upwards, close = self.limit > self.old, ROUNDING * min(abs(exact - self.old), exact)
+        if (exact >= self.limit) if upwards else (exact <= self.limit):
+            return self.limit
         for digits in range(1, DIGITS):
             new = _digits(exact, digits, ROUND_CEILING if upwards else ROUND_FLOOR)
-            within = new <= self.limit if upwards else new >= self.limit
-            if within and self.relative(new) <= relative * (1 + ROUNDING):
+            if abs(new - exact) <= close and ((new <= self.limit) if upwards else (new >= self.limit)):
                 return new
-        return _digits(exact, 3, ROUND_FLOOR if upwards else ROUND_CEILING)  # the limit itself is not passed
+        return exact
 
     def line(self, new: float) -> str:
         """Return the new line of TOML after the change."""
@@ -128,15 +149,16 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
     device, T = problem.device, problem.device.sample_time
     if device.servo is None:
         yield _more_damping(("device", "damping"), "more device damping", device.damping, problem)
-    yield ParameterChange(("device", "sample_time"), "a shorter sample time", T, T / 100)
+    yield ParameterChange(("device", "sample_time"), "a shorter sample time", T, T / FURTHEST)
     late: KeyPath = ("device", "delay") if device.servo is None else ("device", "servo", "delay")
     if device.latency > 0:
-        yield ParameterChange(late, "less delay", device.latency, 0.0)
+        yield ParameterChange(late, "less delay", device.latency, device.latency / FURTHEST)
     better = {key: each for key, each in PART_NUMBERS.items() if each.better and device.number(key)}
     for key, each in sorted(better.items(), key=lambda entry: entry[1].quantity == "time"):
-        number, limit = device.number(key), 0.0
+        number = device.number(key)
+        limit = number / FURTHEST
         if each.quantity == "rate":
-            limit = min(0.5 / T if each.sampled else max(100 * number, 0.5 / T), FASTEST / T)
+            limit = min(0.5 / T if each.sampled else max(FURTHEST * number, 0.5 / T), FASTEST / T)
         meaning = problem.units.translated(each.better)
         yield ParameterChange(("device", *key.split(".")), meaning, number, limit)
 
@@ -186,13 +208,13 @@ def _raised(path: KeyPath, meaning: str, least: float, most: float, scale: float
 def _lowered(path: KeyPath, meaning: str, least: float, most: float, scale: float) -> Iterator[ParameterChange]:
     """Yield a smaller upper end of a range."""
     if least < most:
-        lowest = max(least, SOFTEST * (most if most < inf else scale))
+        lowest = max(least, (most if most < inf else scale) / FURTHEST)
         yield ParameterChange((*path, "max"), meaning, most, lowest, scale, least)
 
 
 def _more_damping(path: KeyPath, meaning: str, old: float, problem: Problem) -> ParameterChange:
     loop = _natural_impedance(problem)
-    return ParameterChange(path, meaning, old, max(100 * old, loop), loop)
+    return ParameterChange(path, meaning, old, FURTHEST * (old or loop), loop)
 
 
 def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
@@ -220,17 +242,16 @@ def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterC
     for key, natural in _natural_sizes(problem).items():
         _, name = path = tuple(key.split("."))
         bounds, symbol = getattr(problem.bounds, name), SYMBOLS[key]
-        lowest = 0.0 if key.startswith("gains.") else bounds.min / FURTHEST
-        downwards = key not in ONLY_UPWARDS and bounds.min > 0
+        lowest = bounds.min / FURTHEST
         if number_at(document, *path, "max") is not None:
-            most, widest = bounds.max, max(FURTHEST * bounds.max, 10 * natural)
+            most, widest = bounds.max, FURTHEST * max(bounds.max, natural)
             yield ParameterChange((*path, "max"), f"a higher bound of {symbol}", most, widest, natural, bounds.min)
-            if downwards:
+            if bounds.min > 0:
                 low = f"a lower bound of {symbol}"
                 yield ParameterChange((*path, "min"), low, bounds.min, lowest, natural, most)
-        elif number_at(document, *path) is not None or key == "coupling.drag":
-            yield change_of_gain(problem, key, bounds.min, max(FURTHEST * bounds.min, 10 * natural))
-            if downwards:
+        elif bounds.min < inf and (number_at(document, *path) is not None or key == "coupling.drag"):
+            yield change_of_gain(problem, key, bounds.min, FURTHEST * (bounds.min or natural))
+            if bounds.min > 0:
                 yield change_of_gain(problem, key, bounds.min, lowest)
 
 

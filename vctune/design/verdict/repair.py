@@ -1,82 +1,55 @@
-"""Find repairs: changes of one value that make a design possible, each sufficient alone, the least error first."""
+"""Find repairs: the least changes of one value after which a problem has a certified design, each sufficient alone."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from time import perf_counter
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from vctune.analysis.in_hands import ratio_in_some_hands
 from vctune.design.prepared import pose as pose_devices
 from vctune.design.result import Solved
-from vctune.design.verdict.judge import (
-    Judgement,
-    Status,
-    margins_in_hands,
-    margins_on_band,
-    peak_sensitivity,
-)
+from vctune.design.verdict.judge import Judgement, Status, with_best_corner
 from vctune.design.verdict.parameter_changes import ParameterChange, change_of_gain, parameter_changes
+from vctune.design.verdict.reserve import reserve
 from vctune.document.gains_file import design_numbers, design_tables
 from vctune.document.reading import ProblemFile, pose
 from vctune.document.records.design_json import Repair
 from vctune.document.text import toml
+from vctune.model.hands import Hand
 from vctune.model.numbers.units import SYMBOLS
 from vctune.model.problem import Problem
-from vctune.proof.claims.loop_claims import stable_loop
+from vctune.proof.certificate import certify
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.outcome import Verdict
 from vctune.proof.prover import boxes_at_most
 from vctune.running import OutOfTimeError, check_time, out_of_time
 
 REPAIRS = "the repairs"  # Name of a stage that a time limit may cut short
-# Greatest numbers of changed problems that a search solves, or of changed designs that it judges. They bound its time
-# and, unlike a number of seconds, give the same answer on every machine
-MOST_SOLVED, MOST_JUDGED = 10, 24
-MOST_BOXES = 20_000  # Greatest number of boxes of each proof of a changed problem's design
-# Share by which the screening requires a greater ratio than the limit, so that the proof of rounded gains succeeds
-SLACK = 1e-5
+MOST, ASSUMED = 4, 1  # Greatest number of repairs, and number of them that may change an assumption if others are found
+# Greatest number of designs that a search proves, and number of them for which a solved problem counts; greatest number
+# of boxes of each proof and of all. They bound its time and, unlike seconds, give the same answer on every machine
+MOST_PROVED, SOLVED = 24, 2
+MOST_BOXES, MOST_BOXES_IN_ALL = 20_000, 60_000
+CLOSE, NEAR = 0.01, 0.05  # Shares of a change within which its limit is estimated, and found by proofs where it must be
+BACK = (0.0, 0.01, 0.03)  # Shares of a change beyond its estimated limit at which a proof is tried
+HALVINGS = 24  # Greatest number of them between a value that fails and one that passes
+PEAK_STEPS, NEARLY = 4, 0.8  # in which a maximum between two steps is looked for, if the reserve of a step exceeds this
 
 Progress = Callable[[str], None]
+Posed = Callable[[dict[str, Any]], Problem | None]
 
 
-def _posed(document: dict[str, Any]) -> Problem | None:
-    return pose(document, "")[0]
+class Found(NamedTuple):
+    """Repairs, or without any what was tried in vain to its ends; None if the search was cut short or not begun."""
 
-
-def _hopeful(problem: Problem) -> bool:
-    """Return whether a problem seems to have a design in double precision: the fixed one, or one near a start."""
-    if not problem.bounds.fixed:
-        from vctune.design.search.optimum import within_reach
-
-        return within_reach(problem) is not None
-    posed, law, least = pose_devices(problem), problem.fixed_design, problem.stability.safety_factor * (1 + SLACK)
-    if any(ratio_in_some_hands(case, *law) < least for case in posed.cases):
-        return False
-    if peak_sensitivity(posed, law[0])[0] > problem.stability.max_sensitivity:
-        return False
-    if any(margin.ratio < least for margin in margins_on_band(posed, *law)):
-        return False
-    held = [case.device for case in posed.hand_cases]
-    if held and any(margin.ratio < least for margin in margins_in_hands(posed.demands, held, *law)):
-        return False
-    loops = (loop for case in posed.cases for loop in case.device.loops)
-    return all(stable_loop(loop, law[0], model=problem.passive) for loop in loops)
-
-
-def _certified(problem: Problem) -> Judgement | None:
-    """Return the certified design of a problem: the fixed one, or the one that the optimiser finds."""
-    from vctune.design.solve import solve
-
-    with boxes_at_most(MOST_BOXES):
-        solved = solve(problem, exhaustive=False)  # without the search of every box, which can take half a minute
-    if solved.cut and not problem.bounds.fixed:
-        raise OutOfTimeError
-    judgement = solved.judgement
-    return judgement if judgement is not None and judgement.status is Status.CERTIFIED else None
+    repairs: list[Repair] | None = None
+    tried: Sequence[str] = ()
 
 
 def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
@@ -87,13 +60,15 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     if out_of_time():
         return replace(solved, cut=(*solved.cut, REPAIRS))
     document = toml.parse(file.text, problem.name)
-    if judgement is not None:
-        repairs, _ = repairs_of_design(document, judgement, [], progress)
-    else:
-        repairs = find_repairs(document, parameter_changes(document, problem), progress)
+    found = find_repairs(document, parameter_changes(document, problem), hands_of(judgement), progress)
     seconds, cut = perf_counter() - began, (REPAIRS,) * out_of_time()
-    found = repairs or None if cut else repairs  # after the time limit others may exist
-    return replace(solved, repairs=found, seconds={**solved.seconds, "repairs": seconds}, cut=(*solved.cut, *cut))
+    return replace(
+        solved,
+        repairs=found.repairs,
+        tried=list(found.tried),
+        seconds={**solved.seconds, "repairs": seconds},
+        cut=(*solved.cut, *cut),
+    )
 
 
 def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -> list[ParameterChange]:
@@ -107,76 +82,264 @@ def repairs_of_design(
     judgement: Judgement,
     changed: Sequence[ParameterChange],
     progress: Progress = lambda stage: None,
-) -> tuple[list[Repair], bool]:
-    """Return the changes of one value after which a refuted design passes, first of the design, then of the problem,
-    and whether only all edits together undo it."""
+) -> tuple[Found, bool]:
+    """Return the changes of one value after which a refuted design passes, and whether only all edits together undo
+    it."""
     pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
-    found = list[Repair]()
+    problem = _posed(pasted)
+    assert problem is not None, "a valid problem with valid gains is one"
+    solved = {change.key: change.limit for change in changed}
+    found = find_repairs(pasted, parameter_changes(pasted, problem), hands_of(judgement), progress, solved=solved)
     with suppress(OutOfTimeError):
-        for edit in changed:
-            if (design := _verified(edit.applied(pasted, edit.limit))) is not None:
-                found.append(_repair(edit, edit.limit, design))
-        undone = reduce(lambda document, edit: edit.applied(document, edit.limit), changed, pasted)
-        together = len(changed) > 1 and not found and _verified(undone) is not None
-        problem, settled = _posed(pasted), set(SYMBOLS) if found else set[str]()
-        assert problem is not None, "a valid problem with valid gains is one"
-        changes = [change for change in parameter_changes(pasted, problem) if change.key not in settled]
-        found += find_repairs(pasted, changes, progress)
-        return sorted(found, key=lambda repair: (repair.key not in SYMBOLS, repair.rank)), together
-    return [], False
+        if len(changed) > 1 and not any(repair.key in SYMBOLS for repair in found.repairs or []):
+            undone = reduce(lambda document, edit: edit.applied(document, edit.limit), changed, pasted)
+            return found, _proved(_posed(undone)).error is not None
+    return found, False
 
 
-def _verified(document: dict[str, Any]) -> Judgement | None:
-    check_time()
-    problem = _posed(document)
-    return None if problem is None else _certified(problem)
+def hands_of(judgement: Judgement | None) -> list[Hand]:
+    """Return the hands in which a design was refuted, or has its least ratio."""
+    if judgement is None:
+        return []
+    refuted = (found.hand for found in judgement.certificate.outcomes.values())
+    hands = [*refuted, *(margin.hand for margin in judgement.margins)]
+    return list(dict.fromkeys(hand for hand in hands if hand is not None))
 
 
-def _repair(change: ParameterChange, new: float, design: Judgement) -> Repair:
-    return Repair(
-        key=change.key,
-        old=change.old,
-        new=new,
-        change=change.meaning,
-        needs=change.line(new),
-        size=change.size(new),
-        error=design.transparency.error,
-    )
+def _posed(document: dict[str, Any]) -> Problem | None:
+    return pose(document, "")[0]
+
+
+class _Proof(NamedTuple):
+    error: float | None  # of the certified design; None if there is none
+    boxes: int = 0
+    hand: Hand | None = None  # in which the given design is refuted
+
+
+def _proved(problem: Problem | None) -> _Proof:
+    """Judge the design that a problem fixes, or solve the problem."""
+    if problem is None:
+        return _Proof(None)
+    with boxes_at_most(MOST_BOXES):
+        if not problem.bounds.fixed:
+            from vctune.design.solve import solve
+
+            solved = solve(problem, exhaustive=False)  # without the search of every box, which can take half a minute
+            check_time()
+            found = solved.judgement if solved.status is Status.CERTIFIED else None
+            return _Proof(None if found is None else found.transparency.error)
+        law = problem.fixed_design
+        posed = with_best_corner(pose_devices(problem), *law)
+        certificate = certify(Design(posed.demands.device, *law), posed.demands, posed.box)
+    check_time()  # at the time limit the proof may be incomplete
+    if certificate.verdict is Verdict.PROVED:
+        return _Proof(posed.error(*law), certificate.boxes)
+    refuted = (found.hand for found in certificate.outcomes.values() if found.verdict is Verdict.REFUTED)
+    return _Proof(None, certificate.boxes, next((hand for hand in refuted if hand is not None), None))
 
 
 @np.errstate(all="ignore")
 def find_repairs(
     document: dict[str, Any],
     changes: Iterable[ParameterChange],
+    hands: Sequence[Hand] = (),
     progress: Progress = lambda stage: None,
-    posed: Callable[[dict[str, Any]], Problem | None] = _posed,
-) -> list[Repair]:
-    """Return the least of at most six steps of each change that repairs a problem alone.
+    posed: Posed = _posed,
+    solved: Mapping[str, float] = MappingProxyType({}),
+) -> Found:
+    """Return the least changes that repair a problem alone, those of the design before those of what it assumes.
 
-    Small steps of every change come before great steps of any. A step that seems to suffice is proved.
+    Parameters
+    ----------
+    document : dict
+        Tables of the problem.
+    changes : Iterable[ParameterChange]
+        The changes to try, each from the value in the file to its limit.
+    hands : Sequence[Hand]
+        Hands in which the given design is known to fail.
+    progress : Progress
+        Function that receives the current stage.
+    posed : Posed
+        Function that makes a problem of tables; None for tables that are none.
+    solved : Mapping[str, float]
+        Values with which some changes are known to suffice, together at least.
+
+    Returns
+    -------
+    Found
+        At most `MOST` repairs, each next to the least change of its value that suffices.
     """
-    found, settled, verified = list[Repair](), set[int](), 0
-
-    def hopeful(change: ParameterChange, new: float) -> Problem | None:
-        check_time()
-        problem = posed(change.applied(document, new))
-        return problem if problem is not None and _hopeful(problem) else None
-
+    asked = list(changes)
+    search = _Search(document, posed, list(hands), progress, solved)
     with suppress(OutOfTimeError):
+        search.run(asked)
+        if not search.found and search.within_budget:
+            return Found([], list(dict.fromkeys(f"{change.key} to {change.limit:.3g}" for change in asked)))
+    return Found(_offered(search.found, solved) or None)
+
+
+def _offered(found: Iterable[Repair], solved: Mapping[str, float]) -> list[Repair]:
+    """Return the least changes of the design, among them a number that was edited, or a gain or number of the coupling,
+    then those of what is assumed."""
+    ordered = sorted(found, key=lambda repair: repair.size)
+    own, assumed = ([each for each in ordered if each.assumes == kind] for kind in (False, True))
+    places = MOST - min(ASSUMED, len(assumed))
+    chosen = next((each for each in own if each.key in solved), next((each for each in own if each.chooses), None))
+    if chosen is not None and chosen not in own[:places]:
+        own = [*own[: places - 1], chosen]
+    kept = own[:places]
+    return [*kept, *assumed[: MOST - len(kept)]]
+
+
+@dataclass(slots=True)
+class _Search:
+    """A search for repairs, and what it has found so far."""
+
+    document: dict[str, Any]
+    posed: Posed
+    hands: list[Hand]  # in which designs were refuted
+    progress: Progress
+    solved: Mapping[str, float]
+    found: list[Repair] = field(default_factory=list)
+    proofs: int = 0
+    boxes: int = 0
+
+    @property
+    def within_budget(self) -> bool:
+        """Whether the search may prove or solve more."""
+        return self.proofs < MOST_PROVED and self.boxes < MOST_BOXES_IN_ALL
+
+    def run(self, changes: Sequence[ParameterChange]) -> None:
+        """Try small steps of every change before great steps of any."""
         # a change that only relaxes a constraint suffices at most at its limit
-        tried = [change for change in changes if not change.eases or hopeful(change, change.limit)]
-        steps = [(size, k, new) for k, change in enumerate(tried) for size, new in change.steps()]
-        for _, k, new in sorted(steps):
-            if k in settled:
+        hopeful = [change for change in changes if not change.eases or self.reserve(change, change.limit) >= 1]
+        steps = sorted((size, k, new) for k, change in enumerate(hopeful) for size, new in change.steps(self.solved))
+        tried: list[list[tuple[float, float]]] = [[(change.old, 0.0)] for change in hopeful]
+        settled = set[int]()
+        for _, k, new in steps:
+            change = hopeful[k]
+            if k in settled or not self.wants(change):
                 continue
-            progress(f"looking for repairs: {tried[k].meaning}{f', {len(found)} found' if found else ''}")
-            if (problem := hopeful(tried[k], new)) is None:
-                continue
-            verified += 1
-            if verified > (MOST_JUDGED if problem.bounds.fixed else MOST_SOLVED):
-                break
-            if (design := _certified(problem)) is not None:
-                check_time()  # at the time limit the judgement may be incomplete
-                found.append(_repair(tried[k], new, design))
+            self.progress(f"looking for repairs: {change.meaning}{f', {len(self.found)} found' * bool(self.found)}")
+            known = new == self.solved.get(change.key)
+            room = 1.0 if known else self.reserve(change, new)
+            if room >= 1 and self.limit_found(change, tried[k][-1][0], new):
                 settled.add(k)
-    return sorted(found, key=lambda repair: repair.rank)
+            tried[k].append((new, room))
+        for k, change in enumerate(hopeful):
+            if k not in settled and self.wants(change) and (place := self.between_steps(change, tried[k])) is not None:
+                self.limit_found(change, *place)
+
+    def wants(self, change: ParameterChange) -> bool:
+        """Return whether another change of this kind would be offered."""
+        assumed = sum(each.assumes for each in self.found)
+        if change.assumes or not self.within_budget:
+            return self.within_budget and assumed < ASSUMED
+        few = len(self.found) - assumed < MOST - min(assumed, ASSUMED)
+        return few or change.key in self.solved or (change.chooses and not any(each.chooses for each in self.found))
+
+    def problem(self, change: ParameterChange, new: float) -> Problem | None:
+        """Return the changed problem; None if the value is not a valid one."""
+        check_time()
+        return self.posed(change.applied(self.document, new))
+
+    def reserve(self, change: ParameterChange, new: float) -> float:
+        """Estimate how far the changed problem is from its limit: at least 1 where it seems to have a design."""
+        problem = self.problem(change, new)
+        if problem is None:
+            return 0.0
+        if problem.bounds.fixed:
+            return reserve(problem, self.hands)
+        from vctune.design.search.optimum import within_reach
+
+        return float(within_reach(problem) is not None)
+
+    def limit_found(self, change: ParameterChange, bad: float, good: float) -> bool:
+        """Find the least change between one that fails and one that seems to suffice; list it if it is proved."""
+        while self.within_budget:
+            bad, least = self.bracket(change, bad, good)
+            known = len(self.hands)
+            for share in BACK:
+                exact = share == 0 and least == self.solved.get(change.key)
+                new = least if exact else change.rounded(least + share * (least - change.old))
+                if (error := self.proved(change, new)) is not None:
+                    self.found.append(_repair(change, new, error))
+                    return True
+                if len(self.hands) > known:
+                    break
+            else:
+                return self.limit_proved(change, new, good)
+            if self.reserve(change, good) < 1:
+                return False
+        return False
+
+    def limit_proved(self, change: ParameterChange, bad: float, good: float) -> bool:
+        """Halve the distance between two values by proofs, where the estimate is too coarse."""
+        new = change.rounded(good)
+        if abs(new - change.old) <= abs(bad - change.old) or (error := self.proved(change, new)) is None:
+            return False
+        while abs(new - bad) > NEAR * min(abs(new - change.old), new) and self.within_budget:
+            middle = change.rounded(change.between(bad, new))
+            if middle in (bad, new):
+                break
+            if (other := self.proved(change, middle)) is None:
+                bad = middle
+            else:
+                new, error = middle, other
+        self.found.append(_repair(change, new, error))
+        return True
+
+    def proved(self, change: ParameterChange, new: float) -> float | None:
+        """Return the error of the proved design of the changed problem; None if there is none. Keep the hand in which
+        a given design is refuted."""
+        problem = self.problem(change, new)
+        proof = _proved(problem)
+        self.proofs += 1 if problem is None or problem.bounds.fixed else SOLVED
+        self.boxes += proof.boxes
+        if proof.hand is not None and proof.hand not in self.hands:
+            self.hands.append(proof.hand)
+        return proof.error
+
+    def bracket(self, change: ParameterChange, bad: float, good: float) -> tuple[float, float]:
+        """Halve the distance between a value that fails and one that seems to suffice until it is small."""
+        for _ in range(0 if change.switch else HALVINGS):
+            if abs(good - bad) <= CLOSE * min(abs(good - change.old), good):
+                break
+            middle = change.between(bad, good)
+            bad, good = (bad, middle) if self.reserve(change, middle) >= 1 else (middle, good)
+        return bad, good
+
+    def between_steps(
+        self, change: ParameterChange, tried: Sequence[tuple[float, float]]
+    ) -> tuple[float, float] | None:
+        """Return a step that fails, and a value beyond it that seems to suffice where the reserve of the steps has a
+        maximum."""
+        for (low, before), (at, room), (high, after) in zip(tried, tried[1:], tried[2:], strict=False):
+            if not max(before, after, NEARLY) < room < 1:
+                continue
+            ends, middle, most = [low, high], at, room
+            for _ in range(PEAK_STEPS):
+                inner = [change.between(ends[0], middle), change.between(middle, ends[1])]
+                rooms = [self.reserve(change, new) for new in inner]
+                best = int(np.argmax(rooms))
+                if rooms[best] >= 1:
+                    return low, inner[best]
+                if rooms[best] > most:
+                    ends[1 - best], middle, most = middle, inner[best], rooms[best]
+                else:
+                    ends = inner
+        return None
+
+
+def _repair(change: ParameterChange, new: float, error: float) -> Repair:
+    return Repair(
+        key=change.key,
+        old=change.old,
+        new=new,
+        change=change.meaning,
+        needs=change.line(new),
+        assumes=change.assumes,
+        chooses=change.chooses,
+        size=change.size(new),
+        error=error,
+    )

@@ -13,7 +13,7 @@ from vctune.model.fields import Shown
 from vctune.model.hands import Hand, Hands, LeastOperator, passive_hand
 from vctune.model.numbers.units import Units, in_full
 from vctune.model.parts import Unmodelled
-from vctune.model.worlds import World, Worlds
+from vctune.model.worlds import OVER_LIMIT, World, Worlds
 from vctune.proof.claims.registry import ClaimId
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
@@ -110,7 +110,7 @@ class HandsRecord(DisplayPart):
 
     verdict: Annotated[Proof, Shown("every hand", "of {within}")]
     box: dict[str, Pair]  # ends of the range of each parameter of the hands
-    min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz in the hand of {worst_hand}")]
+    min_ratio: Annotated[Number, Shown("{measured}", "at {worst_hz} Hz in the hand of {worst_hand}")]
     worst_hz: Number
     worst_hand: Hand
     boxes: int  # number of boxes in the proof
@@ -124,6 +124,11 @@ class HandsRecord(DisplayPart):
         if self.worst_world is not None:
             yield self.worst_world.row(self.worst_hz, units)
         yield from self.walls.rows(units) if self.walls else ()
+
+    @property
+    def measured(self) -> str:
+        """The name of the ratio: with environments, the number by which the coupling may be divided."""
+        return f"least {self.coupled} / R" if self.worlds is None else OVER_LIMIT
 
     def environments(self, units: Units) -> str:
         """Return the environments of the claim in words."""
@@ -201,7 +206,7 @@ class CertificateRecord(DisplayPart):
     verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]  # "proved" if every claim is proved
     band_hz: Annotated[Pair | None, Shown("band", "Hz; outside it nothing is claimed of the ratio")]
     proved_ratio: Number
-    min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz")]
+    min_ratio: Annotated[Number, Shown("{measured}", "at {worst_hz} Hz")]
     worst_hz: Number
     boxes: int
     claims: list[ClaimRecord]
@@ -210,6 +215,11 @@ class CertificateRecord(DisplayPart):
     wall: WallRecord | None = None
     whole_sample: WholeSampleRecord | None = None  # verdict beside a delay of a whole number of samples
     least_hand: Hand | None = None  # what the proof of any passive hand counts on in every hand; null for nothing
+
+    @property
+    def measured(self) -> str:
+        """The name of the least ratio of all claims."""
+        return f"least {self.coupled} / R" if self.hands is None else self.hands.measured
 
     def passive_hand(self, units: Units) -> str:
         """Return the hands of a claim about any passive hand in words."""

@@ -91,7 +91,7 @@ class ActiveRecord(Part):
 
     demand: str  # formula of the constraint
     hz: Number  # frequency at which it is active; null if it belongs to no frequency
-    multiplier: float  # relative decrease of the error for a relative weakening of the constraint, to first order
+    multiplier: float | None  # relative decrease of the error for a relative weakening of it; null without an optimum
     device: DeviceRecord | None = None  # device on which it is active; null if there is only one device
 
 
@@ -103,7 +103,9 @@ class Repair(Part):
     new: Number
     change: str  # meaning of the change, in words
     needs: str  # the new line of the file, in TOML
-    size: float  # change relative to the greater of the two values, by which repairs with the same error are ordered
+    assumes: bool  # whether it changes what is assumed of hands, environments or the demands, not the design
+    chooses: bool  # whether it changes a gain or the coupling, not the device
+    size: float  # change relative to the greater of the two values, by which repairs are ordered
     error: float  # transparency error of the repaired design
 
     def __str__(self) -> str:
@@ -115,11 +117,6 @@ class Repair(Part):
     def told_old(self) -> str:
         """The old value in words."""
         return "true" if self.turns_off else "inf" if self.old is None else text(self.old, 12)
-
-    @property
-    def rank(self) -> tuple[float, float]:
-        """Sort key of repairs: the error in its printed digits, then the size of the change."""
-        return float(f"{self.error:.4g}"), self.size
 
     @property
     def turns_off(self) -> bool:
@@ -200,6 +197,7 @@ class DesignRecord(SealedDocument):
     proved: bool | None = None
     idle: bool = False
     repairs: list[Repair] | None = None
+    tried: list[str] | None = None  # keys, each with the value up to which it was changed alone in vain
     prices: list[Price] | None = None
     contact: ContactRecord | None = None
     felt: InHandRecord | None = None
@@ -285,7 +283,7 @@ class DesignRecord(SealedDocument):
         prices: dict[str, float] = {}
         places: dict[str, list[float]] = {}
         for entry in self.active:
-            prices[entry.demand] = prices.get(entry.demand, 0.0) + entry.multiplier
+            prices[entry.demand] = prices.get(entry.demand, 0.0) + (entry.multiplier or 0.0)
             at, proved_hz = places.setdefault(entry.demand, []), self._proved_hz(entry.demand)
             if entry.hz is not None:
                 hz = proved_hz if proved_hz is not None and _together(entry.hz, proved_hz) else entry.hz

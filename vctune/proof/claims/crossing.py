@@ -45,7 +45,7 @@ def refuted_by_one(design: Design, demands: Demands, devices: Sequence[Device]) 
         return None
     for device in devices:
         there, width, angles = Design(device, design.gains, design.coupling), 0.5, ANGLES
-        hands = _around(demands.hands, demands.hands.middle, width)
+        hands = hands_around(demands.hands, demands.hands.middle, width)
         for zoom in range(ZOOMS if demands.worlds.exact else 1):
             lost, places = _lost(there, demands, hands, angles)
             for n in np.argsort(lost)[:2]:
@@ -54,7 +54,7 @@ def refuted_by_one(design: Design, demands: Demands, devices: Sequence[Device]) 
                     T = device.sample_time
                     return Outcome(Verdict.REFUTED, 0, float(theta) / T, device if len(devices) > 1 else None, hands[n])
             least, width = int(np.argmin(lost)), width / 2
-            hands = _around(demands.hands, hands[least], width)
+            hands = hands_around(demands.hands, hands[least], width)
             if zoom >= COARSE:
                 angles = np.minimum(angles[places[least]] * BESIDE, pi)
     return None
@@ -76,7 +76,7 @@ def worst_before_wall(device: Device, wall: SpringDamper, hands: Hands) -> Befor
     for n in np.argsort(first)[:WORST]:
         best, width, angles = BeforeWall(float(first[n]), float(there[n]) / device.sample_time, tried[n]), 0.5, ANGLES
         for zoom in range(ZOOMS):
-            near, width = _around(hands, best.hand, width), width / 2
+            near, width = hands_around(hands, best.hand, width), width / 2
             ratios, places = LoopsBeforeWall.of(device, near, angles).limits(wall)
             least = int(np.argmin(ratios))
             if ratios[least] < best.ratio:
@@ -139,7 +139,7 @@ def _lost(design: Design, demands: Demands, hands: list[Hand], angles: Floats) -
     return there[np.arange(len(hands)), places], places
 
 
-def _around(hands: Hands, middle: Hand, width: float) -> list[Hand]:
+def hands_around(hands: Hands, middle: Hand, width: float) -> list[Hand]:
     """Return the hands of a box up to so many of its widths beside one, without duplicates."""
     rows = []
     for key, (low, high) in hands.ranges.items():

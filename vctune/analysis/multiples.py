@@ -1,0 +1,195 @@
+"""Find how far a coupling is from its limit with a box of environments, in double precision (model/README.md, sections
+18 and 19).
+
+In one hand at one angle, an environment of the box puts a pole on the unit circle for the multiples y of the coupling
+in an interval. Over the angles and the hands these intervals are the multiples at which something fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import inf, pi
+from typing import NamedTuple
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats, with_resonance
+from vctune.analysis.hardest_hands import needs_in_hands, rooms_at_walls
+from vctune.analysis.in_hands import RatioInHand
+from vctune.analysis.loops_in_hands import loops_in_hands
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains, series_coupling
+from vctune.model.hands import Hand, Hands, stacked
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.hand_loop import loop_in_hand, met_in_hand
+from vctune.model.sampled.loop_in_worlds import real_at_nyquist
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.worlds import Worlds, WorldsMet
+from vctune.proof.claims.crossing import ANGLES, BESIDE, COARSE, SHARES, WORST, ZOOMS, hands_around
+from vctune.running import check_time
+
+ENDLESS = 1e100  # in place of an infinite multiple
+TURNS, PER_TURN = 6, 16  # of the angles beside the turns of a delay, and number of angles in each
+ROUNDING = 1e-9  # relative, where lines cross
+# Shares of the coupling, each about the next, that are tried for the condition of walls, and halvings between two
+WALL_STEP, WALL_STEPS, HALVINGS = 1.05, 140, 12
+
+
+class _Failing(NamedTuple):
+    """Intervals of multiples at which something fails, each between two adjacent angles in one hand."""
+
+    low: Floats  # shape (hands, steps)
+    high: Floats
+    theta: Floats  # angle of the high end, rad
+
+
+class _Limit(NamedTuple):
+    """The multiple up to which something fails, 0 if nothing does, with its angle, rad, and hand."""
+
+    multiple: float
+    theta: float
+    hand: Hand
+
+
+def least_ratio_in_worlds(
+    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, worlds: Worlds
+) -> RatioInHand:
+    """Return the number by which the coupling may be divided before something fails; below 1, the one by which it must
+    be divided so that nothing does."""
+    loop = _Loop(device, gains, coupling, worlds)
+    ends = (sorted({low + share * (high - low) for share in SHARES}) for low, high in hands.ranges.values())
+    tried = [Hand(*numbers) for numbers in product(*ends)]
+    every = _angles(device)
+    first = loop.failing(tried, every)
+    found = _limit(first, tried, _Limit(0.0, 0.0, tried[0]))
+    reached = np.max(np.where(first.high <= max(found.multiple, 1.0), first.high, 0.0), axis=1)
+    others = np.argsort(-reached)[:WORST]
+    alone = [
+        _limit(_Failing(*(each[n : n + 1] for each in first)), [tried[n]], _Limit(0.0, 0.0, tried[n])) for n in others
+    ]
+    for start in dict.fromkeys((found, *alone)):
+        best, width, angles = start, 0.5, every
+        for zoom in range(ZOOMS):
+            near, width = hands_around(hands, best.hand, width), width / 2
+            best = _limit(loop.failing(near, angles), near, best)
+            if zoom >= COARSE:
+                angles = np.minimum(best.theta * BESIDE, pi)
+        found = max(found, best, key=lambda limit: limit.multiple)
+    ratio = 1 / found.multiple if found.multiple > 0 else inf
+    return RatioInHand(ratio, found.theta / device.sample_time, found.hand)
+
+
+def ratio_in_these(
+    device: Device, hands: Sequence[Hand], gains: Gains, coupling: AnyCoupling, worlds: Worlds | None
+) -> float:
+    """Return the least ratio in given hands on a grid of angles: with environments that of `least_ratio_in_worlds`, and
+    otherwise Re Z_c / R."""
+    theta = _angles(device)
+    if worlds is not None:
+        found = _limit(_Loop(device, gains, coupling, worlds).failing(hands, theta), hands, _Limit(0.0, 0.0, hands[0]))
+        return 1 / found.multiple if found.multiple > 0 else inf
+    plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
+    need = float(np.nanmax(needs_in_hands(loop_in_hand(plant, theta, FLOATS), device, gains, coupling, theta, None)))
+    return 1 / need if need > 0 else inf
+
+
+def _angles(device: Device) -> Floats:
+    """Return angles up to pi, dense enough for the turns of a delay and for the resonance of a structure."""
+    turns = TURNS + device.sensed_latency / device.sample_time
+    theta = np.union1d(ANGLES, np.linspace(0.0, pi, int(PER_TURN * turns) + 1)[1:])
+    return np.minimum(with_resonance(device, theta / device.sample_time) * device.sample_time, pi)
+
+
+@dataclass(frozen=True, slots=True)
+class _Loop:
+    """A design on a device, with the environments that it meets."""
+
+    device: Device
+    gains: Gains
+    coupling: AnyCoupling
+    worlds: Worlds
+
+    @np.errstate(all="ignore")
+    def failing(self, hands: Sequence[Hand], angles: Floats) -> _Failing:
+        """Return the multiples y at which y Z_c + Z_seen is minus the impedance of some environment."""
+        check_time()
+        device, low, high = self.device, self.worlds.low, self.worlds.high
+        plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
+        at, seen = met_in_hand(loop_in_hand(plant, angles, FLOATS), device, self.gains, self.coupling, angles, FLOATS)
+        shape, u = (len(hands), angles.size), 2 / device.sample_time * np.tan(angles / 2)
+        own = np.asarray(at.reactance) / np.cos(angles / 2)
+        held = np.asarray(seen.swing / seen.size) / np.sin(angles / 2)  # Im Z_seen = -held
+        light, soft, heavy, stiff = map(float, (low.mass, low.stiffness, high.mass, high.stiffness))
+        heaviest = 0.0 if heavy == inf else (held - heavy * u + soft / u) / own
+        stiffest = ENDLESS if stiff == inf else (held - light * u + stiff / u) / own
+        above, below = (np.broadcast_to(each, shape).copy() for each in (heaviest, stiffest))
+        if angles[-1] == pi and real_at_nyquist(series_coupling(self.coupling), self.worlds):
+            above[:, -1], below[:, -1] = 0.0, ENDLESS
+        resistive = np.broadcast_to((seen.lost / seen.size - low.damping) / at.resistance, shape)
+        return _between(above, below, resistive, angles)
+
+
+def _between(above: Floats, below: Floats, resistive: Floats, angles: Floats) -> _Failing:
+    """Return the least and the greatest y >= 0 with above <= y <= below and y <= resistive between adjacent angles.
+
+    There the three are nearly lines, so that such a y is least and greatest at an angle or where two lines cross.
+    """
+    low, high = (np.full(above[:, 1:].shape, end) for end in (inf, -inf))
+    theta = np.broadcast_to(angles[:-1], low.shape)
+    crossings = above - resistive, below - resistive, below
+    shares = [np.clip(of[:, :-1] / (of[:, :-1] - of[:, 1:]), 0.0, 1.0) for of in crossings]
+    for share in (np.zeros(1), np.ones(1), *shares):
+        first, last, real = (each[:, :-1] + share * (each[:, 1:] - each[:, :-1]) for each in (above, below, resistive))
+        first, last = np.maximum(first, 0.0), np.minimum(last, real)
+        fails = first <= last * (1 + ROUNDING)
+        low = np.where(fails, np.minimum(low, first), low)
+        theta = np.where(fails & (last > high), angles[:-1] + share * np.diff(angles), theta)
+        high = np.where(fails, np.maximum(high, last), high)
+    return _Failing(low, high, theta)
+
+
+def _limit(failing: _Failing, hands: Sequence[Hand], known: _Limit) -> _Limit:
+    """Return the end of the failing multiples that include 1, or else the greatest failing one below 1; a known limit
+    above 1 is joined to what fails."""
+    order = np.argsort(failing.low, axis=None)
+    low, high = (each.ravel()[order] for each in (failing.low, failing.high))
+    level = max(known.multiple, 1.0)
+    end, reach = int(np.searchsorted(low, level * (1 + ROUNDING), side="right")), np.maximum.accumulate(high)
+    if end == 0:
+        return known
+    if reach[end - 1] >= 1:  # what overlaps joins
+        gaps = np.flatnonzero(low[end:] > np.maximum(reach[end - 1 : -1], level) * (1 + ROUNDING))
+        end += int(gaps[0]) if gaps.size else low.size - end
+    at = int(np.argmax(high[:end]))
+    if high[at] <= known.multiple:
+        return known
+    hand, step = np.unravel_index(order[at], failing.low.shape)
+    return _Limit(float(high[at]), float(failing.theta[hand, step]), hands[hand])
+
+
+@np.errstate(all="ignore")
+def least_ratio_with_walls(
+    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet
+) -> RatioInHand:
+    """Return `least_ratio_in_worlds` for the condition of walls, on a grid of hands and angles."""
+    where = loops_in_hands(device, hands)
+    at, seen = met_in_hand(where.loop, device, gains, coupling, where.theta, FLOATS)
+
+    def room(share: float) -> Floats:
+        rooms = rooms_at_walls({share: (at, seen, share)}, device.sample_time, where.theta, met)
+        return np.nan_to_num(np.minimum.reduce(list(rooms.values())), nan=inf)
+
+    holds = bool(room(1.0).min() > 0)
+    step = 1 / WALL_STEP if holds else WALL_STEP
+    tried = [1.0]
+    while len(tried) < WALL_STEPS and bool(room(tried[-1] * step).min() > 0) == holds:
+        tried.append(tried[-1] * step)
+    good, bad = sorted((tried[-1], tried[-1] * step), reverse=True)
+    for _ in range(HALVINGS):
+        middle = (good * bad) ** 0.5
+        good, bad = (middle, bad) if room(middle).min() > 0 else (good, middle)
+    hand, angle = np.unravel_index(int(np.argmin(room(bad))), room(bad).shape)
+    place = where.hands.mapped(lambda number: float(number[hand].item()))
+    return RatioInHand(1 / good, float(where.theta[angle]) / device.sample_time, place)

@@ -1,0 +1,129 @@
+"""Say what is proved of a design, or what fails, the worst first: the same words for every command and page."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from math import inf, pi
+
+from vctune.analysis.in_worlds import growth_near
+from vctune.design.verdict.judge import Judgement, MarginName, Status
+from vctune.model.hands import passive_hand
+from vctune.model.numbers.units import UNITS, Units, hertz, in_full, narrowed
+from vctune.proof.certificate import RATIOS, certify
+from vctune.proof.claims.registry import CLAIMS, ClaimId
+from vctune.proof.outcome import Outcome, Verdict
+from vctune.proof.prover import boxes_at_most
+from vctune.running import OutOfTimeError
+
+CUT = " (the time limit cut its proof)"  # Words that follow a claim if the time limit ended its proof
+MOST_BOXES = 20_000  # Greatest number of boxes of the proof that a design misses only the safety factor
+# The margin of each claim about the coupling
+MARGINS: dict[ClaimId, MarginName] = {
+    "passive": "ratio", "alone": "ratio", "hands": "hands", "worlds": "hands", "walls": "walls", "any_hand": "any_hand",
+    "wall_in_any_hand": "wall", "wall_in_hands": "wall",
+}  # fmt: skip
+
+
+def said_of(judgement: Judgement) -> str:
+    """Return the proved claims of a design, or the claims that fail, the worst first, with the least margin."""
+    if judgement.status is Status.CERTIFIED:
+        return _proved(judgement)
+    at, units = judgement.binding, UNITS[judgement.device.units]
+    hand = "" if at.hand is None else f" in the hand of {at.hand.in_words(units)}"
+    if _misses_only_the_factor(judgement):
+        return _stable_but(judgement) + hand
+    worst, *others = open_claims(judgement)
+    least = f"{judgement.ratio_name} {at.ratio:.6g} at {at.omega / (2 * pi):.6g} Hz{hand}"
+    return "; ".join([worst, least, *others, *([words] if (words := _growth(judgement)) else [])])
+
+
+def open_claims(judgement: Judgement) -> list[str]:
+    """Return the claims that are not proved, the worst first, each with its verdict, its place, and the device on which
+    it fails."""
+    units, kind, demands = UNITS[judgement.device.units], judgement.kind, judgement.certificate.demands
+    hand = passive_hand(judgement.device.counted_on, units)
+
+    def severity(entry: tuple[ClaimId, Outcome]) -> tuple[bool, float]:
+        claim, found = entry
+        if (name := MARGINS.get(claim)) is not None:
+            least = judgement.least(name)
+            return found.verdict is not Verdict.REFUTED, inf if least is None else least.ratio / demands.factor
+        loud = demands.max_sensitivity / judgement.peak_sensitivity if claim == "sensitivity" else 0.0
+        return found.verdict is not Verdict.REFUTED, loud
+
+    open_ = [entry for entry in judgement.certificate.outcomes.items() if entry[1].verdict is not Verdict.PROVED]
+    return [
+        f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(kind, hand)}{CUT * found.cut}"
+        for claim, found in sorted(open_, key=severity)
+    ]
+
+
+def _place(outcome: Outcome, units: Units) -> str:
+    place = f" at {outcome.witness / (2 * pi):.6g} Hz" if outcome.witness else ""
+    if (hand := outcome.hand) is not None:
+        place += f" in the hand of {hand.in_words(units)}"
+    if (device := outcome.device) is None:
+        return place
+    known = [f"{key} {in_full(number)}" for key, number in device.numbers().items() if key != "sample_time"]
+    off = [] if device.unmodelled is None else [str(device.unmodelled)]
+    return f"{place} with {', '.join([*known, *off])}"
+
+
+def _stable_but(judgement: Judgement) -> str:
+    """Return the phrase on a stable design that misses the safety factor, with its least ratio."""
+    demands, ratio = judgement.certificate.demands, judgement.min_ratio
+    texts = (f"{ratio:.{digits}g}" for digits in range(6, 18))  # enough digits to differ from the factor
+    least = next((text for text in texts if float(text) != demands.factor), f"{ratio:g}")
+    misses = "misses" if judgement.status is Status.VIOLATED else "not proved with"
+    absolutely = "absolutely " * (demands.passive and not demands.alone)
+    place = f"{judgement.ratio_name} {least} at {judgement.worst_hz:.6g} Hz"
+    return f"{absolutely}stable; {misses} safety_factor {demands.factor:g}: {place}"
+
+
+def _proved(judgement: Judgement) -> str:
+    demands, units = judgement.certificate.demands, UNITS[judgement.device.units]
+    low, high = narrowed(*map(hertz, demands.band))
+    hand = passive_hand(judgement.device.counted_on, units)
+    behind = f" in {hand}" if demands.alone or judgement.device.counted_on else ""
+    behind += " with nothing behind" if demands.alone else ""
+    where = [f"from {low} to {high} Hz{behind}"] if demands.passive else []
+    where += [f"in {hand} up to Nyquist"] if demands.any_hand else []
+    where += ["against a rigid world"] if demands.rigid else []
+    if demands.hands is not None:
+        worlds = f" with {demands.worlds.in_words(units)}" if demands.worlds else ""
+        where += [f"in every hand of {demands.hands.in_words(units)}{worlds} up to Nyquist"]
+    limits = [f"safety factor {in_full(demands.factor)}"]
+    limits += [f"|S| at most {in_full(demands.max_sensitivity)}"] if judgement.kind.own_loop else []
+    return f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, {', '.join(limits)}"
+
+
+def _misses_only_the_factor(judgement: Judgement) -> bool:
+    """Return whether every claim of a design is proved without a safety factor."""
+    certificate = judgement.certificate
+    failing = {claim for claim, outcome in certificate.outcomes.items() if outcome.verdict is not Verdict.PROVED}
+    if certificate.demands.factor <= 1 or not failing <= {*RATIOS}:
+        return False
+    if any(margin.ratio < 1 for margin in judgement.margins):
+        return False
+    with boxes_at_most(MOST_BOXES), suppress(OutOfTimeError):
+        demands = replace(certificate.demands, factor=1.0)
+        return certify(certificate.design, demands, certificate.box).verdict is Verdict.PROVED
+    return False
+
+
+def _growth(judgement: Judgement) -> str:
+    """Return how a motion grows in the hand of a refuted claim with its least environment; "" if it does not."""
+    demands, outcome = judgement.certificate.demands, judgement.certificate.outcomes.get("worlds")
+    if outcome is None or outcome.verdict is not Verdict.REFUTED or outcome.hand is None or not outcome.witness:
+        return ""
+    assert demands.worlds is not None
+    law, device, worlds = (judgement.gains, judgement.coupling), outcome.device or judgement.device, demands.worlds
+    found = growth_near(device, *law, outcome.hand, worlds.low, outcome.witness)
+    if found is None:
+        return ""
+    behind = "with the least environment of the box"
+    if worlds.exact and worlds.high.mass == 0:
+        behind = "with its spring alone" if worlds.high.stiffness else "with nothing behind it"
+    hand = outcome.hand.in_words(UNITS[judgement.device.units])
+    return f"in the hand of {hand} {behind} a motion grows by {found.rate:.4g}/s at {found.hz:.4g} Hz"
