@@ -23,8 +23,8 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.hands import Hand, Hands, stacked
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.sampled.hand_loop import loop_in_hand, met_in_hand
-from vctune.model.sampled.loop_in_worlds import real_at_nyquist
+from vctune.model.sampled.hand_loop import loop_in_hand, met_in_hand, seen_in_hand
+from vctune.model.sampled.loop_in_worlds import offered_at, real_at_nyquist
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import Worlds, WorldsMet
 from vctune.proof.claims.crossing import ANGLES, BESIDE, COARSE, SHARES, WORST, ZOOMS, hands_around
@@ -58,22 +58,17 @@ def least_ratio_in_worlds(
 ) -> RatioInHand:
     """Return the number by which the coupling may be divided before something fails; below 1, the one by which it must
     be divided so that nothing does."""
-    loop = _Loop(device, gains, coupling, worlds)
     ends = (sorted({low + share * (high - low) for share in SHARES}) for low, high in hands.ranges.values())
-    tried = [Hand(*numbers) for numbers in product(*ends)]
-    every = _angles(device)
-    first = loop.failing(tried, every)
+    tried, every = [Hand(*numbers) for numbers in product(*ends)], _angles(device)
+    first = LoopsInWorlds.of(device, gains, tried, worlds, every).failing(coupling)
     found = _limit(first, tried, _Limit(0.0, 0.0, tried[0]))
     reached = np.max(np.where(first.high <= max(found.multiple, 1.0), first.high, 0.0), axis=1)
-    others = np.argsort(-reached)[:WORST]
-    alone = [
-        _limit(_Failing(*(each[n : n + 1] for each in first)), [tried[n]], _Limit(0.0, 0.0, tried[n])) for n in others
-    ]
-    for start in dict.fromkeys((found, *alone)):
+    others = [_Limit(float(reached[n]), 0.0, tried[n]) for n in np.argsort(-reached)[:WORST]]
+    for start in (found, *others):
         best, width, angles = start, 0.5, every
         for zoom in range(ZOOMS):
             near, width = hands_around(hands, best.hand, width), width / 2
-            best = _limit(loop.failing(near, angles), near, best)
+            best = _limit(LoopsInWorlds.of(device, gains, near, worlds, angles).failing(coupling), near, best)
             if zoom >= COARSE:
                 angles = np.minimum(best.theta * BESIDE, pi)
         found = max(found, best, key=lambda limit: limit.multiple)
@@ -88,8 +83,7 @@ def ratio_in_these(
     otherwise Re Z_c / R."""
     theta = _angles(device)
     if worlds is not None:
-        found = _limit(_Loop(device, gains, coupling, worlds).failing(hands, theta), hands, _Limit(0.0, 0.0, hands[0]))
-        return 1 / found.multiple if found.multiple > 0 else inf
+        return LoopsInWorlds.of(device, gains, hands, worlds, theta).ratio(coupling)
     plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
     need = float(np.nanmax(needs_in_hands(loop_in_hand(plant, theta, FLOATS), device, gains, coupling, theta, None)))
     return 1 / need if need > 0 else inf
@@ -103,32 +97,48 @@ def _angles(device: Device) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class _Loop:
-    """A design on a device, with the environments that it meets."""
+class LoopsInWorlds:
+    """The loop of a device in some hands at some angles, with the environments that it meets."""
 
     device: Device
-    gains: Gains
-    coupling: AnyCoupling
+    hands: Sequence[Hand]
     worlds: Worlds
+    angles: Floats  # rad, shape (n,)
+    lost: Floats  # R, N s/m, shape (hands, n)
+    held: Floats  # -Im Z_seen
+
+    @classmethod
+    def of(
+        cls, device: Device, gains: Gains, hands: Sequence[Hand], worlds: Worlds, angles: Floats | None = None
+    ) -> LoopsInWorlds:
+        """Return the loop with given gains, at angles that are dense enough for its limit if none are given."""
+        check_time()
+        theta = _angles(device) if angles is None else angles
+        plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
+        seen = seen_in_hand(loop_in_hand(plant, theta, FLOATS), gains)
+        with np.errstate(all="ignore"):
+            parts = (np.asarray(seen.lost / seen.size), np.asarray(seen.swing / seen.size) / np.sin(theta / 2))
+        return cls(device, hands, worlds, theta, *(np.broadcast_to(part, (len(hands), theta.size)) for part in parts))
 
     @np.errstate(all="ignore")
-    def failing(self, hands: Sequence[Hand], angles: Floats) -> _Failing:
+    def failing(self, coupling: AnyCoupling) -> _Failing:
         """Return the multiples y at which y Z_c + Z_seen is minus the impedance of some environment."""
-        check_time()
-        device, low, high = self.device, self.worlds.low, self.worlds.high
-        plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
-        at, seen = met_in_hand(loop_in_hand(plant, angles, FLOATS), device, self.gains, self.coupling, angles, FLOATS)
-        shape, u = (len(hands), angles.size), 2 / device.sample_time * np.tan(angles / 2)
+        angles, low, high, T = self.angles, self.worlds.low, self.worlds.high, self.device.sample_time
+        at, u = offered_at(series_coupling(coupling), T, angles, FLOATS), 2 / T * np.tan(angles / 2)
         own = np.asarray(at.reactance) / np.cos(angles / 2)
-        held = np.asarray(seen.swing / seen.size) / np.sin(angles / 2)  # Im Z_seen = -held
         light, soft, heavy, stiff = map(float, (low.mass, low.stiffness, high.mass, high.stiffness))
-        heaviest = 0.0 if heavy == inf else (held - heavy * u + soft / u) / own
-        stiffest = ENDLESS if stiff == inf else (held - light * u + stiff / u) / own
-        above, below = (np.broadcast_to(each, shape).copy() for each in (heaviest, stiffest))
-        if angles[-1] == pi and real_at_nyquist(series_coupling(self.coupling), self.worlds):
+        heaviest = 0.0 if heavy == inf else (self.held - heavy * u + soft / u) / own
+        stiffest = ENDLESS if stiff == inf else (self.held - light * u + stiff / u) / own
+        above, below = (np.broadcast_to(each, self.held.shape).copy() for each in (heaviest, stiffest))
+        if angles[-1] == pi and real_at_nyquist(series_coupling(coupling), self.worlds):
             above[:, -1], below[:, -1] = 0.0, ENDLESS
-        resistive = np.broadcast_to((seen.lost / seen.size - low.damping) / at.resistance, shape)
+        resistive = (self.lost - float(low.damping)) / np.asarray(at.resistance)
         return _between(above, below, resistive, angles)
+
+    def ratio(self, coupling: AnyCoupling) -> float:
+        """Return the number by which a coupling may be divided in these hands, as `least_ratio_in_worlds` does."""
+        found = _limit(self.failing(coupling), self.hands, _Limit(0.0, 0.0, self.hands[0]))
+        return 1 / found.multiple if found.multiple > 0 else inf
 
 
 def _between(above: Floats, below: Floats, resistive: Floats, angles: Floats) -> _Failing:

@@ -14,6 +14,7 @@ import numpy as np
 from vctune.design.prepared import Prepared, pose, prepare
 from vctune.design.result import Solved
 from vctune.design.search.alone import has_nothing_behind, least_felt
+from vctune.design.search.along_limit import best_along_limit
 from vctune.design.search.optimum import PROOF, SEARCH, Progress, improved, optimum
 from vctune.design.search.scan import scan
 from vctune.design.search.theorems import impossible
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 NOT_ALONE = "no mass and drag within their bounds was found that is stable in every hand that is asked for"
 MORE_FELT = "allow more coupling.drag or coupling.mass"
+NOT_BEFORE_ONE = "no design within the bounds was found that is stable with the one environment in every hand"
 NO_WALL = "no wall within the bounds of coupling was found that is stable in every hand"
 BOUND = "the search of every box"  # Name of the search of every box among the stages that a time limit may cut short
 # SEARCH_BOXES is the greatest number of boxes in the search of all designs, which runs if the optimiser finds no design
@@ -56,6 +58,8 @@ def solve(
     try:
         if problem.rigid or has_nothing_behind(problem):
             return _alone(problem, progress)
+        if problem.worlds is not None and problem.worlds.exact and not problem.worlds.walls:
+            return _before_one_environment(problem, progress)
         return _found(problem, progress, gap, exhaustive=exhaustive)
     except OutOfTimeError:
         return Solved(problem=problem, infeasibility=out_of_time_before_a_design(), cut=(SEARCH,))
@@ -70,6 +74,21 @@ def _alone(problem: Problem, progress: Progress) -> Solved:
     none = None if found else Infeasibility(*miss, proved=False)
     late = found is not None and (found.cut or (found.status is Status.UNDECIDED and out_of_time()))
     cut, seconds = (PROOF,) * late, {"prove": perf_counter() - began}
+    return Solved(problem=problem, judgement=found, infeasibility=none, seconds=seconds, cut=cut)
+
+
+def _before_one_environment(problem: Problem, progress: Progress) -> Solved:
+    """Search along the limit of the coupling; if nothing is proved there, take the design for every passive
+    environment, which is one for the stated one too."""
+    began = perf_counter()
+    progress("following the limit of the coupling")
+    found = best_along_limit(pose(problem))
+    if found is None or found.status is not Status.CERTIFIED:
+        wider = prepare(replace(problem, worlds=None))
+        safe = optimum(wider, scan(wider.scaled), progress).judgement
+        found = found if safe is None else judge(problem, safe.gains, safe.coupling)
+    none = None if found else Infeasibility(NOT_BEFORE_ONE, MORE_FELT, proved=False)
+    cut, seconds = (PROOF,) * (found is not None and found.cut), {"search": perf_counter() - began}
     return Solved(problem=problem, judgement=found, infeasibility=none, seconds=seconds, cut=cut)
 
 

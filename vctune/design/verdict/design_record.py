@@ -387,6 +387,9 @@ def _at_limit(problem: Problem, judgement: Judgement) -> list[ActiveRecord]:
         demand = "walls in a hand" if at.of == "walls" else own + where
         if at.ratio <= limit and all(each.demand != demand for each in found):
             found.append(ActiveRecord(demand=demand, hz=finite_hertz(at.omega), multiplier=None))
+    if problem.device.kind.own_loop and AT_LIMIT * judgement.peak_sensitivity >= problem.stability.max_sensitivity:
+        hz = hertz(judgement.worst_sensitivity)
+        found.append(ActiveRecord(demand="|S| <= max_sensitivity", hz=hz, multiplier=None))
     return found
 
 
