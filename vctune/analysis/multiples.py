@@ -59,7 +59,7 @@ def least_ratio_in_worlds(
     """Return the number by which the coupling may be divided before something fails; below 1, the one by which it must
     be divided so that nothing does."""
     ends = (sorted({low + share * (high - low) for share in SHARES}) for low, high in hands.ranges.values())
-    tried, every = [Hand(*numbers) for numbers in product(*ends)], _angles(device)
+    tried, every = [Hand(*numbers) for numbers in product(*ends)], angles_of(device)
     first = LoopsInWorlds.of(device, gains, tried, worlds, every).failing(coupling)
     found = _limit(first, tried, _Limit(0.0, 0.0, tried[0]))
     reached = np.max(np.where(first.high <= max(found.multiple, 1.0), first.high, 0.0), axis=1)
@@ -81,7 +81,7 @@ def ratio_in_these(
 ) -> float:
     """Return the least ratio in given hands on a grid of angles: with environments that of `least_ratio_in_worlds`, and
     otherwise Re Z_c / R."""
-    theta = _angles(device)
+    theta = angles_of(device)
     if worlds is not None:
         return LoopsInWorlds.of(device, gains, hands, worlds, theta).ratio(coupling)
     plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
@@ -89,7 +89,7 @@ def ratio_in_these(
     return 1 / need if need > 0 else inf
 
 
-def _angles(device: Device) -> Floats:
+def angles_of(device: Device) -> Floats:
     """Return angles up to pi, dense enough for the turns of a delay and for the resonance of a structure."""
     turns = TURNS + device.sensed_latency / device.sample_time
     theta = np.union1d(ANGLES, np.linspace(0.0, pi, int(PER_TURN * turns) + 1)[1:])
@@ -113,7 +113,7 @@ class LoopsInWorlds:
     ) -> LoopsInWorlds:
         """Return the loop with given gains, at angles that are dense enough for its limit if none are given."""
         check_time()
-        theta = _angles(device) if angles is None else angles
+        theta = angles_of(device) if angles is None else angles
         plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
         seen = seen_in_hand(loop_in_hand(plant, theta, FLOATS), gains)
         with np.errstate(all="ignore"):
@@ -134,6 +134,15 @@ class LoopsInWorlds:
             above[:, -1], below[:, -1] = 0.0, ENDLESS
         resistive = (self.lost - float(low.damping)) / np.asarray(at.resistance)
         return _between(above, below, resistive, angles)
+
+    def least_stable(self, coupling: AnyCoupling, others: Sequence[LoopsInWorlds], room: float) -> float:
+        """Return the least multiple of a coupling beyond which nothing fails up to `room` times as much, here and in
+        other loops; 0 if nothing fails near 0."""
+        failing = [loop.failing(coupling) for loop in (self, *others)]
+        low, high = (np.concatenate([each[end].ravel() for each in failing]) for end in (0, 1))
+        order = np.argsort(low)
+        low, reach = low[order], np.maximum.accumulate(np.append(0.0, high[order]))
+        return float(reach[np.flatnonzero(np.append(low, inf) > reach * room)[0]])
 
     def ratio(self, coupling: AnyCoupling) -> float:
         """Return the number by which a coupling may be divided in these hands, as `least_ratio_in_worlds` does."""

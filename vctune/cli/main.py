@@ -64,6 +64,9 @@ def execute() -> int:
         code = main(standalone_mode=False)
     except InputError as error:  # a refusal that is a verdict on valid input states its own code
         code = _complain(str(error), getattr(error, "exit_code", ExitCode.BAD_INPUT))
+    except click.exceptions.NoArgsIsHelpError as error:  # bare `vctune` or a command without arguments
+        click.echo(error.format_message(), err=True)
+        code = ExitCode.BAD_INPUT
     except click.ClickException as error:
         click.UsageError(coded(error.format_message(), "usage"), getattr(error, "ctx", None)).show()
         code = ExitCode.BAD_INPUT

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 NOT_ALONE = "no mass and drag within their bounds was found that is stable in every hand that is asked for"
 MORE_FELT = "allow more coupling.drag or coupling.mass"
-NOT_BEFORE_ONE = "no design within the bounds was found that is stable with the one environment in every hand"
+NOT_BEFORE_WORLDS = "no design within the bounds was found that is stable with every stated environment in every hand"
 NO_WALL = "no wall within the bounds of coupling was found that is stable in every hand"
 BOUND = "the search of every box"  # Name of the search of every box among the stages that a time limit may cut short
 # SEARCH_BOXES is the greatest number of boxes in the search of all designs, which runs if the optimiser finds no design
@@ -58,8 +58,10 @@ def solve(
     try:
         if problem.rigid or has_nothing_behind(problem):
             return _alone(problem, progress)
-        if problem.worlds is not None and problem.worlds.exact and not problem.worlds.walls:
-            return _before_one_environment(problem, progress)
+        worlds = problem.worlds
+        alone = worlds is not None and not worlds.walls and (worlds.exact or not problem.device.kind.own_loop)
+        if alone and gap is None:
+            return _along_limit(problem, progress)
         return _found(problem, progress, gap, exhaustive=exhaustive)
     except OutOfTimeError:
         return Solved(problem=problem, infeasibility=out_of_time_before_a_design(), cut=(SEARCH,))
@@ -77,7 +79,7 @@ def _alone(problem: Problem, progress: Progress) -> Solved:
     return Solved(problem=problem, judgement=found, infeasibility=none, seconds=seconds, cut=cut)
 
 
-def _before_one_environment(problem: Problem, progress: Progress) -> Solved:
+def _along_limit(problem: Problem, progress: Progress) -> Solved:
     """Search along the limit of the coupling; if nothing is proved there, take the design for every passive
     environment, which is one for the stated one too."""
     began = perf_counter()
@@ -87,7 +89,7 @@ def _before_one_environment(problem: Problem, progress: Progress) -> Solved:
         wider = prepare(replace(problem, worlds=None))
         safe = optimum(wider, scan(wider.scaled), progress).judgement
         found = found if safe is None else judge(problem, safe.gains, safe.coupling)
-    none = None if found else Infeasibility(NOT_BEFORE_ONE, MORE_FELT, proved=False)
+    none = None if found else Infeasibility(NOT_BEFORE_WORLDS, MORE_FELT, proved=False)
     cut, seconds = (PROOF,) * (found is not None and found.cut), {"search": perf_counter() - began}
     return Solved(problem=problem, judgement=found, infeasibility=none, seconds=seconds, cut=cut)
 

@@ -8,17 +8,15 @@ from dataclasses import replace
 from vctune.document.reading import ProblemFile
 from vctune.document.schema.validation import dotted
 from vctune.document.text.errors import Note
-from vctune.document.text.hints import in_finer_unit
+from vctune.document.text.hints import LONGEST_SAMPLE, seconds_meant
 from vctune.document.text.output_files import RESERVED, folder_name
 from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
 
-# Sample time, s, from which vctune asks whether it is in seconds: twice the sample time of the slowest example
-SLOWEST = 0.1
 # Stiffness of a hand, N/m or N m/rad, from which vctune asks whether it is in SI units: ten times the stiffness of a
 # stiff fixture, and a thousand times the stiffness of a firm grip
 STIFFEST = 1e6
-GRAMS = 50.0, 5000.0  # Masses of haptic devices in grams, from which vctune asks whether they are in kg
+GRAMS = 50.0, 5000.0  # Masses of haptic devices, and of hands, in grams, from which vctune asks whether they are in kg
 FIRM = 1e3  # Stiffness of a firm grip, N/m
 
 
@@ -35,11 +33,14 @@ def file_doubts(file: ProblemFile, source: str | None = None) -> Iterator[Note]:
 def doubts(problem: Problem) -> Iterator[Note]:
     """Yield values that are probably not intended."""
     T, name = problem.device.sample_time, problem.name
-    if T >= SLOWEST:
-        unit, instead = in_finer_unit(T, SLOWEST)
-        yield Note("warn-sample-time", f"device.sample_time is {T:g} s; is it in {unit}? Then write {instead:g}")
+    if T >= LONGEST_SAMPLE:
+        yield Note("warn-sample-time", f"device.sample_time is {T:g} s; {seconds_meant(T)}")
     if problem.units.mass == "kg" and GRAMS[0] <= (mass := problem.device.mass) <= GRAMS[1]:
         yield Note("warn-mass", f"device.mass is {mass:g} kg; is it in grams? Then write {mass / 1e3:g}")
+    heaviest = problem.hands_met.high.mass if problem.hands_met is not None else 0.0
+    if problem.units.mass == "kg" and heaviest >= GRAMS[0]:
+        text = f"operator.mass.max is {heaviest:g} kg; is it in grams? Then write {heaviest / 1e3:g}"
+        yield Note("warn-mass", text)
     stiffness = problem.hands_met.high.stiffness if problem.hands_met is not None else 0.0
     if stiffness >= STIFFEST:
         unit = problem.units.stiffness

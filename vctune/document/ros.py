@@ -240,7 +240,11 @@ class _Reader:
         key, values = f"admittance.{name}", self._table("admittance").get(name)
         kind = "true or false" if flags else "numbers"
         if not isinstance(values, list) or len(values) != len(AXES):
-            self._wrong(key, f"must be a list of {len(AXES)} {kind}, of {', '.join(AXES)}; it is {_shown(values)}")
+            others = [str(other) for other in self._table("admittance") if str(other) not in DECLARED["admittance"]]
+            near = get_close_matches(name, others, n=1) if values is None else []
+            hint = f"; did you mean it by {near[0]}?" if near else ""
+            said = f"must be a list of {len(AXES)} {kind}, of {', '.join(AXES)}; it is {_shown(values)}{hint}"
+            self._wrong(key, said)
             return [0.0] * len(AXES)
         for axis, element in zip(AXES, values, strict=True):
             if flags and not isinstance(element, bool):

@@ -9,40 +9,41 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass, replace
-from math import exp, inf, log
+from math import exp, inf, log, pi
 
 import numpy as np
 from scipy.optimize import minimize
 
 from vctune.analysis.demands import sensitivity_maxima
 from vctune.analysis.extrema import Floats
-from vctune.analysis.multiples import LoopsInWorlds
+from vctune.analysis.multiples import LoopsInWorlds, angles_of
 from vctune.design.prepared import Posed
 from vctune.design.search.exchange import stable
-from vctune.design.variables import Point, design_of, point, ranges
+from vctune.design.variables import Point, design_of, ranges
 from vctune.design.verdict.judge import Judgement, Status, judge_posed
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import Hand
 from vctune.model.problem import Range
-from vctune.proof.claims.crossing import ANGLES
+from vctune.proof.claims.crossing import ANGLES, BESIDE
 from vctune.proof.outcome import Verdict
 from vctune.proof.prover import boxes_at_most
 from vctune.running import check_time
 
-RESERVE, WIDER, ROUNDS = 2e-4, 4.0, 6  # of the first proof beyond the estimate, its growth, and number of proofs
-MOST_BOXES, MOST_DEVICES = 20_000, 16
+RESERVE, ROUNDS = 1e-4, 8  # of the first proof beyond the safety factor, and number of proofs
+MOST_BOXES, MOST_DEVICES = 100_000, 16
 # Of the grid: gains as shares of the greatest K_v, number of corners K_p/K_v over the band, and the shapes: m_c/b_c, or
 # m_c/b_0 of a rigid coupling, in sample times, and b_0/b_c
 VELOCITIES, CORNERS = np.geomspace(1e-3, 0.95, 11), 5
 RIGID, SHAPES, DRAGS = np.geomspace(0.03, 1e5, 13), np.geomspace(0.3, 300, 6), np.geomspace(1e-3, 10, 6)
-STARTS, BEST = 4, 2  # number of starts of the grid, each with another K_v, and of those that are proved
+STARTS, BEST = 4, 2  # number of starts of the grid, each with another K_v or shape, and of those that are proved
 # Steps of the logarithms, greatest numbers of designs that are compared, and distances at which a search ends: of each
 # start, of the best, and of the best with more hands
 COARSE, FINE, AGAIN = (0.3, 120, 1e-2), (0.1, 260, 1e-4), (0.01, 60, 1e-4)
 GAINS = 2  # number of gains before the numbers of the coupling in a `Point`
 FAR, HALVINGS = 30.0, 16  # Greatest factor of a coupling that is not free as a whole, and halvings of its logarithm
 DIGITS = 8  # of a design
+TINY = 1e-300
 SOFTEST = 1e-3  # Least coupling, over Z_0, if it could be softer: a proof about next to nothing does not end
 
 
@@ -96,10 +97,12 @@ class _Limit:
             return (1 + self.reserve_of(found, loops)) / (1 + self.reserve)
 
         if free and all(k in free or value in (0.0, inf) for k, value in enumerate(values[GAINS:], GAINS)):
-            there, Z_0 = ratio(values), self.posed.problem.transparency.reference_impedance
-            b_c, m_c, b_0 = values[GAINS:]
-            softest = SOFTEST * Z_0 / max(b_0, min(b_c, m_c / self.posed.problem.device.sample_time))
-            found = _times(values, free, max(1 / there, softest)) if there > 0 else values
+            needed = self.posed.problem.stability.safety_factor * (1 + self.reserve)
+            problem, (b_c, m_c, b_0) = self.posed.problem, values[GAINS:]
+            least = loops[0].least_stable(design_of(values)[1], loops[1:], needed)
+            softest = problem.transparency.reference_impedance * SOFTEST
+            softest /= max(b_0, min(b_c, m_c / problem.device.sample_time))
+            found = _times(values, free, max(least * needed, softest))
         else:
             found = _halved(values, free, ratio)
         raised = tuple(max(value, bounds.min) for value, bounds in zip(found, self.ranges, strict=True))
@@ -160,9 +163,12 @@ def _proved_near(limit: _Limit, start: Point) -> Judgement | None:
         hands = [each.hand for each in lost if each.hand is not None and each.hand not in limit.hands]
         others = [each.device for each in lost if each.device is not None and each.device not in limit.devices]
         limit = replace(limit, hands=[*limit.hands, *hands], devices=[*limit.devices, *others])
+        T, known = limit.devices[0].sample_time, angles_of(limit.devices[0]) if limit.angles is None else limit.angles
+        beside = [np.minimum(each.witness * T * BESIDE, pi) for each in lost if each.witness]
+        limit = replace(limit, angles=np.unique(np.concatenate([known, *beside])))
         loops = limit.loops(law[0])
-        if loops is not None and limit.reserve_of(point(*law), loops) >= 0:  # what was lost is not seen by the estimate
-            limit = replace(limit, reserve=WIDER * limit.reserve)
+        if loops is not None and limit.reserve_of((*astuple(law[0]), *astuple(law[1])), loops) >= limit.reserve / 2:
+            limit = replace(limit, reserve=2 * limit.reserve)  # what was lost is not seen by the estimate
     return tried
 
 
@@ -177,9 +183,11 @@ def _starts(limit: _Limit) -> list[Point]:
             design = limit.design((*astuple(gains), *coupling), loops)
             if design is not None:
                 found.append((limit.posed.error(*design_of(design)), design))
-    best = dict[float, Point]()  # of each K_v, by the least error
+    best = dict[float, Point]()  # of each K_v, or of each shape without a loop, by the least error
     for _, design in sorted(found):
-        best.setdefault(design[0], design)
+        b_c, m_c, b_0 = design[GAINS:]
+        shape = m_c / b_c if b_c < inf else m_c / max(b_0, TINY)
+        best.setdefault(design[0] if limit.posed.problem.device.kind.own_loop else float(f"{shape:.2g}"), design)
     return list(best.values())[:STARTS]
 
 

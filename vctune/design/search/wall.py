@@ -7,7 +7,7 @@ circle, so that each damping has a stiffness to find by halving, and the best da
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import exp, log
+from math import exp, inf, log
 
 import numpy as np
 
@@ -20,13 +20,13 @@ from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.problem import Problem
 from vctune.proof.claims.crossing import ANGLES, LoopsBeforeWall
 from vctune.running import check_time
 
 PER_DECADE = 120  # angles for any passive hand
 DAMPINGS = np.append(0.0, np.geomspace(1e-3, 2.0, 25))  # that are compared first, as shares of m/lag + b
-HALVINGS, STEPS = 30, 12  # of the logarithm of the stiffness, and of the range of the best damping
+NO_LOOP = Gains(0.0, 0.0)  # of an impedance display that injects no damping
+HALVINGS, STEPS = 30, 20  # of the logarithm of the stiffness, and of the range of the best damping
 GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, and as a share of the greatest
 
 Multiple = Callable[[SpringDamper], float]  # the least multiple of a wall that is unstable, by an estimate
@@ -39,9 +39,9 @@ def stiffest_wall(posed: Posed) -> Judgement | None:
 
     def best(devices: Sequence[Device], hands: Sequence[Hand], reserve: float) -> SpringDamper | None:
         multiples = [_in_any_hand(each) if problem.any_hand else _in_hands(each, hands) for each in devices]
-        return _stiffest(problem, multiples, problem.stability.safety_factor * reserve)
+        return _stiffest(posed, multiples, problem.stability.safety_factor * reserve)
 
-    return first_proved(posed, Gains(0.0, 0.0), best)
+    return first_proved(posed, NO_LOOP, best)
 
 
 def _in_any_hand(device: Device) -> Multiple:
@@ -54,8 +54,10 @@ def _in_hands(device: Device, hands: Sequence[Hand]) -> Multiple:
     return lambda wall: float(loops.limits(wall)[0].min())
 
 
-def _stiffest(problem: Problem, multiples: Sequence[Multiple], needed: float) -> SpringDamper | None:
-    """Return the stiffest wall of which every device bears a multiple."""
+def _stiffest(posed: Posed, multiples: Sequence[Multiple], needed: float) -> SpringDamper | None:
+    """Return the stiffest wall of which every device bears a multiple; of several equally stiff, that of least
+    error."""
+    problem = posed.problem
     device, dampings, springs = problem.device, problem.bounds.damping, problem.bounds.stiffness
     scale = device.mass / device.loop_lag + device.damping
     greatest = min(springs.max, GREATEST * scale / device.sample_time)
@@ -74,15 +76,20 @@ def _stiffest(problem: Problem, multiples: Sequence[Multiple], needed: float) ->
             low, high = (middle, high) if stable(middle) else (low, middle)
         return exp(low)
 
+    def worth(damping: float) -> tuple[float, float]:
+        """Minus the stiffness, and the error."""
+        k = stiffness(damping)
+        return -k, posed.error(NO_LOOP, SpringDamper(damping, k)) if k > 0 else inf
+
     tried = np.unique(np.clip(scale * DAMPINGS, dampings.min, dampings.max))
-    found = [stiffness(float(damping)) for damping in tried]
-    k = int(np.argmax(found))
-    if found[k] == 0:
+    found = [worth(float(damping)) for damping in tried]
+    k = min(range(len(found)), key=lambda n: found[n])
+    if found[k][0] == 0:
         return None
     best, (low, high) = float(tried[k]), (float(tried[max(k - 1, 0)]), float(tried[min(k + 1, len(tried) - 1)]))
     golden = (5**0.5 - 1) / 2
     for _ in range(STEPS if high > low else 0):
         inner = high - golden * (high - low), low + golden * (high - low)
-        low, high = (low, inner[1]) if stiffness(inner[0]) >= stiffness(inner[1]) else (inner[0], high)
-    best = float(f"{max(best, 0.5 * (low + high), key=stiffness):.6g}")
+        low, high = (low, inner[1]) if worth(inner[0]) <= worth(inner[1]) else (inner[0], high)
+    best = float(f"{min(best, low, 0.5 * (low + high), high, key=worth):.6g}")
     return SpringDamper(best, float(f"{stiffness(best):.8g}"))

@@ -14,6 +14,7 @@ from vctune.document.schema.problem_schema import (
     ServoDeviceTable,
     StabilityTable,
     UncertaintyTable,
+    WorldMassTable,
     WorldsTable,
     WorldStiffnessTable,
 )
@@ -133,11 +134,13 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
     default."""
     if table is None:
         return None
-    springs = table.stiffness
+    masses, springs = table.mass, table.stiffness
+    if isinstance(masses, float):
+        masses = WorldMassTable(min=masses, max=masses)
     if isinstance(springs, float):
         springs = WorldStiffnessTable(min=springs, max=springs)
-    low = World(table.mass.min, table.damping.min, springs.min)
-    heaviest, stiffest = (inf if bounds.max is None else bounds.max for bounds in (table.mass, springs))
+    low = World(masses.min, table.damping.min, springs.min)
+    heaviest, stiffest = (inf if bounds.max is None else bounds.max for bounds in (masses, springs))
     high = World(heaviest, inf, stiffest)
     corner = None if table.corner_hz is None else 2 * pi * table.corner_hz
     worlds = Worlds(low, high, table.walls, corner)

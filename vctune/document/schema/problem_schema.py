@@ -152,6 +152,11 @@ class WorldMassTable(Table):
     max: NotNegativeOrInf | None = Field(None, description="Greatest mass, kg. Default inf, no limit.")
 
 
+WorldMass = Annotated[
+    Annotated[NotNegative, Tag("<number>")] | Annotated[WorldMassTable, Tag("<range>")], Discriminator(_form)
+]
+
+
 class WorldDampingTable(Table):
     """Damping of the environments, N s/m."""
 
@@ -180,7 +185,9 @@ class WorldsTable(Table):
     For an impedance display the only environment is `stiffness = inf`, a rigid world: the coupling is then a wall.
     """
 
-    mass: WorldMassTable = Field(default_factory=WorldMassTable)
+    mass: WorldMass = Field(
+        default_factory=WorldMassTable, description="Mass of the environments, kg. A number is that number."
+    )
     damping: WorldDampingTable = Field(default_factory=WorldDampingTable)
     stiffness: WorldStiffness = Field(
         default_factory=WorldStiffnessTable,

@@ -10,7 +10,7 @@ from typing import Any
 
 from vctune.document.schema.number_units import unit_of, units_stated
 from vctune.document.schema.validation import Contradiction
-from vctune.document.text.hints import in_finer_unit
+from vctune.document.text.hints import LONGEST_SAMPLE, in_finer_unit, seconds_meant
 from vctune.document.text.toml import number_at
 from vctune.model.experiment import Environment, Friction, Operator
 from vctune.model.fields import keys_of_table
@@ -68,7 +68,10 @@ MEANINGLESS_IN_EXPERIMENT: dict[tuple[str, ...], str] = {
 def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     """Return the contradictions in the valid parts of a problem's tables."""
     rules = (_ranges, _bands, _constraints, _environments, _long_delays, impossible_parts, _display, _experiments)
-    return [found for rule in (*rules, _missing_of_rotary) for found in rule(raw)]
+    found = [each for rule in (*rules, _missing_of_rotary) for each in rule(raw)]
+    if found and (T := _sample_time(raw) or 0.0) >= LONGEST_SAMPLE:  # the others may follow from it
+        return [(("device", "sample_time"), f"is {T:g} s; {seconds_meant(T)}")]
+    return found
 
 
 def impossible_parts(raw: dict[str, Any]) -> Found:

@@ -20,6 +20,9 @@ CALLED = {
 WITH_COMMA = re.compile(r"([-+]?\d+),(\d+)")
 WITH_UNIT = re.compile(r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?) *([A-Za-zµ][\w /^²·*]*)")
 FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))  # Finer units of time, each in seconds, with its name
+# Sample time, s, from which vctune asks whether it is in seconds: twice the sample time of the slowest example
+LONGEST_SAMPLE = 0.1
+SLOWEST_RATE = 10.0  # Hz, from which a sample time may be a rate
 ASSIGNED = re.compile(r"=\s*([^#]*?)\s*(?:#.*)?$")
 
 
@@ -49,6 +52,13 @@ def commas_meant(values: list[object]) -> str:
         return ""
     a, b, c, d = values
     return f"; are these decimal points? Write [{a}.{b}, {c}.{d}]"
+
+
+def seconds_meant(value: float) -> str:
+    """Return the sample time, s, that a great number probably means: in a finer unit, or as a rate."""
+    unit, instead = in_finer_unit(value, LONGEST_SAMPLE)
+    rate = f"; or the rate of {value:g} Hz? Then write {1 / value:.6g}" if value >= SLOWEST_RATE else ""
+    return f"is it in {unit}? Then write {instead:g}{rate}"
 
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:
