@@ -181,7 +181,7 @@ def restated(folder, axis, repair):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "axis, words", [(LIGHT, "damping_ratio mass"), (UNSPRUNG, "filter_coefficient joint_damping mass")]
+    "axis, words", [(LIGHT, "damping_ratio joint_damping mass"), (UNSPRUNG, "filter_coefficient joint_damping mass")]
 )
 def test_what_would_help_does(arm, axis, words):
     """Each parameter that has an effect, alone: without stiffness damping_ratio has none."""

@@ -75,9 +75,10 @@ class ParameterChange:
         return relative / (1 + relative) if relative < inf else 1.0
 
     def steps(self, solved: Mapping[str, float]) -> Iterator[tuple[float, float]]:
-        """Yield relative changes with their new values, up to the limit; a solved value of the key is among them."""
+        """Yield relative changes with their new values, up to the limit; a solved value of the key, however far, is
+        among them."""
         known = solved.get(self.key)
-        if known is not None and (self.old < known < self.limit or self.old > known > self.limit):
+        if known is not None and known != self.old and (known > self.old) == (self.limit > self.old):
             yield self.relative(known), known
         last = self.relative(self.limit)
         for step in () if self.switch else STEPS_FROM_ZERO if self.old == 0 else STEPS:
