@@ -22,6 +22,7 @@ STEPS_FROM_ZERO = (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0
 ROUNDING = 0.02  # Greatest share of a change, or of the value, by which rounding to few digits may enlarge the change
 FURTHEST = 1e3  # Greatest factor by which the search changes a value
 DIGITS = 12  # Greatest number of significant digits of a new value
+SLIGHT = 0.1  # Share of the limit by which a value may be beyond it and is meant to be the limit
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ASSUMED = ("operator", "environment", "stability")  # Tables that state what is assumed of the world and asked for
 
@@ -98,10 +99,11 @@ class ParameterChange:
         return self.old * (1 + relative) if self.limit > self.old else self.old / (1 + relative)
 
     def rounded(self, exact: float) -> float:
-        """Return a new value, rounded away from the old one to as few digits as possible, and not beyond the limit."""
+        """Return a new value, rounded away from the old one to as few digits as possible, and not beyond the limit;
+        one that is far beyond it, as a solved value may be, stays as it is."""
         upwards, close = self.limit > self.old, ROUNDING * min(abs(exact - self.old), exact)
         if (exact >= self.limit) if upwards else (exact <= self.limit):
-            return self.limit
+            return self.limit if abs(exact - self.limit) <= SLIGHT * self.limit else exact
         for digits in range(1, DIGITS):
             new = _digits(exact, digits, ROUND_CEILING if upwards else ROUND_FLOOR)
             if abs(new - exact) <= close and ((new <= self.limit) if upwards else (new >= self.limit)):
