@@ -99,7 +99,7 @@ FAULTS = {
     "the exported velocity gain is rounded": (
         "firmware/firmware.py", 'repr(number) if precision == "double"', '"%.6g" % number if precision == "double"'),
     "a repair that was not proved is listed": (
-        "design/verdict/repair.py", "judgement.status is Status.CERTIFIED else None", "True else None"),
+        "design/verdict/repair.py", "solved.status is Status.CERTIFIED else None", "True else None"),
     "the delay of a log is that of its force": (
         "identification/search.py", 'pushed = has.get("command", has.get("force"))',
         'pushed = has.get("force", has.get("command"))'),

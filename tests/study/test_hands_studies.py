@@ -306,7 +306,7 @@ def test_where_any_damping_would_do_a_little_is_proposed():
     text = NO_DRAG.replace("{ min = 3000.0, max = 1e5 }", "0.0")
     file = replace(read_problem(FOLDER / f"{NAMES[0]}.toml"), problem=posed(text), text=text)
     repairs = {repair.key: repair for repair in vctune.solve(file).repairs}
-    assert {"operator.damping.min", "coupling.drag"} <= set(repairs)
+    assert "operator.damping.min" in repairs
     assert 0 < repairs["operator.damping.min"].new <= 0.01 * 30  # of the greatest damping
 
 
