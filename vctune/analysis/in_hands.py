@@ -71,13 +71,6 @@ def least_ratios_of_each(
     return found
 
 
-def ratio_in_some_hands(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the least ratio on the grid of hands and angles from which `least_ratios` starts."""
-    if problem.hands_met is None or problem.rigid:
-        return inf
-    return least_on_grid(problem.device, problem.hands_met, gains, coupling, problem.worlds_met).ratio
-
-
 def least_on_grid(
     device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None = None
 ) -> RatioInHand:

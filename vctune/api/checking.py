@@ -67,7 +67,7 @@ def check(
     -------
     Checked
         `result` is the verdict, `message` one line of text, `warnings` the probable mistakes; `finding` has the
-        `judgement` with the verdicts on the claims, and the `repairs` of a violated or idle design.
+        `judgement` with the verdicts on the claims, and the `repairs` of a violated design.
 
     Raises
     ------
