@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import tomllib
 from dataclasses import replace
-from math import inf
+from math import inf, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -233,3 +234,39 @@ def test_a_servo_that_follows_late_is_not_idle() -> None:
     judgement = checked.finding.judgement
     assert judgement.status is Status.CERTIFIED and judgement.transparency.tracking > 1
     assert not judgement.idle and not checked.warnings
+
+
+def late(samples: float, more: str = "") -> str:
+    """A servo of which only the latency is known, with nothing behind it."""
+    text = f"[device]\nsample_time = 4e-3\n[device.servo]\ndelay = {4e-3 * samples!r}\n{more}"
+    return f"{text}[environment]\nmass.max = 0.0\nstiffness.max = 0.0\n"
+
+
+@pytest.mark.parametrize("more", ["", pytest.param("order = 2\n", marks=pytest.mark.slow)])
+def test_a_latency_of_whole_samples_costs_about_what_its_neighbours_cost(more: str) -> None:
+    solved = [solve(problem(late(samples, more), "")) for samples in (3.6, 4.0, 4.4)]
+    assert {each.status for each in solved} == {Status.CERTIFIED}
+    errors = [each.judgement.transparency.error for each in solved]
+    assert max(errors) < 1.2 * min(errors)
+
+
+@pytest.mark.parametrize("more", ["", pytest.param("order = 2\n", marks=pytest.mark.slow)])
+def test_a_latency_without_a_bandwidth_is_proved_for_each_division(more: str) -> None:
+    """The worst division lies within 5 % of the limit: a smaller coupling fails one of them."""
+    design = vctune.solve(problem(late(5.0, more), "")).judgement.coupling
+    lags = [0.5, 0.51, 0.7, 1.0, 1.01, 1.3, 2.0, 2.5]
+    delays = [(5.0 - lag, lag) for lag in lags] + ([] if more else [(4.999999, 0.5), (5.0, 0.5)])
+    failed = {1.0: 0, 1 / 1.08: 0}
+    for factor, (delay, lag) in itertools.product(failed, delays):
+        corner = (1 if not more else sqrt(2)) / (2 * pi * 4e-3 * lag)
+        text = late(delay, f"bandwidth_hz = {corner!r}\n{more}")
+        drag, mass = factor * design.drag, factor * design.mass
+        fixed = f"[coupling]\ndamping = inf\nmass = {mass!r}\ndrag = {drag!r}\n"
+        failed[factor] += solve(problem(text, fixed)).status is not Status.CERTIFIED
+    assert failed[1.0] == 0
+    assert failed[1 / 1.08] > 0
+
+
+def test_an_uncertain_latency_states_its_bandwidth() -> None:
+    with pytest.raises(InputError, match="state the greatest delay instead, or the bandwidth_hz"):
+        problem(late(5.0), '[uncertainty]\n"servo.delay" = 0.1\n')

@@ -93,6 +93,7 @@ def test_a_mass_in_grams_and_a_log_in_the_place_of_a_problem_are_told(tmp_path):
 HELD = DEVICE + FIXED.format(160.0)
 DESKTOP = '[device]\ndisplay = "impedance"\nmass = 0.06\ndamping = 0.1\nsample_time = 1e-3\n'
 ROTARY = DEVICE.replace("[device]\n", '[device]\nunits = "rotary"\n')
+ARM = "[device]\nsample_time = 2e-3\n[device.servo]\ndelay = 0.03\n"
 GRIP = "[operator]\nstiffness = { min = 0.0, max = 1e3 }\ndamping = 1.0\nmass = 1.0\n"
 BOX = "[environment]\nmass = { min = 0.1, max = 5.0 }\nstiffness = { max = 2000.0 }\n"
 WALLS = BOX.replace("min = 0.1", "min = 0.0") + "walls = true\n"
@@ -119,6 +120,9 @@ DOUBTS = {
     ),
     "a rotary grip": (
         "warn-stiffness", ROTARY + GRIP.replace("1e3", "2e6"), ROTARY + GRIP, "is 2e+06 N m/rad; is it in N m/rad",
+    ),
+    "a latency without a bandwidth": (
+        "warn-latency", ARM, ARM + "bandwidth_hz = 20.0\n", "latency of 30 ms is divided into delay and lag",
     ),
     "a reserved name": ("warn-name", f'name = "con"\n{HELD}', f'name = "cone"\n{HELD}', "the folder is _con"),
     "moves before a rigid world": (

@@ -9,11 +9,10 @@ from vctune.analysis.demands import sampled_span, transparency_error
 from vctune.design.variables import Point
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands, Problem
 from vctune.model.transparency import TERMS, Terms
 from vctune.model.worlds import Worlds
-from vctune.proof.claims.delays import beside_whole_sample, next_to_whole_samples, reaching_whole_sample
+from vctune.proof.claims.delays import beside_whole_sample, may_jump, next_to_whole_samples, reaching_whole_sample
 from vctune.proof.device_box import DeviceBox, device_box, in_longer_hands, moved_as_one
 
 
@@ -122,10 +121,15 @@ def in_worlds(posed: Posed, change: Callable[[Worlds], Worlds]) -> Posed:
 def problems_beside(problem: Problem) -> list[Problem]:
     """Return copies of a problem with a delay just below and at a whole number of samples, if its delay is near such a
     number."""
-    delays = () if problem.uncertainty is None else dict(problem.uncertainty.half_widths)
-    if problem.hands_met is None or any(problem.device.number(key) for key in DELAYS if key in delays):
+    hands, device, uncertainty = problem.hands_met, problem.device, problem.uncertainty
+    widths = {} if uncertainty is None else dict(uncertainty.half_widths)
+    if hands is None or not may_jump(device, widths):
         return []
-    return [replace(problem, device=device) for device in beside_whole_sample(problem.device, problem.hands_met)]
+    if uncertainty is not None and device.divided:
+        widths.pop(device.delay_key, None)
+        uncertainty = replace(uncertainty, half_widths=tuple(widths.items()))
+    uncertainty = uncertainty if widths or (uncertainty and uncertainty.unmodelled) else None
+    return [replace(problem, device=each, uncertainty=uncertainty) for each in beside_whole_sample(device, hands)]
 
 
 def _posed(problem: Problem) -> Posed:

@@ -35,6 +35,10 @@ def doubts(problem: Problem) -> Iterator[Note]:
     T, name = problem.device.sample_time, problem.name
     if T >= LONGEST_SAMPLE:
         yield Note("warn-sample-time", f"device.sample_time is {T:g} s; {seconds_meant(T)}")
+    if problem.device.divided:
+        text = f"the latency of {1e3 * problem.device.stated_delay:g} ms is divided into delay and lag in any way"
+        known = "a bandwidth_hz that is known gives a better design"
+        yield Note("warn-latency", f"device.servo: {text}, with a lag of half a sample at least: {known}")
     if problem.units.mass == "kg" and GRAMS[0] <= (mass := problem.device.mass) <= GRAMS[1]:
         yield Note("warn-mass", f"device.mass is {mass:g} kg; is it in grams? Then write {mass / 1e3:g}")
     heaviest = problem.hands_met.high.mass if problem.hands_met is not None else 0.0

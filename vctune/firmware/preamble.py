@@ -137,11 +137,14 @@ def _mechanics(device: Device, units: Units) -> str:
     if servo is None:
         mass_and_damping = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
         return f"a linear device of {mass_and_damping} with {listed or 'ideal parts'}"
+    if device.divided:
+        late = f"{device.stated_delay!r} s late by a delay and a low-pass of order {servo.order} in any division"
+    else:
+        late = f"{servo.delay!r} s late through a low-pass of order {servo.order} and {servo.bandwidth_hz!r} Hz"
     between_samples = "held over a sample" if servo.command == "velocity" else "interpolated linearly over a sample"
     return (
-        f"a servo that follows the commanded {servo.command}, {between_samples}, {servo.delay!r} s late through a "
-        f"low-pass of order {servo.order} and {servo.bandwidth_hz!r} Hz, and that the hand cannot push, with "
-        f"{listed or f'an ideal {units.force_name} sensor'}"
+        f"a servo that follows the commanded {servo.command}, {between_samples}, {late}, and that the hand cannot "
+        f"push, with {listed or f'an ideal {units.force_name} sensor'}"
     )
 
 

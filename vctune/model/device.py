@@ -17,6 +17,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import UnitSystem
 from vctune.model.parts import (
     INERT,
+    LATENCY,
     NUMBERS,
     OF_FIRMWARE,
     PART_NUMBERS,
@@ -162,10 +163,10 @@ class Device:
         """Return all parameters of the device: those of the mechanism, of the firmware, and of the unmodelled
         response."""
         perturbed = {key: self.number(key) for key in UNMODELLED_KEYS if self.unmodelled is not None}
-        return self.numbers() | self._of_firmware() | perturbed
+        return self.numbers() | self._exact() | perturbed
 
-    def _of_firmware(self) -> dict[str, Number]:
-        return {key: number for key in OF_FIRMWARE if (number := self.number(key)) is not None}
+    def _exact(self) -> dict[str, Number]:
+        return {key: number for key in (*OF_FIRMWARE, LATENCY) if (number := self.number(key)) is not None}
 
     def with_numbers(self, numbers: Mapping[str, Number]) -> Device:
         """Return the device with some of its numbers replaced, by their keys. The device must have their parts."""
@@ -186,8 +187,9 @@ class Device:
         """Return the device in other units of impedance and time."""
         units = {"mass": impedance * time, "damping": impedance, "stiffness": impedance / time}
         units |= {"time": time, "rate": 1 / time, "ratio": 1.0}
-        numbers = self.numbers() | self._of_firmware()
-        scaled = {key: value / units[PART_NUMBERS[key].quantity] for key, value in numbers.items()}
+        numbers = self.numbers() | self._exact()
+        quantities = {key: each.quantity for key, each in PART_NUMBERS.items()} | {LATENCY: "time"}
+        scaled = {key: value / units[quantities[key]] for key, value in numbers.items()}
         same = self.with_numbers(scaled)
         if same.servo is not None:
             radii = tuple((hz * time, radius) for hz, radius in same.servo.radii)
@@ -213,6 +215,16 @@ class Device:
     def delay_key(self) -> str:
         """The key of the number that `latency` returns."""
         return "delay" if self.servo is None else "servo.delay"
+
+    @property
+    def divided(self) -> bool:
+        """Whether only the latency of a servo is known, which is divided into delay and lag in any way."""
+        return self.servo is not None and self.servo.latency is not None
+
+    @property
+    def stated_delay(self) -> Number:
+        """The delay that a file states under `delay_key`, s: for a servo without a bandwidth its whole latency."""
+        return self.latency if self.servo is None or self.servo.latency is None else self.servo.latency
 
     @property
     def sensing(self) -> ForceSensor:

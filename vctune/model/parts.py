@@ -13,7 +13,7 @@ from pydantic import Field
 
 from vctune.model.fields import Internal, Key, NotNegative, Order, Portion, Positive, record
 from vctune.model.hands import LeastOperator
-from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.arithmetic import Arithmetic, Number
 
 
 @record
@@ -106,7 +106,7 @@ class Servo:
         NotNegative,
         Key(
             "Delay between sampling and motion, s, without the delay of the hold; at most 200 sample times, "
-            "uncertainty included.",
+            "uncertainty included. Without `bandwidth_hz`, the whole latency of the servo.",
             "time",
             "servo: delay",
         ),
@@ -114,9 +114,10 @@ class Servo:
     bandwidth_hz: Annotated[
         Positive | None,
         Key(
-            "Bandwidth of the servo as a low-pass after the delay, Hz. Default: 1000/sample_time, a servo that is only "
-            "late. Such a servo moves at once with a light hand's sensed inertia, which requires much drag: state a "
-            "bandwidth if it is known.",
+            "Bandwidth of the servo as a low-pass after the delay, Hz. Default: unknown. The claims then hold for each "
+            "division of the latency `delay` into a delay and a lag, from half of it each to a lag of half a "
+            "sample time, and for this lag after the later delay, less than a sample later, at which the samples "
+            "show the hand's mass most.",
             "rate",
             "servo: bandwidth",
             "a faster servo",
@@ -137,6 +138,14 @@ class Servo:
         ),
     ] = None
     radii: Internal[tuple[tuple[float, float], ...]] = ()  # disc of unmodelled dynamics, (Hz, radius)
+    latency: Internal[Number | None] = None  # delay + lag, s, if only their sum is known: then without bandwidth_hz
+
+    def bandwidth(self, ops: Arithmetic) -> Number:
+        """Return the bandwidth, Hz: `bandwidth_hz`, or that of the part of the latency which is no delay."""
+        if self.latency is None:
+            return self.bandwidth_hz
+        lag = self.latency - self.delay
+        return (1 if self.order == 1 else ops.sqrt(2 + 0 * lag)) / (2 * ops.pi * lag)
 
 
 @record
@@ -227,5 +236,6 @@ DELAYS = (
     *LOOP_DELAYS,
     *(key for key in UNCERTAIN if PART_NUMBERS[key].quantity == "time" and key not in LOOP_DELAYS),
 )
+LATENCY = "servo.latency"  # Key of the latency of a servo whose bandwidth is unknown
 # Keys of the parameters that select one response of the uncertainty set
 UNMODELLED_KEYS = ("unmodelled.share", "unmodelled.phase")

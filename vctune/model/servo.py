@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 
 from vctune.model.device import Device
 from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.parts import LATENCY
+from vctune.model.sampled.circle import SNAP
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +66,7 @@ def latency(device: Device, ops: Arithmetic) -> Latency:
         hold=half,
         interpolation=half if servo.command == "position" else 0 * half,
         delay=servo.delay,
-        lag=_lag(servo.bandwidth_hz, servo.order, ops),
+        lag=_lag(servo.bandwidth(ops), servo.order, ops),
         sensor=late,
         filter=smoothed,
     )
@@ -73,3 +76,21 @@ def _lag(bandwidth_hz: Number, order: int, ops: Arithmetic) -> Number:
     """Return the lag of a low-pass at omega = 0, -d(phase)/d(omega), s."""
     corner = 2 * ops.pi * bandwidth_hz
     return 1 / corner if order == 1 else ops.sqrt(2 + 0 * corner) / corner
+
+
+LEAST_LAG = 0.5  # Least lag of a servo whose bandwidth is unknown, in samples
+
+
+def delays_in_latency(latency: float, sample_time: float) -> tuple[float, float]:
+    """Return the least and the greatest delay in a latency whose division into delay and lag is unknown, s."""
+    return latency / 2, max(latency / 2, latency - LEAST_LAG * sample_time)
+
+
+def with_least_lag(device: Device, off: float) -> Device:
+    """Return a servo, of which only the latency is known, with the least lag after the next delay that is `off` samples
+    from whole samples."""
+    assert device.servo is not None and device.servo.latency is not None
+    T, sensed = device.sample_time, device.sensing.delay
+    whole = ceil(((device.servo.latency + sensed) / T - LEAST_LAG - off) * (1 - SNAP))
+    delay = (whole + off) * T - sensed
+    return device.with_numbers({device.delay_key: delay, LATENCY: delay + LEAST_LAG * T})

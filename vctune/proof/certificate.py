@@ -9,9 +9,9 @@ from fractions import Fraction
 from functools import partial
 
 from vctune.model.device import Device
-from vctune.model.parts import DELAYS
+from vctune.model.parts import DELAYS, LATENCY
 from vctune.model.problem import Demands
-from vctune.proof.claims.delays import beside_whole_sample
+from vctune.proof.claims.delays import beside_whole_sample, may_jump
 from vctune.proof.claims.every_hand import (
     prove_any_hand,
     prove_hands,
@@ -208,11 +208,12 @@ def _certificate(question: Question) -> Certificate:
 def _beside(question: Question) -> list[Question]:
     """Return the same question for the delays on both sides of a nearby whole number of samples."""
     design, demands, box = question.design, question.demands, question.box
-    hands, found = demands.hands, list[Question]()
-    if hands is None or (box is not None and any(key in box.uncertain for key in DELAYS)):
+    hands, found, uncertain = demands.hands, list[Question](), box.uncertain if box is not None else ()
+    if hands is None or not may_jump(design.device, uncertain):
         return found
+    keys = (design.device.delay_key, LATENCY) if design.device.divided else DELAYS
     for device in beside_whole_sample(design.device, hands):
-        delays = {key: device.number(key) for key in DELAYS if device.number(key) is not None}
+        delays = {key: device.number(key) for key in keys if device.number(key) is not None}
         there = box and DeviceBox(*(each.with_numbers(delays) for each in (box.nominal, box.low, box.high)))
         at = replace(demands, device=demands.device.with_numbers(delays))
         found.append(Question(replace(design, device=device), at, there))

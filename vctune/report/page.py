@@ -75,7 +75,13 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
         kind, doubt = ("doubtful", "of little use") if useless else ("good", "")
         word = f"certified, {doubt}" if useless else "certified"
         widths = problem.uncertainty.half_widths if problem.uncertainty is not None else ()
-        known = [f"{key} ± {100 * width:.3g} %".replace("_hz", "").replace("_", " ") for key, width in widths if width]
+        divided = {problem.device.delay_key} if problem.device.divided else set()
+        known = ["any division of the servo's latency into delay and lag"] if divided else []
+        known += [
+            f"{key} ± {100 * width:.3g} %".replace("_hz", "").replace("_", " ")
+            for key, width in widths
+            if width and key not in divided
+        ]
         devices = f"; for every device within {', '.join(known)}" if known else ""
         sentence = f"Proved {record.promise}{devices}."
     measure = words("measure", record, problem, alone)

@@ -43,6 +43,10 @@ def _device(problem: Problem) -> list[Line]:
     if device.kind is not ADMITTANCE:
         lines.append(Line("display", device.kind.name, "", device.kind.makes.format(force=units.force_name)))
     for key, number in device.numbers().items():
+        if key == device.delay_key and device.divided:
+            note = "divided into delay and lag in any way"
+            lines.append(Line("servo: latency", *quantity(device.stated_delay, "s"), note))
+            continue
         value = quantity(float(number), unit_of(tuple(key.split(".")), units))
         known = f"± {100 * widths[key]:.4g} %" if widths.get(key) else ""
         lines.append(Line(units.translated(PART_NUMBERS[key].label), *value, known))
@@ -149,6 +153,8 @@ def dynamics(device: Device) -> str:
     if (servo := device.servo) is not None:
         stated = [f"a servo of {quantity(servo.bandwidth_hz, 'Hz')} and order {servo.order}"]
         stated += [f"delay {quantity(servo.delay, 's')}"]
+        if device.divided:
+            stated = [f"a servo of order {servo.order}", f"latency {quantity(device.stated_delay, 's')}"]
         stated += [f"a {servo.command} command every {quantity(device.sample_time, 's')}"]
     else:
         stated = [f"hold “{device.hold}” of {quantity(device.sample_time, 's')}"]

@@ -14,7 +14,6 @@ from vctune.model.experiment import Operator
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.filters import Rows, drive_rows, drive_states, plain_low_pass_rates
 from vctune.model.numbers.arithmetic import FLOATS, Floats, Number
-from vctune.model.parts import Servo
 
 # Inputs of the states. "command" is the held command that has arrived (a force, or a servo's velocity), and "friction"
 # is the force of the friction. "push" is the force, N, that the hand's spring and damper would exert on a handle at
@@ -61,7 +60,7 @@ def plant(device: Device, hand: Operator) -> Plant:
         position, velocity, force = _pushed(device, hand, row_of, rates)
         force_unit = device.mass / T**2
     else:
-        position, velocity, force = _followed(servo, hand, row_of, rates)
+        position, velocity, force = _followed(servo.bandwidth(FLOATS), servo.order, hand, row_of, rates)
         force_unit = (hand.mass / T**2 + hand.damping / T + hand.stiffness) or 1.0
         units["command"] = 1 / T
     if sensor.bandwidth_hz is not None:
@@ -100,10 +99,11 @@ def _pushed(device: Device, hand: Operator, row_of: RowOf, rates: RowOf) -> tupl
     return position, handle, masses.handle / mass * free + hand.mass / mass * spring
 
 
-def _followed(servo: Servo, hand: Operator, row_of: RowOf, rates: RowOf) -> tuple[Floats, Floats, Floats]:
+def _followed(
+    bandwidth_hz: float, order: int, hand: Operator, row_of: RowOf, rates: RowOf
+) -> tuple[Floats, Floats, Floats]:
     """Add the rates of a servo, which the hand cannot push. f_h is the push minus M a + B v + K x of the hand."""
-    assert servo.bandwidth_hz is not None
-    rates |= _low_pass("velocity", servo.bandwidth_hz, servo.order, row_of["command"], row_of)
+    rates |= _low_pass("velocity", bandwidth_hz, order, row_of["command"], row_of)
     position, velocity = row_of["position"], row_of["velocity"]
     resisting = hand.stiffness * position + hand.damping * velocity + hand.mass * rates["velocity"]
     return position, velocity, row_of["push"] - resisting

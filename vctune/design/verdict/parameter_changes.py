@@ -154,8 +154,8 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
         yield _more_damping(("device", "damping"), "more device damping", device.damping, problem)
     yield ParameterChange(("device", "sample_time"), "a shorter sample time", T, T / FURTHEST)
     late: KeyPath = ("device", "delay") if device.servo is None else ("device", "servo", "delay")
-    if device.latency > 0:
-        yield ParameterChange(late, "less delay", device.latency, device.latency / FURTHEST)
+    if (delay := device.stated_delay) > 0:
+        yield ParameterChange(late, "less delay", delay, delay / FURTHEST)
     better = {key: each for key, each in PART_NUMBERS.items() if each.better and device.number(key)}
     for key, each in sorted(better.items(), key=lambda entry: entry[1].quantity == "time"):
         number = device.number(key)

@@ -19,6 +19,7 @@ from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.records.design_json import Price
 from vctune.model.device import Device
 from vctune.model.hands import Hand
+from vctune.model.parts import LATENCY
 from vctune.model.problem import Problem
 from vctune.proof.claims.delays import kept_at_whole_sample, sensed_force_jumps
 from vctune.running import OutOfTimeError, check_time
@@ -79,6 +80,7 @@ class _Number:
 def _numbers(problem: Problem) -> list[_Number]:
     """Return the parameters that get a price: parameters of the device and, for a servo, also of the hands."""
     known = problem.device.numbers()
+    known |= {problem.device.delay_key: problem.device.stated_delay}
     found = [_Number(f"device.{name}", old, partial(_of_device, name)) for name, old in known.items() if old > 0]
     if problem.device.kind.own_loop:
         return found
@@ -95,7 +97,8 @@ def _numbers(problem: Problem) -> list[_Number]:
 
 
 def _of_device(name: str, factor: float, device: Device) -> Device:
-    return device.with_numbers({name: factor * device.number(name)})
+    names = (name, LATENCY) if name == "servo.delay" else (name,)  # a latency keeps the shares of delay and lag
+    return device.with_numbers({key: factor * number for key in names if (number := device.number(key)) is not None})
 
 
 def _of_hand(name: str, edge: float, factor: float, hand: Hand) -> Hand:

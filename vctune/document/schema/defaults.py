@@ -25,7 +25,7 @@ from vctune.model.hands import Hand, Hands, LeastOperator
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import UnitSystem
-from vctune.model.parts import PARTS, VelocityEstimate
+from vctune.model.parts import PARTS, Servo, VelocityEstimate
 from vctune.model.problem import (
     ABSENT,
     HUMAN_HANDS,
@@ -38,6 +38,7 @@ from vctune.model.problem import (
     Transparency,
     Uncertainty,
 )
+from vctune.model.servo import delays_in_latency
 from vctune.model.worlds import EVERY_WORLD, World, Worlds
 
 
@@ -168,9 +169,7 @@ def device_of(table: Device | ServoDeviceTable) -> Device:
     """Return the device of a table, without its least operator, the radii of a servo, and parts that are ideal."""
     if isinstance(table, ServoDeviceTable):
         # mass 1 and damping 0: the motion of a servo does not depend on them
-        servo = table.servo
-        if servo.bandwidth_hz is None:
-            servo = replace(servo, bandwidth_hz=FASTEST / table.sample_time)
+        servo = table.servo if table.servo.bandwidth_hz is not None else _divided(table.servo, table.sample_time)
         parts = {"servo": servo, "force_sensor": table.force_sensor}
         device = Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **parts)  # type: ignore[arg-type]
     elif table.kind.differences:
@@ -181,10 +180,20 @@ def device_of(table: Device | ServoDeviceTable) -> Device:
     return replace(device, **absent)
 
 
+def _divided(servo: Servo, T: float) -> Servo:
+    """Return a servo of which only the latency is known, in the middle of its divisions into delay and lag."""
+    if servo.delay == 0:
+        return replace(servo, bandwidth_hz=FASTEST / T)
+    return replace(servo, delay=sum(delays_in_latency(servo.delay, T)) / 2, latency=servo.delay)
+
+
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
     """Return the uncertainty; None if no parameter of the device varies and there is no disc."""
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
     moving = tuple((key, width) for key, width in widths.items() if width > 0)
+    if device.servo is not None and device.servo.latency is not None:
+        shortest, longest = delays_in_latency(device.servo.latency, device.sample_time)
+        moving += (("servo.delay", (longest - shortest) / (longest + shortest)),) if longest > shortest else ()
     radii = () if device.servo is not None else tuple(table.unmodelled)
     uncertainty = Uncertainty(moving, table.objective, radii)
     return uncertainty if uncertainty.unmodelled or any(device.number(key) for key, _ in moving) else None

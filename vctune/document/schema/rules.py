@@ -299,7 +299,11 @@ def _uncertain(raw: dict[str, Any]) -> Found:
         part, _, name = key.rpartition(".")
         if part and name in _table(table, part):
             yield ("uncertainty", part, name), f'belongs in quotes: "{key}" = {table[part][name]}'
-        if part and table.get(key) and name not in _table(raw, "device", part):
+        if key == "servo.delay" and table.get(key) and name in (servo := _table(raw, "device", part)):
+            if "bandwidth_hz" not in servo:
+                text = "of a latency whose bandwidth is unknown; state the greatest delay instead, or the bandwidth_hz"
+                yield ("uncertainty", key), text
+        elif part and table.get(key) and name not in _table(raw, "device", part):
             yield ("uncertainty", key), f"there is no device.{key} to be uncertain; write it, or leave this out"
 
 

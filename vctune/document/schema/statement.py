@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import inf, pi
 from typing import Any
 
@@ -29,7 +29,9 @@ def statement(problem: Problem) -> dict[str, Any]:
     uncertainty: dict[str, Any] = {}
     radii = device.servo.radii if device.servo is not None else ()
     if problem.uncertainty is not None:
-        uncertainty = dict(problem.uncertainty.half_widths) | {"objective": problem.uncertainty.objective}
+        divided = device.delay_key if device.divided else None
+        uncertainty = {key: width for key, width in problem.uncertainty.half_widths if key != divided}
+        uncertainty |= {"objective": problem.uncertainty.objective}
         radii = radii or problem.uncertainty.unmodelled
     uncertainty |= {"unmodelled": [list(point) for point in radii]} if radii else {}
     document: dict[str, Any] = {
@@ -58,6 +60,8 @@ def device_table(device: Device) -> dict[str, Any]:
     own += ["units"] if device.units != "linear" else []
     own += ["display"] if device.kind.inverse else []
     table: dict[str, Any] = {name: getattr(device, name) for name in own}
+    if (servo := device.servo) is not None and servo.latency is not None:
+        device = replace(device, servo=replace(servo, delay=servo.latency, latency=None))
     for key, part in PARTS.items():
         if (stated := getattr(device, key)) is not None:
             table[key] = table_of(stated)

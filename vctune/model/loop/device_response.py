@@ -148,7 +148,7 @@ def _servo_response(
     """Return the response of a servo: that of its motion to its command (hold, delay, low-pass and interpolation), and
     that of its force sensor."""
     omega2 = omega * omega
-    drive = _behind(drive, low_pass(servo.bandwidth_hz, servo.order, omega, ops), omega2)
+    drive = _behind(drive, low_pass(servo.bandwidth(ops), servo.order, omega, ops), omega2)
     if servo.command == "position":
         drive = _behind(drive, interpolation(device.sample_time, omega, ops), omega2)
     sensor = sensor_response(device.sensing, device.sample_time, omega, ops)

@@ -139,8 +139,9 @@ def servo_rates(device: Device, ops: Arithmetic) -> tuple[Matrix, Matrix]:
         felt = ("felt", "felt rate")[: sensor.order]
     rates: dict[str, dict[str, Number]] = {name: {} for name in (*felt, *moved)}
     lags: dict[str, dict[str, Number]] = {name: {} for name in (*felt, *moved)}
-    low_pass_rates(rates, ("moved", "moving"), servo.bandwidth_hz * T, servo.order, ops)
-    _write_lags(lags, moved, servo.bandwidth_hz * T, ops)
+    cycles = servo.bandwidth(ops) * T
+    low_pass_rates(rates, ("moved", "moving"), cycles, servo.order, ops)
+    _write_lags(lags, moved, cycles, ops)
     if felt:
         corner = low_pass_rates(rates, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         rates[felt[-1]]["moved"] = corner

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, replace
-from itertools import product
-from math import ceil, floor
+from itertools import pairwise, product
+from math import ceil, floor, log
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import DELAYS
 from vctune.model.sampled.circle import SNAP
 from vctune.model.sampled.plant_in_hand import Delays, delays_of
-from vctune.model.servo import latency
+from vctune.model.servo import latency, with_least_lag
 from vctune.proof.boxes import SAMPLES_BEFORE, Boxes
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.intervals import Floats
@@ -37,8 +38,17 @@ def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     return direct and device.kind.senses_force and hands.high.mass > 0
 
 
+def may_jump(device: Device, uncertain: Container[str]) -> bool:
+    """Return whether the delays beside a whole sample are apart from a device's own, or those of its uncertainty."""
+    return device.divided or not any(key in uncertain and device.number(key) for key in DELAYS)
+
+
 def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
-    """Return a device whose delay is just below a whole number of samples, and one whose delay is that number."""
+    """Return a device whose delay is just below a whole number of samples, and one whose delay is that number; for a
+    servo of which only the latency is known, where the sensed force is greatest at a sample."""
+    if device.divided:
+        sides = (-NEXT_TO, 0.0) if sensed_force_jumps(device, hands) else _peaks(with_least_lag(device, 0.0)) or (0.0,)
+        return tuple(with_least_lag(device, side) for side in sides)
     samples = delay_in_samples(device)
     whole = round(samples)
     if whole < 1 or abs(samples - whole) > NEAR * (1 + SNAP) or not sensed_force_jumps(device, hands):
@@ -154,6 +164,7 @@ def row_of(key: str) -> str:
     return f"device.{key}"
 
 
+LAGS_AT_ONCE = 1.5  # Greatest factor between the lags of one part
 # If a range of delays contains less than this share of its first or last sample, that sample gets separate boxes
 OWN_BOXES = 0.5
 DELAY_ROWS = tuple(map(row_of, DELAYS))
@@ -173,7 +184,7 @@ def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
         return [together]
     other = sum(delay for name, delay in others.items() if name not in rows)
     if device.servo is not None and device.servo.stiffness is None and len(rows) == 1:
-        return _parts_of_sum(names, rows.popitem()[1], low, high, known, T, other)
+        return _parts_of_sum(names, rows.popitem()[1], low, high, known, device, other)
     parts, row = [], rows.get(own)
     loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T, last=True)
     for loop in loops:
@@ -242,16 +253,28 @@ def _at_delay(ends: Ends, row: str, whole: float, rest: float, end: int) -> Floa
 
 
 def _parts_of_sum(
-    names: tuple[str, ...], row: int, low: Floats, high: Floats, known: Delays, T: float, other: float
+    names: tuple[str, ...], row: int, low: Floats, high: Floats, known: Delays, device: Device, other: float
 ) -> list[Part]:
     """Return the parts of a box of servos. Only the sum of the two delays matters, and one of them is a row."""
-    parts = []
+    assert device.servo is not None
+    parts, T, latency = [], device.sample_time, device.servo.latency
     for felt in _whole(low[row, 0] + other, high[row, 0] + other, T, last=True):
-        least, most = low.copy(), high.copy()
-        least[row], most[row] = max(low[row, 0], felt * T - other), min(high[row, 0], (felt + 1) * T - other)
+        shortest, longest = max(low[row, 0], felt * T - other), min(high[row, 0], (felt + 1) * T - other)
         delays = replace(known, felt=felt, felt_fractional=True)
-        parts.append(Part(names, least, np.maximum(least, most), delays, T, other))
+        for ends in pairwise(_in_lags(shortest, max(shortest, longest), latency)):
+            least, most = low.copy(), high.copy()
+            least[row], most[row] = ends
+            parts.append(Part(names, least, most, delays, T, other))
     return parts
+
+
+def _in_lags(shortest: float, longest: float, latency: float | None) -> list[float]:
+    """Return a range of delays, divided where the rest of a latency is the lag and would vary by a great factor."""
+    if latency is None:
+        return [shortest, longest]
+    first, last = latency - shortest, latency - longest
+    lags = np.geomspace(first, last, 2 + int(log(first / last) / log(LAGS_AT_ONCE)))
+    return [shortest, *(latency - lags[1:-1]).tolist(), longest]
 
 
 def _whole(low: float, high: float, T: float, *, last: bool) -> range:
