@@ -233,7 +233,7 @@ def test_an_experiment_needs_but_a_name():
     assert problem.experiments == (
         Experiment(
             "e",
-            Environment(0.0, 0.0, 0.0, 0.0, False),
+            Environment(0.0, 0.0, 0.0, 0.0, False, "backward"),
             Operator("reciprocate", 0.0, 0.05, 0.01, 3, 0.0, 2.0, 1000.0),
             None,
             Sensors(0.0, 0.0, 0),

@@ -147,7 +147,7 @@ DOUBTS = {
         "a force 1 samples late",
     ),
     "a mass by backward Euler": (
-        "warn-environment", rendering(BOX, "mass = 1.0"), rendering(BOX, "mass = 1.0, rule = 'trapezoid'"),
+        "warn-environment", rendering(BOX, "mass = 1.0, rule = 'backward'"), rendering(BOX, "mass = 1.0"),
         "a mass by backward Euler",
     ),
     "a mass by explicit Euler": (

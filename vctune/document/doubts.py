@@ -65,7 +65,8 @@ def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | No
     """Return a phrase about what takes an environment out of a problem's box, and the key of it."""
     worlds, units = problem.worlds, problem.units
     if worlds is None:
-        return ("an environment that moves", "stiffness") if problem.rigid else None
+        moves = problem.rigid and not environment.rigid
+        return ("an environment that moves", "stiffness") if moves else None
     if environment.wall and not (worlds.walls and environment.damping == 0):
         damped = "a wall with a damper, which acts on one side,", "damping"
         return damped if worlds.walls else ("a wall that comes and goes", "wall")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, GetPydanticSchema
 from pydantic_core.core_schema import nullable_schema
 
-from vctune.model.fields import Flag, Key, NotNegative, Place, Positive, record
+from vctune.model.fields import Flag, Key, NotNegative, NotNegativeOrNull, Place, Positive, record
 from vctune.model.numbers.units import UnitSystem
 
 Motion = Literal["reciprocate", "sine"]
@@ -22,6 +23,7 @@ Seed = Annotated[int, Field(strict=True, ge=0, le=2**32 - 1)]
 
 # Numbers whose defaults the rest of the problem determines; no finished experiment lacks them
 DefaultedPositive = Annotated[Any, GetPydanticSchema(lambda _source, handler: nullable_schema(handler(Positive)))]
+DefaultedRule = Annotated[Any, GetPydanticSchema(lambda _source, handler: nullable_schema(handler(Rule)))]
 Defaulted = Annotated[Any, GetPydanticSchema(lambda _source, handler: nullable_schema(handler(NotNegative)))]
 
 
@@ -31,22 +33,31 @@ class Environment:
 
     mass: Annotated[NotNegative, Key("Mass of the environment, kg.")] = 0.0
     damping: Annotated[NotNegative, Key("Damping of the environment, N s/m.")] = 0.0
-    stiffness: Annotated[NotNegative, Key("Stiffness of the environment, N/m.")] = 0.0
+    stiffness: Annotated[
+        NotNegativeOrNull, Key("Stiffness of the environment, N/m; inf for a rigid one, of an impedance display.")
+    ] = 0.0
     zero: Annotated[Place, Key("Position at which the spring has no force, m.")] = 0.0
     wall: Annotated[Flag, Key("Whether damping and stiffness can only push the hand, as a wall does.")] = False
     rule: Annotated[
-        Rule,
+        DefaultedRule,
         Key(
             "Integration of mass and stiffness: backward Euler, which damps, the lossless trapezoidal rule, or "
-            "explicit Euler."
+            'explicit Euler. Default: "trapezoid" for a mass if the problem has [environment], as it is proved; '
+            'else "backward".'
         ),
-    ] = "backward"
+    ] = None
     late: Annotated[Late, Key("Delay of the environment's force in whole samples.")] = 0
 
     @property
+    def rigid(self) -> bool:
+        """Whether the environment does not move where it is met."""
+        return self.stiffness == inf
+
+    @property
     def built_in(self) -> bool:
-        """Whether the exported firmware can render this environment: it must be on time and not use explicit Euler."""
-        return self.rule != "explicit" and self.late == 0
+        """Whether the exported firmware can render this environment: it must be on time, not rigid, and not use
+        explicit Euler."""
+        return self.rule != "explicit" and self.late == 0 and not self.rigid
 
 
 @record

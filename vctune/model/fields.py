@@ -65,6 +65,12 @@ PositiveOrNull = Annotated[
     AfterValidator(lambda value: inf if value is None else value),
     PlainSerializer(lambda value: None if value == inf else value, when_used="json"),
 ]
+NotNegativeOrNull = Annotated[
+    Any,
+    GetPydanticSchema(lambda _source, handler: nullable_schema(handler(NotNegativeOrInf))),
+    AfterValidator(lambda value: inf if value is None else value),
+    PlainSerializer(lambda value: None if value == inf else value, when_used="json"),
+]
 Place = Annotated[Any, _number(ge=-MOST, le=MOST)]
 Order = Annotated[int, Field(strict=True, ge=1, le=2)]
 Text = Annotated[str, Field(strict=True)]

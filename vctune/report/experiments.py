@@ -9,12 +9,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from vctune.document.records.simulation_json import ExperimentRecord, RunRecord, SimulationRecord
+from vctune.document.records.simulation_json import ExperimentRecord, MotionRecord, RunRecord, SimulationRecord
 from vctune.model.numbers.units import Units
 from vctune.report.style import BLUE, GREY, ORANGE, RED, WIDTH
 from vctune.report.templates import Shown, words
 
-HEADINGS = ("experiment", "controller", "felt", "off by", "non-overlap", "residual", "ripple", "motor", "loop")
+HEADINGS = (
+    "experiment",
+    "controller",
+    "felt",
+    "off by",
+    "non-overlap",
+    "residual",
+    "ripple",
+    "motor",
+    "trace",
+    "linear loop",
+)
 
 
 def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
@@ -54,7 +65,7 @@ def _cells(run: RunRecord, units: Units, command_unit: str) -> tuple[str, ...]:
     stable = "stable" if run.loop.stable else f"unstable at {run.loop.hz:.4g} Hz"
     measured = run.metrics
     if measured is None:
-        return (f"diverged from {run.diverged_s:.4g} s on", "", "", "", "", "", stable)
+        return (f"diverged from {run.diverged_s:.4g} s on", "", "", "", "", "", "diverges", stable)
     fits = {name: (fit.value, fit.asked) for name, fit in measured.fits.items() if fit.value is not None}
     felt = ", ".join(f"{value:.5g} {units.of(name)}" for name, (value, _) in fits.items())
     off = ", ".join(f"{100 * (value / asked - 1):+.3g} %" for value, asked in fits.values() if asked)
@@ -64,8 +75,19 @@ def _cells(run: RunRecord, units: Units, command_unit: str) -> tuple[str, ...]:
         off,
         *(_number(value, units.force) for value in (measured.non_overlap, measured.residual, measured.ripple)),
         _number(measured.peak_motor, command_unit) + saturated,
+        _motion(run.motion, units),
         stable,
     )
+
+
+def _motion(motion: MotionRecord | None, units: Units) -> str:
+    """Return what a trace does, in words."""
+    if motion is None:
+        return ""
+    if motion.hz is None or motion.amplitude is None:
+        return motion.kind
+    unit = {"m": "um", "rad": "urad"}[units.position]
+    return f"{motion.kind} at {motion.hz:.3g} Hz, {1e6 * motion.amplitude:.3g} {unit}"
 
 
 def _number(value: float | None, unit: str) -> str:
@@ -76,15 +98,18 @@ def simulation_figure(simulation: SimulationRecord) -> Shown:
     """Return a figure with an experiment in each row, a regular PID on the left and the design on the right."""
     count, units = len(simulation.experiments), simulation.units
     named = {"position": f"position, {units.position}", "velocity": f"velocity, {units.speed}"}
-    figure = Figure(figsize=(WIDTH, 2.2 * count))
-    panels = figure.subplots(count, 2, squeeze=False, sharex="row", sharey="row")
-    for (left, right), experiment in zip(panels, simulation.experiments, strict=True):
-        _draw(left, experiment, experiment.baseline, "regular PID", ORANGE)
-        _draw(right, experiment, experiment.design, "this design", BLUE)
-        left.set(ylabel=f"{units.force_name}, {units.force}", xlabel=named[experiment.axis])
-        right.set(xlabel=named[experiment.axis])
-        left.xaxis.set_major_locator(MaxNLocator(4))
-    title = "The design and a regular PID in simulated experiments"
+    compared = any(experiment.baseline is not None for experiment in simulation.experiments)
+    figure = Figure(figsize=(WIDTH if compared else WIDTH / 2, 2.2 * count))
+    panels = figure.subplots(count, 2 if compared else 1, squeeze=False, sharex="row", sharey="row")
+    for row, experiment in zip(panels, simulation.experiments, strict=True):
+        if compared:
+            _draw(row[0], experiment, experiment.baseline, "regular PID", ORANGE)
+        _draw(row[-1], experiment, experiment.design, "this design", BLUE)
+        row[0].set(ylabel=f"{units.force_name}, {units.force}")
+        for axes in row:
+            axes.set(xlabel=named[experiment.axis])
+        row[0].xaxis.set_major_locator(MaxNLocator(4))
+    title = "The design and a regular PID in simulated experiments" if compared else "The design in experiments"
     return Shown("simulation", title, simulation_finding(simulation), words("simulation"), figure)
 
 
@@ -97,17 +122,19 @@ def _draw(axes: Axes, experiment: ExperimentRecord, run: RunRecord | None, title
     curve = np.array(run.curve)
     axes.plot(curve[:, 0], curve[:, 1], color=colour, linewidth=1.0)
     ends = np.linspace(curve[:, 0].min(), curve[:, 0].max(), 401)
-    asked = _asked(experiment, ends)
+    asked = _asked(experiment, run, ends)
     reached = (asked >= curve[:, 1].min()) & (asked <= curve[:, 1].max())
     axes.plot(ends[reached], asked[reached], color=RED, linewidth=1, linestyle="--")
     if run.diverged_s is not None:
         axes.text(0.5, 0.9, f"diverged from {run.diverged_s:.4g} s on", color=RED, **note)
 
 
-def _asked(experiment: ExperimentRecord, at: np.ndarray[Any, Any]) -> Any:
-    """Return the force of the environment over the figure's axis: over position at rest, or over constant velocity."""
+def _asked(experiment: ExperimentRecord, run: RunRecord, at: np.ndarray[Any, Any]) -> Any:
+    """Return the rendered force over the figure's axis: over position at rest, or over constant velocity."""
     environment = experiment.environment
     if experiment.axis == "velocity":
         return environment.damping * at
-    force = environment.stiffness * (at - environment.zero)
+    fits = {} if run.metrics is None else run.metrics.fits
+    stiffness = fits["stiffness"].asked if "stiffness" in fits else environment.stiffness
+    force = (stiffness or 0.0) * (at - environment.zero)
     return np.maximum(force, 0.0) if environment.wall else force

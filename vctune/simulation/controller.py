@@ -64,21 +64,23 @@ class Rendering:
     least_contact: Number  # least force of spring and damper, N: 0 at a wall, else -inf
     explicit: bool = False  # whether it follows explicit Euler
     late: int = 0  # number of samples by which its force is late
+    rigid: bool = False  # whether it does not move where it is met
 
 
 def rendering(environment: Environment, sample_time: Number) -> Rendering:
     """Return the coefficients of an environment, in the precision of its numbers."""
-    T, trapezoid = sample_time, environment.rule == "trapezoid"
-    reach = {"trapezoid": T / 2, "explicit": 0.0, "backward": T}[environment.rule]
+    T, trapezoid, rigid = sample_time, environment.rule == "trapezoid", environment.rigid
+    reach = {"trapezoid": T / 2, "explicit": 0.0}.get(environment.rule, T)
     return Rendering(
         inertance=(2 * environment.mass if trapezoid else environment.mass) / T,
         inertia_carry=1.0 if trapezoid and environment.mass > 0 else 0.0,
-        stiffness=environment.stiffness,
+        stiffness=0.0 if rigid else environment.stiffness,
         zero=environment.zero,
-        slope=environment.damping + reach * environment.stiffness,
+        slope=environment.damping + (0.0 if rigid else reach * environment.stiffness),
         least_contact=0.0 if environment.wall else -inf,
         explicit=environment.rule == "explicit",
         late=environment.late,
+        rigid=rigid,
     )
 
 
@@ -286,6 +288,12 @@ def _rendered(c: Controller, state: State, drive: Number, middle: Number, ops: O
         return _late_or_explicit(c, state, drive, middle)
     pushed = drive + e.inertance * state.desired + e.inertia_carry * state.inertia
     total = c.resistance + e.inertance
+    if e.rigid:
+        held = (e.zero - middle) / c.sample_time  # v_e that takes x_e to the surface, as backward Euler does
+        contact = ops.maximum(e.least_contact, pushed - total * held)
+        desired = (pushed - contact) / total
+        inertia = e.inertance * (desired - state.desired) - e.inertia_carry * state.inertia
+        return desired, contact + inertia, inertia, state.ahead, ()
     offset = e.stiffness * (middle - e.zero)
     desired = (pushed - offset) / (total + e.slope)
     if e.least_contact > -inf:  # only a wall is left, and a loop with only a spring has no total

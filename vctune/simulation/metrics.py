@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.device import Commanded
 from vctune.model.experiment import Environment, Operator
+from vctune.model.gains import AnyCoupling, SpringDamper
 from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.run import Traces
 from vctune.simulation.scene import stroke_time
@@ -54,13 +55,14 @@ def metrics(
     operator: Operator,
     limit: float | None,
     commanded: Commanded = "force",
+    coupling: AnyCoupling | None = None,
 ) -> Metrics:
-    """Measure a run."""
+    """Measure a run. The spring of an impedance display's coupling is part of what is rendered."""
     stroke = stroke_time(operator)
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)
     if environment.wall:
-        counted &= traces.environment_force > 0
-    fitted = _fit(traces, environment, counted)
+        counted &= in_contact(traces, environment)
+    fitted = _fit(traces, with_spring(environment, coupling), counted)
     driven = traces.velocity if traces.motor_velocity is None else traces.motor_velocity
     pushed = float(_energy(traces.time, traces.motor * driven)[-1]) if commanded == "force" else None
     handle = _energy(traces.time, traces.force * traces.velocity)
@@ -80,6 +82,21 @@ def metrics(
         saturated=float(np.mean(np.abs(traces.motor) >= limit * SATURATED)) if limit is not None else 0.0,
         peak_force=float(np.abs(traces.force).max()),
     )
+
+
+def in_contact(traces: Traces, environment: Environment) -> NDArray[np.bool_]:
+    """Return at which samples a wall is met: where its spring and its damper push, its mass aside."""
+    if environment.rigid:
+        return traces.environment_force > 0
+    depth = traces.reference - environment.zero
+    return np.asarray(environment.stiffness * depth + environment.damping * traces.desired > 0)
+
+
+def with_spring(environment: Environment, coupling: AnyCoupling | None) -> Environment:
+    """Return an environment whose spring is in series with that of a coupling, if it has one."""
+    if not isinstance(coupling, SpringDamper) or environment.stiffness == 0:
+        return environment
+    return replace(environment, stiffness=1 / (1 / coupling.stiffness + 1 / environment.stiffness))
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from vctune.document.records.gains_json import stated_units
 from vctune.document.records.simulation_json import (
     ExperimentRecord,
     MetricsRecord,
+    MotionRecord,
     RunRecord,
     SimulatedLoopRecord,
     SimulatedProblemRecord,
@@ -95,6 +96,7 @@ def _run(run: Run, curve: list[list[float]]) -> RunRecord:
         diverged_s=run.traces.diverged,
         metrics=MetricsRecord(**asdict(run.metrics)) if run.metrics else None,
         loop=SimulatedLoopRecord(stable=run.mode.radius < 1, spectral_radius=run.mode.radius, hz=run.mode.hz),
+        motion=MotionRecord(**asdict(run.motion)) if run.motion else None,
         curve=curve,
     )
 

@@ -14,9 +14,10 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import Floats
 from vctune.model.problem import Problem
 from vctune.simulation.metrics import Metrics, metrics
+from vctune.simulation.oscillation import Motion, motion_of
 from vctune.simulation.run import Traces, run
 from vctune.simulation.sample import INPUT_NAMES, build
-from vctune.simulation.scene import Scene, baseline_scene, designed_scene
+from vctune.simulation.scene import Scene, baseline_scene, designed_scene, stroke_time
 
 # Distance from 1 within which an eigenvalue belongs to a position without a restoring force, not to an oscillation
 STANDING = 1e-6
@@ -65,6 +66,12 @@ class Run:
     traces: Traces  # the recorded samples
     metrics: Metrics | None  # measures of the run; None if the run diverged
     mode: Mode
+    motion: Motion | None  # what the handle does; None if the run diverged
+
+    @property
+    def calm(self) -> bool:
+        """Whether the run neither diverges nor goes on oscillating."""
+        return self.motion is not None and self.motion.kind != "buzzes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +102,15 @@ def simulate(
 
     def ran(scene: Scene, name: str) -> Run:
         """Return a run with its measures, unless it diverged, and with the scene's linear stability."""
-        traces, measured = run(scene, lambda share: progress(f"{experiment.name}, {name} {share:.0%}")), None
+        traces = run(scene, lambda share: progress(f"{experiment.name}, {name} {share:.0%}"))
+        measured, motion = None, None
         if traces.diverged is None:
-            measured = metrics(traces, experiment.environment, experiment.operator, experiment.limit, scene.law.command)
-        return Run(traces, measured, fastest_mode(scene))
+            law, hand = scene.law, experiment.operator
+            measured = metrics(traces, law.environment, hand, law.limit, law.command, law.coupling)
+            last = traces.position[traces.time >= (2 * stroke_time(hand) if hand.cycles > 1 else 0.0)]
+            travel, count = abs(hand.end - hand.start), experiment.sensors.position_resolution
+            motion = motion_of(last, law.sample_time, 2 * stroke_time(hand), travel, count)
+        return Run(traces, measured, fastest_mode(scene), motion)
 
     design = ran(designed_scene(problem.device, gains, coupling, experiment), "design")
     pid = experiment.baseline

@@ -65,12 +65,21 @@ class SimulatedLoopRecord(Part):
     hz: float
 
 
+class MotionRecord(Part):
+    """What the handle does beside the hand's own motion: it is calm, settles after a disturbance, or buzzes."""
+
+    kind: Literal["calm", "settles", "buzzes"]
+    hz: Number = None  # frequency of an oscillation that goes on, Hz
+    amplitude: Number = None  # its amplitude, m
+
+
 class RunRecord(Part):
     """One controller in one experiment."""
 
     diverged_s: Number  # time at which the run diverged, s; null if it did not
     metrics: MetricsRecord | None  # measures; null if the run diverged
     loop: SimulatedLoopRecord  # linear loop of this controller
+    motion: MotionRecord | None = None  # what the trace does; null if the run diverged
     curve: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
 
 

@@ -52,6 +52,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
         device = replace(device, servo=replace(device.servo, radii=radii))
     rigid = document.environment is not None and device.kind.inverse
     # a servo has the criterion "hands" only, and a file with [environment] unless it states another (rules.py)
+    worlds = None if rigid else _worlds(document.environment)
     stated = "criterion" in document.stability.model_fields_set
     has_a_choice = device.kind.own_loop and (document.environment is None or rigid or stated)
     criterion = document.stability.criterion if has_a_choice else "hands"
@@ -77,9 +78,9 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
         transparency=transparency,
         stability=stability,
         uncertainty=_uncertainty(document.uncertainty, device),
-        experiments=tuple(_experiment(table, device) for table in document.experiment),
+        experiments=tuple(_experiment(table, device, worlds) for table in document.experiment),
         hands=hands,
-        worlds=None if rigid else _worlds(document.environment),
+        worlds=worlds,
         rigid=rigid,
     )
 
@@ -208,13 +209,16 @@ def _range(value: object, low: float, high: float) -> Range:
     return Range(value.min, value.max)  # type: ignore[attr-defined]
 
 
-def _experiment(table: ExperimentTable, device: Device) -> Experiment:
-    """Return an experiment, whose friction has the device's defaults."""
-    friction = table.friction
+def _experiment(table: ExperimentTable, device: Device, worlds: Worlds | None) -> Experiment:
+    """Return an experiment, whose friction has the device's defaults, and its environment the rule that is proved."""
+    friction, environment = table.friction, table.environment
+    if environment.rule is None:
+        proved = worlds is not None and environment.mass > 0 and (worlds.walls or not environment.wall)
+        environment = replace(environment, rule="trapezoid" if proved else "backward")
     if friction is not None:
         stiction = friction.coulomb if friction.stiction is None else friction.stiction
         damping = sqrt(friction.stiffness * device.mass) if friction.damping is None else friction.damping
         friction = replace(friction, stiction=stiction, damping=damping)
     return Experiment(
-        table.name, table.environment, table.operator, friction, table.sensors, table.actuator.limit, table.baseline
+        table.name, environment, table.operator, friction, table.sensors, table.actuator.limit, table.baseline
     )

@@ -425,7 +425,7 @@ def _motion(raw: dict[str, Any], table: dict[str, Any]) -> Found:
             )
 
 
-def _rendering(_raw: dict[str, Any], table: dict[str, Any]) -> Found:
+def _rendering(raw: dict[str, Any], table: dict[str, Any]) -> Found:
     """Yield the environments and baselines that the simulation does not allow."""
     environment = table.get("environment", {})
     if not isinstance(environment, dict):
@@ -433,8 +433,16 @@ def _rendering(_raw: dict[str, Any], table: dict[str, Any]) -> Found:
     wall = environment.get("wall") is True
     if wall and _value(table, Environment, "environment", "stiffness") == 0:
         yield ("environment", "wall"), "a wall needs a stiffness"
-    if wall and environment.get("rule") in ("trapezoid", "explicit"):
+    walls = _table(raw, "environment").get("walls") is True
+    if wall and environment.get("rule") in ("explicit", *(() if walls else ("trapezoid",))):
         yield ("environment", "rule"), "a wall is passive by backward Euler alone; leave the rule out"
+    if environment.get("stiffness") == inf:
+        if _table(raw, "device").get("display") != "impedance":
+            text = "what an admittance display renders must move; write a number, such as 1e6"
+            yield ("environment", "stiffness"), text
+        for key in ("mass", "damping", "late", "rule"):
+            if environment.get(key):
+                yield ("environment", key), "means nothing of a rigid environment; leave it out"
     if wall and environment.get("late"):
         yield ("environment", "late"), "a wall is simulated on time alone; leave it out, or write wall = false"
     if table.get("baseline") and (environment.get("late") or environment.get("rule") == "explicit"):

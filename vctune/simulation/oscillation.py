@@ -1,0 +1,61 @@
+"""Tell from a trace whether the handle is calm, settles after a disturbance, or goes on oscillating."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from vctune.model.numbers.arithmetic import Floats
+
+SLOW = 20.0  # Frequency, in cycles of the hand's motion, up to which a motion is the hand's own
+LEAST = 1e-3  # Least size of an oscillation, as a share of the hand's travel
+COUNTS = 2.0  # Least size of an oscillation, in counts of the encoder
+SOME, MANY = 3, 16  # Number of large turns in a row of a disturbance, and of an oscillation that goes on
+LASTS = 0.8  # Share of its size that such an oscillation keeps from its first quarter to its last
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What the handle does beside the hand's own motion."""
+
+    kind: Literal["calm", "settles", "buzzes"]
+    hz: float | None = None  # frequency of an oscillation that goes on, Hz
+    amplitude: float | None = None  # its size, half of the distance between its turns, m
+
+
+def motion_of(position: Floats, sample_time: float, cycle: float, travel: float, count: float) -> Motion:
+    """Return what a trace of the handle's position does; `cycle` is the hand's time to and fro, s, `count` one of the
+    encoder, m."""
+    corner = 2 * SLOW * sample_time / cycle  # over the Nyquist frequency
+    if len(position) < 64 or corner >= 0.5:
+        return Motion("calm")
+    quick = sosfiltfilt(butter(2, corner, "highpass", output="sos"), position)
+    least = max(LEAST * travel, COUNTS * count)
+    runs = _runs(quick, least)
+    lasting = [run[first : first + MANY] for run in runs for first in range(len(run) - MANY + 1)]
+    lasting = [turns for turns in lasting if _lasts(np.abs(quick[turns]))]
+    if not lasting:
+        return Motion("settles" if any(len(run) >= SOME for run in runs) else "calm")
+    turns = max(lasting, key=lambda turns: float(np.median(np.abs(quick[turns]))))
+    hz = (MANY - 1) / (2 * sample_time * (turns[-1] - turns[0]))
+    return Motion("buzzes", float(hz), float(np.median(np.abs(quick[turns]))))
+
+
+def _runs(quick: Floats, least: float) -> list[NDArray[np.intp]]:
+    """Return the samples of the turns in a row that are larger than a least size."""
+    ends = np.flatnonzero(np.signbit(quick[1:]) != np.signbit(quick[:-1])) + 1
+    parts = [part for part in np.split(np.arange(len(quick)), ends) if part.size]
+    turns = np.array([part[np.argmax(np.abs(quick[part]))] for part in parts])
+    large = np.abs(quick[turns]) > least
+    breaks = np.flatnonzero(large[1:] != large[:-1]) + 1
+    return [run for run in np.split(turns, breaks) if abs(quick[run[0]]) > least]
+
+
+def _lasts(sizes: Floats) -> bool:
+    """Return whether an oscillation keeps its size, from the sizes of its turns."""
+    quarter = len(sizes) // 4
+    return bool(np.median(sizes[-quarter:]) >= LASTS * np.median(sizes[:quarter]))
