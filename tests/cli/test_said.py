@@ -16,7 +16,7 @@ from vctune.design.verdict.felt_record import in_hand_record
 from vctune.design.verdict.judge import judge
 from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import ActiveRecord, design_of
-from vctune.report.study_figures import sweep_figure
+from vctune.report.sweep_figure import sweep_figure
 
 WALLS = "[environment]\nmass = { min = 0.05, max = 5.0 }\nstiffness = { max = 2000.0 }\nwalls = true\n"
 LAW = "[gains]\nvelocity = 115.0\nposition = {}\n[coupling]\ndamping = 40.0\nmass = 0.3\ndrag = 0.1\n"
@@ -146,4 +146,4 @@ def test_the_picture_of_a_sweep_has_units_and_the_spacing_of_its_points(tmp_path
     for values, scale in (([1.0, 11.0, 21.0], "linear"), ([1.0, 2.0, 4.0], "log")):
         found = vctune.sweep(tmp_path / "x.toml", {"device.damping": values}).table
         axes = sweep_figure(found, grid=True).axes[0]
-        assert axes.get_xscale() == scale and axes.get_xlabel() == "device.damping [N s/m]"
+        assert axes.get_xscale() == scale and axes.get_xlabel() == "damping b, N s/m"

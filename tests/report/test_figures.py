@@ -33,13 +33,15 @@ from vctune.report.experiments import simulation_figure
 from vctune.report.page import summary
 from vctune.report.panels import draw_error, draw_impedance, draw_nyquist, draw_ratio, draw_required
 from vctune.report.paths import DESIGN_FIGURES
-from vctune.report.study_figures import BAD, GOOD, OPEN, region_figure, sweep_figure
-from vctune.report.style import GREY, PAPER, svg
+from vctune.report.region_figure import BAD, GOOD, OPEN, region_figure
+from vctune.report.style import GREY, PAPER, picture, svg, text_of_ticks
+from vctune.report.sweep_figure import sweep_figure
 from vctune.report.tables import asked as stated_in_tables
 from vctune.simulation.scene import stroke_time
 from vctune.simulation.simulation_record import CURVE_POINTS, simulation_record
 from vctune.simulation.two_runs import simulate
 from vctune.study.region import Kind
+from vctune.study.study_table import Table
 
 HELD = FIXED.format(160.0) + "drag = 3.0\n"
 IMPEDANCE = """[device]
@@ -507,3 +509,51 @@ def test_the_page_states_half_widths_in_per_cent() -> None:
     lines = stated_in_tables(stated(for_passive_hands(DEVICE + HELD + "[uncertainty]\nmass = 0.02\n"))[1])["Device"]
     notes = {line.label: line.note for line in lines if "±" in line.note}
     assert notes == {"mass m": "± 2 %"}
+
+
+def swept(axes: dict[str, list[float]], column: str = "error") -> Figure:
+    """The figure of a sweep without its solves: errors that grow with the axes."""
+    values = np.array(list(itertools.product(*axes.values())))
+    error = 1.0 + 0.1 * np.arange(len(values))
+    idle = np.zeros(len(values), bool)
+    numbers = {"error": error, "felt_mass_1hz": 100 * error}
+    status = ["certified"] * (len(values) - 1) + ["infeasible"]
+    table = Table(dict(zip(axes, values.T, strict=True)), status, idle, [""] * len(values), numbers)
+    return sweep_figure(table, column, grid=True)
+
+
+def test_a_sweep_over_two_axes_has_cells_as_its_axes_are_spaced() -> None:
+    """Edges of cells lie halfway between values: on a logarithmic axis by ratio, and between categories."""
+    few, many = [0.1, 0.2, 0.4, 0.8, 1.6, 3.2], [1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3]
+    axes = swept({"device.mass": few, "device.delay": many}).axes[0]
+    (cells,) = axes.collections
+    x, y = cells.get_coordinates()[0, :, 0], cells.get_coordinates()[:, 0, 1]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
+    assert np.asarray(x) == pytest.approx(0.1 * 2 ** (np.arange(7) - 0.5))
+    assert np.asarray(y) == pytest.approx(np.arange(7) + 0.5)  # in ms
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("mass m, kg", "delay, ms")
+    uneven = swept({"device.mass": few, "device.delay": [0.0, 1e-3, 1.1e-3, 2e-3, 9e-3, 0.1]}).axes[0]
+    assert [each.get_text() for each in uneven.get_yticklabels()] == ["0", "1", "1.1", "2", "9", "100"]
+
+
+def test_a_sweep_over_few_values_has_a_line_for_each_and_shows_any_column() -> None:
+    figure = swept({"operator.stiffness.max": [10.0, 20.0], "device.mass": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]})
+    axes, (legend,) = figure.axes[0], figure.legends
+    assert legend.get_title().get_text() == "greatest stiffness of the hand, N/m"
+    assert line(axes, "10")[1] == pytest.approx(1.0 + 0.1 * np.arange(6))
+    assert list(line(axes, "no certified design")[0]) == [0.6]
+    dashes = {each.get_linestyle() for each in axes.lines if each.get_label() in ("10", "20")}
+    assert len(dashes) == 2  # also in grey
+    other = swept({"device.mass": [1.0, 1.00001, 1.00002]}, "felt_mass_1hz").axes[0]
+    assert other.get_ylabel() == "mass felt at 1 Hz, kg"
+    assert line(other, "certified")[1][:2] == pytest.approx([100.0, 110.0])
+    assert text_of_ticks([1.0, 1.00001, 1.00002]) == ["1", "1.00001", "1.00002"]
+
+
+@pytest.mark.parametrize("kind", ["svg", "pdf", "png"])
+def test_a_picture_that_stands_alone_is_a_file_of_its_kind(kind: str) -> None:
+    made = picture(swept({"gains.velocity": [1.0, 2.0, 3.0]}), "error", kind)
+    assert made[:5] == {"svg": "<?xml", "pdf": b"%PDF-", "png": b"\x89PNG\r"}[kind]
+    assert made == picture(swept({"gains.velocity": [1.0, 2.0, 3.0]}), "error", kind)
+    if kind == "svg":  # Matplotlib has placed the subscript
+        assert "K_v" not in made and ">v<" in made.replace(" ", "")

@@ -9,7 +9,7 @@ import pytest
 
 from vctune import problem, region
 from vctune.model.gains import Coupling, Gains
-from vctune.report.study_figures import region_figure
+from vctune.report.region_figure import region_figure
 from vctune.study.region import Kind
 
 ARM = {

@@ -126,12 +126,12 @@ def record_lost(checked: Checked, folder: Path) -> str:
             path.unlink()
         removed = ", ".join(path.name for path in gone)
         return f"everything is proved again: removed {removed} from {folder}" if gone else ""
-    from vctune.report.study_figures import lost_figure
-    from vctune.report.style import svg
+    from vctune.report.region_figure import lost_figure
+    from vctune.report.style import picture
 
     make_folder(folder)
     record = json.dumps(finding.record(), indent=2, allow_nan=False)
-    write({folder / LOST[0]: record + "\n", folder / LOST[1]: svg(lost_figure(finding), "lost")})
+    write({folder / LOST[0]: record + "\n", folder / LOST[1]: picture(lost_figure(finding), "lost", "svg")})
     return f"the lost cells and gain sets are listed and drawn in {folder}: {', '.join(LOST)}"
 
 

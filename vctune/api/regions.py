@@ -90,14 +90,14 @@ class AdmissibleGains:
 
     def files(self, folder: Path) -> Files:
         """Return region.json and its picture, also of a search that the time limit has ended: then without contours."""
-        from vctune.report.study_figures import region_figure
-        from vctune.report.style import svg
+        from vctune.report.region_figure import region_figure
+        from vctune.report.style import picture
 
         contours = not out_of_time()
         with unlimited():
             figure = region_figure(self.file.problem, self.region, self.designs, self.marked, contours=contours)
             text = json.dumps(self.record(), allow_nan=False) + "\n"
-            return {folder / REGION_FILE: text, folder / PICTURE: svg(figure, Path(PICTURE).stem)}
+            return {folder / REGION_FILE: text, folder / PICTURE: picture(figure, Path(PICTURE).stem, "svg")}
 
 
 def region(

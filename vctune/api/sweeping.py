@@ -8,12 +8,13 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from vctune.api.result import Files, Rows, write
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.records.part import text
+from vctune.document.records.rows_json import QUANTITY_OF_COLUMN
 from vctune.document.study_file import Study, build_study
 from vctune.document.study_file import read_study as read_study
 from vctune.document.text.errors import InputError, has_code, printable
@@ -25,7 +26,8 @@ from vctune.study.study_table import Summary, Table, csv_text, summary, table_of
 from vctune.study.sweep import OnDone
 from vctune.study.sweep import sweep as run
 
-ROWS, TABLE, PICTURE = "rows.jsonl", "table.csv", "error.svg"
+ROWS, TABLE = "rows.jsonl", "table.csv"
+FigureKind = Literal["svg", "pdf", "png"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,8 @@ class Swept:
     study: Study  # the solved study
     table: Table  # one row for each point, with the columns of study/README.md
     dropped: int  # number of incomplete lines from an interrupted earlier run, whose points the sweep solved again
+    plot: str = "error"  # column of the table that the picture shows
+    figures: FigureKind = "svg"  # kind of file of the picture
 
     @property
     def cut(self) -> int:
@@ -76,12 +80,12 @@ class Swept:
 
     def files(self, folder: Path) -> Files:
         """Return the table of the sweep and, for one or two axes, its picture."""
-        from vctune.report.study_figures import sweep_figure
-        from vctune.report.style import svg
+        from vctune.report.style import picture
+        from vctune.report.sweep_figure import sweep_figure
 
-        figure = sweep_figure(self.table, grid=self.study.sample.kind == "grid")
-        picture = svg(figure, Path(PICTURE).stem) if figure else None
-        return {folder / TABLE: csv_text(self.table), folder / PICTURE: picture}
+        figure = sweep_figure(self.table, self.plot, grid=self.study.sample.kind == "grid")
+        drawn = picture(figure, self.plot, self.figures) if figure else None
+        return {folder / TABLE: csv_text(self.table), folder / f"{self.plot}.{self.figures}": drawn}
 
     def __repr__(self) -> str:
         return f"Swept({self.table!r})"
@@ -97,6 +101,8 @@ def sweep(
     executor: str = "serial",
     restart: bool = False,
     time_limit: float = inf,
+    plot: str = "error",
+    figures: FigureKind = "svg",
     on_done: OnDone = lambda known: None,
 ) -> Swept:
     """Solve a problem at many points.
@@ -122,6 +128,10 @@ def sweep(
         Whether to begin again instead of resuming.
     time_limit : float
         Seconds for each point; the row of a point that takes longer is undecided.
+    plot : str
+        Column of the table that the picture shows over one or two axes.
+    figures : {"svg", "pdf", "png"}
+        Kind of file of the picture.
     on_done : OnDone
         Function that is called after each point with the results so far, in words.
 
@@ -137,13 +147,20 @@ def sweep(
         or if there is no such executor or its workers cannot be reached.
     """
     study = _study(problem, axes, sample)
+    if plot not in QUANTITY_OF_COLUMN:
+        message = f"{plot!r} is no column of numbers; one of {', '.join(QUANTITY_OF_COLUMN)}"
+        raise InputError.of("plot", "bad-option", message)
+    if figures not in get_args(FigureKind):
+        raise InputError.of("figures", "bad-option", f"is {figures!r}; one of {', '.join(get_args(FigureKind))}")
     with ExitStack() as opened:
         pool = opened.enter_context(worker_pool(executor, jobs or available_cores()))
         place = Path(opened.enter_context(tempfile.TemporaryDirectory()) if folder is None else folder)
         make_folder(place)
         with open_rows(place / ROWS, study, restart=restart, time_limit=time_limit) as rows:
             table = table_of(study, rows, run(study, rows, pool, on_done, time_limit))
-            swept = Swept(study, table, rows.dropped)
+            if plot not in table.numbers:
+                raise InputError.of("plot", "bad-option", f"a design of this display has no {plot}")
+            swept = Swept(study, table, rows.dropped, plot, figures)
         if folder is not None:
             write(swept.files(place))
     return swept

@@ -65,10 +65,10 @@ PositiveOrNull = Annotated[
     AfterValidator(lambda value: inf if value is None else value),
     PlainSerializer(lambda value: None if value == inf else value, when_used="json"),
 ]
+# Such a number that is 0 or more, or inf
 NotNegativeOrNull = Annotated[
-    Any,
-    GetPydanticSchema(lambda _source, handler: nullable_schema(handler(NotNegativeOrInf))),
-    AfterValidator(lambda value: inf if value is None else value),
+    NotNegativeOrInf,
+    BeforeValidator(lambda value: inf if value is None else value),
     PlainSerializer(lambda value: None if value == inf else value, when_used="json"),
 ]
 Place = Annotated[Any, _number(ge=-MOST, le=MOST)]

@@ -147,9 +147,11 @@ def handle_impedance(
         f"{spring:.3g} {units.stiffness}": spring / s,
         "rigid": None,
     }
+    if problem.worlds is not None and problem.worlds.nothing:  # it renders no environment
+        environments = {"free": 0 * s}
     moves = np.ones(hz.size, bool)
     if device.servo is not None:  # with a rigid environment a servo is at rest
-        del environments["rigid"]
+        environments.pop("rigid", None)
         C = response(device, gains, omega).C_scaled
         moves = np.hypot(C.re, C.im) > UNMOVED
     felt = {}

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from html import escape, unescape
-from io import StringIO
+from io import BytesIO, StringIO
 from math import floor, inf, isclose, isfinite, log10, pi
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from vctune.document.records.part import NOTHING
@@ -21,6 +22,7 @@ from vctune.running import check_time
 
 INK, PAPER = "#010203", "#fefdfc"  # A page replaces both by its own text and ground
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
+FigureKind = Literal["svg", "pdf", "png"]
 WIDTH = 4.2  # Width of a figure of a page, inches
 STYLE: Any = {
     "figure.constrained_layout.use": True,
@@ -118,10 +120,19 @@ def power_of_ten(exponent: int) -> str:
     return f"10{str(exponent).translate(SUPERSCRIPT)}"
 
 
-def tick(value: float, _place: float = 0) -> str:
+def tick(value: float, _place: float = 0, digits: int = DIGITS) -> str:
     """Return the text at a tick of an axis. Very large and very small powers of ten are written as powers."""
     power = round(log10(value)) if value > 0 else 0
-    return power_of_ten(power) if not -3 < power < 4 and isclose(value, 10.0**power) else _number(value, 0, DIGITS)
+    return power_of_ten(power) if not -3 < power < 4 and isclose(value, 10.0**power) else _number(value, 0, digits)
+
+
+def text_of_ticks(values: Sequence[float]) -> list[str]:
+    """Return the texts of ticks with as few digits as keep them apart."""
+    for digits in range(DIGITS, 16):
+        texts = [tick(value, digits=digits) for value in values]
+        if len(set(texts)) == len(set(values)):
+            break
+    return texts
 
 
 def plain(text: str) -> str:
@@ -171,6 +182,21 @@ def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> N
     axes.axvspan(*ends, facecolor=colour, alpha=0.13, label=label, hatch=hatch, edgecolor=colour, linewidth=0)
 
 
+def picture(figure: Figure, name: str, kind: FigureKind) -> str | bytes:
+    """Return a figure that stands alone as SVG text, or as the bytes of a PDF or PNG file. Its symbols are placed by
+    Matplotlib, as not every program centres texts with subscripts."""
+    check_time()
+    for text in figure.findobj(Text):
+        text.set_text(SYMBOL.sub(r"$\1_{\\mathrm{\2}}$", plain(text.get_text())))
+    if kind == "svg":
+        return svg(figure, name)
+    stream = BytesIO()
+    with rc_context({"pdf.fonttype": 42}):
+        metadata = {"Creator": None, "Producer": None, "CreationDate": None} if kind == "pdf" else {"Software": None}
+        figure.savefig(stream, format=kind, dpi=300, metadata=metadata)
+    return stream.getvalue()
+
+
 def svg(figure: Figure, name: str) -> str:
     """Return a figure as SVG in the reader's font; figures made alike give the same text under the same name."""
     check_time()
@@ -179,9 +205,14 @@ def svg(figure: Figure, name: str) -> str:
         figure.savefig(stream, format="svg", dpi=150, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     text = re.sub(r"; font-family: [^;\"]*", "; font-family: sans-serif", stream.getvalue())
     text = re.sub(r'[ \n](d|x|y|transform)="[^"]*"', lambda found: re.sub(r"(?<=\.\d\d)\d+", "", found[0]), text)
-    lowered = '\\1<tspan dy=".25em" font-size="72%">\\2</tspan><tspan dy="-.18em">\u200b</tspan>'
 
     def typeset(found: re.Match[str]) -> str:
+        # sizes in px, because not every program knows shares of them
+        size = float((re.search(r"font(?:-size)?: ([\d.]+)px", found[1]) or ["", "9"])[1])
+        lowered = (
+            f'\\1<tspan dy="{0.25 * size:.2f}" style="font-size: {0.72 * size:.2f}px">\\2</tspan>'
+            f'<tspan dy="{-0.25 * size:.2f}">\u200b</tspan>'
+        )
         return f"{found[1]}{SYMBOL.sub(lowered, escape(plain(unescape(found[2])), quote=False))}{found[3]}"
 
     return re.sub(r"(<text[^>]*>)([^<]*)(</text>)", typeset, text)

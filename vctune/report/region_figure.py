@@ -1,15 +1,13 @@
-"""Pictures of a sweep over one or two axes, and of a region of gains."""
+"""Pictures of a region of gains."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
@@ -21,17 +19,15 @@ from vctune.design.prepared import prepare
 from vctune.design.search.grid import least_errors
 from vctune.design.variables import point
 from vctune.design.verdict.judge import IDLE_TRACKING
-from vctune.document.schema.number_units import heading
 from vctune.model.gains import Gains
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import labelled
 from vctune.model.problem import Problem
-from vctune.report.style import BLUE, INK, ORANGE, PAPER, RED, STYLE, log_ticks, tick
+from vctune.report.style import INK, ORANGE, PAPER, RED, STYLE, WIDTH, log_ticks, text_of_ticks
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
 from vctune.study.region_check import Design, RegionFinding
-from vctune.study.study_table import Table
 
 # Colours and hatchings that remain distinct in grey and for readers with a colour deficiency
 GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "--")
@@ -63,12 +59,12 @@ class _Axis:
         low, high = float(self.edges[self.edges > 0][0]), float(self.edges[-1])
         round_ones = MaxNLocator(6) if high < 3 * low else log_ticks(low, high)
         inside = [value for value in round_ones.tick_values(low, high)[::-1] if low <= value <= high]
-        found: dict[float, str] = {}
+        found: dict[float, float] = {}
         for value in ([0.0] if self.edges[0] == 0 else []) + inside:  # from the top, where the ticks are farthest apart
             at = float(self.places(value))
             if all(abs(at - other) >= APART for other in found):
-                found[at] = tick(value)
-        return found
+                found[at] = value
+        return dict(zip(found, text_of_ticks(list(found.values())), strict=True))
 
 
 def region_figure(
@@ -81,7 +77,7 @@ def region_figure(
 ) -> Figure:
     """Return the figure of a region, with contours of the error."""
     plane, kind = region.plane, problem.device.kind
-    with rc_context(STYLE):
+    with rc_context(STYLE | {"font.size": 8, "legend.fontsize": 7}):
         title = "interrupted: some undecided cells were not examined" if region.interrupted else ""
         figure, axes = _frame(problem, plane, title)
         for verdict, (label, fill) in CELLS.items():
@@ -95,21 +91,21 @@ def region_figure(
             _contours(axes, problem, region)
             if problem.passive:
                 _limit(axes, problem, plane)
-        figure.legend(loc="outside right upper")
+        figure.legend(loc="outside upper center", ncols=2)
     return figure
 
 
 def lost_figure(again: RegionFinding) -> Figure:
     """Return the figure of a baseline's feasible cells and gain sets, each either proved again or lost."""
     plane, kept = again.region.plane, again.region.kinds == Kind.FEASIBLE
-    with rc_context(STYLE):
+    with rc_context(STYLE | {"font.size": 8, "legend.fontsize": 7}):
         figure, axes = _frame(again.file.problem, plane)
         _fill(axes, plane, again.region.squares[:, kept], GOOD, "proved again")
         _fill(axes, plane, again.lost_cells, BAD, "lost")
         for holds, mark, colour, words in ((True, "*", PAPER, "proved again"), (False, "X", RED, "lost")):
             sets = [design for design, proved in zip(again.designs, again.certified, strict=True) if proved is holds]
             _marked(axes, plane, sets, f"gain set, {words}", colour, mark)
-        figure.legend(loc="outside right upper")
+        figure.legend(loc="outside upper center", ncols=2)
     return figure
 
 
@@ -119,7 +115,7 @@ def _axes(plane: Plane) -> tuple[_Axis, _Axis]:
 
 
 def _frame(problem: Problem, plane: Plane, title: str = "") -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(8.6, 5.2))
+    figure = Figure(figsize=(WIDTH, 4.0))
     axes = figure.subplots()
     axes.set_title(title, loc="left")
     axes.grid(visible=False)
@@ -194,69 +190,3 @@ def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
     at = [axis.places(K_v if k == along else K_p) for k, axis in enumerate(_axes(plane))]
     if np.isfinite(sum(at)).any():
         axes.plot(*at, "--", color=INK, linewidth=1.4, label="τ K_p = b + K_v")
-
-
-WIDE = 10.0  # Errors that span more than this ratio are coloured by their logarithm
-COLOURS = "viridis_r"
-FEW = 40  # Greatest number of points with large markers
-
-
-def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
-    """Return the figure of the error over the axes that vary; None unless one or two axes vary."""
-    finite = np.logical_and.reduce([np.isfinite(column) for column in table.axes.values()])
-    varied = {key: column[finite] for key, column in table.axes.items() if np.unique(column[finite]).size > 1}
-    if len(varied) not in (1, 2):
-        return None
-    certified, idle = table.certified[finite], table.idle[finite]
-    error = np.where(certified, table.numbers["error"][finite], np.nan)
-    labels = [*(heading(key, table.units.get(key, "")) for key in varied), "transparency error"]
-    with rc_context(STYLE):
-        figure = Figure(figsize=(8, 5))
-        axes = figure.subplots()
-        x, *others = varied.values()
-        if others:
-            y, none, floor = others[0], others[0], axes.transData
-            _map(figure, axes, (x, y), error, grid=grid)
-        else:
-            y, none, floor = error, np.zeros_like(x), axes.get_xaxis_transform()
-            order, size = np.argsort(x, kind="stable"), 4 if x.size <= FEW else 1.5
-            axes.plot(x[order], error[order], "o-", color=BLUE, markersize=size, label="certified")
-        if not certified.all():
-            without: Any = {"transform": floor, "clip_on": False, "label": "no certified design"}
-            axes.plot(x[~certified], none[~certified], "x", color=RED, markersize=4, **without)
-        if idle.any():  # designs whose velocity loop has hardly any effect
-            ring: Any = {"markersize": 9, "markerfacecolor": "none", "markeredgecolor": RED}
-            axes.plot(x[idle], y[idle], "o", label="idle: the loop hardly works", **ring)
-        axes.set(xlabel=labels[0], ylabel=labels[1], xscale=_scale(x), yscale=_scale(y) if others else "linear")
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-    return figure
-
-
-def _map(figure: Figure, axes: Axes, places: tuple[Floats, Floats], error: Floats, *, grid: bool) -> None:
-    """Colour the cells of a grid, or points, by the error."""
-    found = error[np.isfinite(error)]
-    wide = found.size and found.min() > 0 and found.max() > WIDE * found.min()
-    colours: Any = {"cmap": COLOURS, "norm": LogNorm() if wide else None}
-    if grid:
-        (columns, i), (rows, j) = (np.unique(each, return_inverse=True) for each in places)
-        cells = np.full((rows.size, columns.size), np.nan)
-        cells[j, i] = error
-        drawn: Any = axes.pcolormesh(columns, rows, np.ma.masked_invalid(cells), rasterized=True, **colours)
-        axes.grid(visible=False)
-    else:
-        x, y = (each[np.isfinite(error)] for each in places)
-        drawn = axes.scatter(x, y, c=found, s=18, **colours)
-    if found.size:
-        figure.colorbar(drawn, label="transparency error")
-
-
-def _scale(values: Floats) -> Literal["linear", "log"]:
-    """Return the scale on which points are evenly spaced: logarithmic if their ratios are more even."""
-    steps = np.unique(values)
-    return "log" if steps[0] > 0 and _uneven(np.log(steps)) < _uneven(steps) else "linear"
-
-
-def _uneven(values: Floats) -> float:
-    steps = np.diff(values)
-    return float(steps.std() / steps.mean())
