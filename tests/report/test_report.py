@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from command import run
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
-from pages import PARTS, made, recorded
+from pages import PARTS, SERVO, made, recorded
 
 from vctune.analysis.demands import transparency_error
 from vctune.analysis.margins import unstable_poles
@@ -80,7 +80,7 @@ def test_report_of_every_verdict(records, tmp_path, name):
     assert "<script" not in html
     assert not re.search(r'(src|href)="(?!#|data:)', html)
     drawn = {path.stem for path in (tmp_path / "report").glob("*.svg")}
-    assert ("llewellyn" in drawn) == (record["gains"] is not None)
+    assert "llewellyn" in drawn  # also of the nearest miss, without a design
     assert {path.suffix for path in (tmp_path / "report").iterdir()} <= {".html", ".svg"}
 
 
@@ -96,7 +96,21 @@ def test_no_figure_of_an_earlier_design_stays(records, tmp_path):
     (tmp_path / "report/mine.png").write_text("not vctune's")
     made(records("certified"), tmp_path / "report")
     made(records("infeasible"), tmp_path / "report")
-    assert {path.name for path in (tmp_path / "report").iterdir()} == {"report.html", "mine.png"}
+    assert {path.name for path in (tmp_path / "report").iterdir()} == {"report.html", "mine.png", "llewellyn.svg"}
+
+
+def test_the_page_reviews_a_design(pages, tmp_path):
+    """Ranges, the bound that is hit with its number, the parts of a latency, the digest and the command of a proof."""
+    bounded = recorded(for_passive_hands(DEVICE + "[coupling]\nmass = { min = 1.5, max = 3.0 }\n"), prices=True)
+    assert bounded["at_bound"] == ["coupling.mass"]
+    page = html_of(bounded, tmp_path / "bounded")
+    assert "! on its lower bound, 1.5" in page and "1.5 to 3" in page
+    assert bounded["sha256"] in page and "<code>vctune check test.toml gains.toml</code>" in page
+    assert "Best change of the device: device." in page
+    servo = html_of(recorded(SERVO), tmp_path / "servo")
+    assert "<h2>Latency</h2>" in servo and "<code>device.servo.bandwidth_hz</code>" in servo
+    proved = pages("infeasible")
+    assert "<strong>infeasible, proved</strong>" in proved and "The nearest miss: coupling against" in proved
 
 
 def test_a_report_promises_nothing_outside_the_band(pages):

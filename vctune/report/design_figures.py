@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import inf
+from dataclasses import replace
+from math import inf, pi
 from typing import Any
 
 from matplotlib import rc_context
@@ -12,7 +13,7 @@ from vctune.analysis.feel import FREE_HZ, WALL_HZ, feel
 from vctune.document.records.design_json import DesignRecord
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Band, Problem
-from vctune.report.curves import Required
+from vctune.report.curves import Required, requirements
 from vctune.report.panels import draw_error, draw_impedance, draw_nyquist, draw_ratio, draw_required
 from vctune.report.style import BLUE, GREY, RED, STYLE, WIDTH, in_place, legend_above, quantity, shade
 from vctune.report.tables import margins_in_words, peak_in_words
@@ -27,7 +28,7 @@ Design = tuple[Problem, Gains, AnyCoupling]
 def design_figures(problem: Problem, record: DesignRecord, required: list[Required], doubt: str) -> list[Shown]:
     """Return all figures of a design, in the order of the page; `doubt` is stamped on each unless it is ""."""
     if record.design is None:
-        return []
+        return _missed(problem, record, doubt)
     design = problem, *record.design
     with rc_context(STYLE):
         shown = [_requirement(design, record, each) for each in required]
@@ -37,6 +38,18 @@ def design_figures(problem: Problem, record: DesignRecord, required: list[Requir
         for each in shown if doubt else ():
             _stamp(each.figure, doubt)
     return shown
+
+
+def _missed(problem: Problem, record: DesignRecord, doubt: str) -> list[Shown]:
+    """Return the figures of the nearest miss of a problem without a design: what its coupling offers and lacks."""
+    if record.nearest is None:
+        return []
+    design = problem, record.nearest.gains, record.nearest.coupling
+    with rc_context(STYLE):
+        shown = [_requirement(design, record, each) for each in requirements(*design)]
+        for each in shown:
+            _stamp(each.figure, doubt)
+    return [replace(each, title=f"The nearest miss: {each.title[0].lower()}{each.title[1:]}") for each in shown]
 
 
 def _stamp(figure: Figure, words: str) -> None:
@@ -83,6 +96,9 @@ def _impedance(design: Design, record: DesignRecord) -> Shown:
         finding = f"With {record.felt.behind} behind the handle feels like {mass} at {FREE_HZ[0]:g} Hz"
     elif problem.device.kind.own_loop:
         finding += f"; a wall feels like {quantity(here.stiffness, units.stiffness, 3)} at {WALL_HZ:g} Hz"
+        if problem.device.kind.inverse:  # the spring of the coupling less the inertia of what moves with the hand
+            inertia = quantity(problem.device.mass * (2 * pi * WALL_HZ) ** 2, units.stiffness, 3)
+            finding += f", where the inertia of the moving handle takes {inertia} off the spring of the coupling"
     title = "What the hand feels, beside what it should feel"
     return Shown("impedance", title, f"{finding}.", words("impedance", problem, certified), figure)
 

@@ -16,13 +16,14 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.document.text.output_files import write_together
 from vctune.model.gains import Gains
+from vctune.model.numbers.units import OF_KEYS
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import CLAIMS
 from vctune.report.curves import no_coupling, requirements
 from vctune.report.design_figures import IN_WORDS, design_figures
 from vctune.report.experiments import HEADINGS, measured_rows, simulation_figure
 from vctune.report.paths import report_paths
-from vctune.report.style import STYLE, svg
+from vctune.report.style import STYLE, quantity, svg
 from vctune.report.tables import asked, dynamics, found
 from vctune.report.templates import page_files, words
 
@@ -62,7 +63,9 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
     )
     kind: Kind = "bad" if record.status in ("infeasible", "violated") else "doubtful"
     word: str = record.status
-    doubt = f"{record.status}: not for use"
+    if record.status == "infeasible" and record.proved:
+        word = "infeasible, proved"
+    doubt = f"{word}: not for use"
     if proof is None:
         reason = record.reason or ("no design meets the constraints" if kind == "bad" else "no design was found")
         sentence = f"{reason[0].upper()}{reason[1:]}."
@@ -104,10 +107,23 @@ def limits(record: DesignRecord) -> list[tuple[str, str, str]]:
         world = hands.worst_world.row(None, record.units) if hands.worst_world else None
         beyond = f", with {'a ' * world.unit.endswith('spring')}{world.value} {world.unit}" if world else ""
         found.append(("Worst hand", hands.worst_hand.in_words(record.units) + beyond, ""))
-    best = min(record.prices or [], key=lambda price: price.change, default=None)
+    of_device = [price for price in record.prices or [] if price.key.startswith("device.")]
+    best = min(of_device, key=lambda price: price.change, default=None)
     if best is not None and best.worth != "no difference":
         when_free = f", felt when free {best.worth_free}" if best.worth_free else ""
         found.append(("Best change of the device", f"{best.key} better by 1 %: error {best.worth}{when_free}", ""))
+    return found
+
+
+def _bounds(record: DesignRecord, problem: Problem) -> dict[str, str]:
+    """Return the bound on which a free variable lies, in words, by the variable's name."""
+    found: dict[str, str] = {}
+    for key in record.at_bound:
+        table, _, name = key.partition(".")
+        range_, value = getattr(problem.bounds, name), getattr(getattr(record, table), name)
+        upper = abs(value - range_.max) < abs(value - range_.min) if range_.max < inf else value == inf
+        side, edge = ("upper", range_.max) if upper else ("lower", range_.min)
+        found[name] = f"{side} bound, {quantity(edge, problem.units.of(OF_KEYS[key]))}"
     return found
 
 
@@ -149,7 +165,8 @@ def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecor
         labels=CLAIMS,
         claims=[(claim, *found(claim.id, record, problem, required)) for claim in (proof.claims if proof else [])],
         dynamics=dynamics(problem.device),
-        bounded=[key.rpartition(".")[2] for key in record.at_bound],
+        bounded=_bounds(record, problem),
+        digest=record.to_json()["sha256"],
         groups=groups,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,

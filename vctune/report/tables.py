@@ -13,7 +13,7 @@ from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.hands import QUANTITIES
-from vctune.model.numbers.units import hertz
+from vctune.model.numbers.units import OF_KEYS, SYMBOLS, hertz
 from vctune.model.parts import PART_NUMBERS, PARTS
 from vctune.model.problem import Problem
 from vctune.model.worlds import OVER_LIMIT
@@ -33,7 +33,25 @@ class Line(NamedTuple):
 
 def asked(problem: Problem) -> dict[str, list[Line]]:
     """Return device, constraints with objective, and hands with environments as rows, by the titles of their tables."""
-    return {"Device": _device(problem), "Constraints": _demands(problem), "Hands": _hands(problem)}
+    return {
+        "Device": _device(problem),
+        "Constraints": _demands(problem),
+        "Hands": _hands(problem),
+        "Design": _ranges(problem),
+    }
+
+
+def _ranges(problem: Problem) -> list[Line]:
+    """Return what the design may choose: the range of each variable, or the number that the file gives."""
+    lines = []
+    for key in problem.device.kind.stated:
+        bounds, unit = getattr(problem.bounds, key.partition(".")[2]), problem.units.of(OF_KEYS[key])
+        label = f"{key.partition('.')[2]} {SYMBOLS[key]}"
+        if bounds.fixed:
+            lines.append(Line(label, *quantity(bounds.min, unit), "given"))
+        else:
+            lines.append(Line(label, *quantity(bounds.min, unit, to=bounds.max), "free"))
+    return lines
 
 
 def _device(problem: Problem) -> list[Line]:

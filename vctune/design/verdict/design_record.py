@@ -41,6 +41,7 @@ from vctune.document.records.certificate_json import (
 from vctune.document.records.design_json import (
     ActiveRecord,
     DesignRecord,
+    NearestRecord,
     OptimalityRecord,
     UncertaintyRecord,
 )
@@ -104,6 +105,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
         "date": date,
         "prices": solved.prices,
         "tried": solved.tried or None,
+        "nearest": _nearest(solved),
         **{name: parts.pop(name, None) for name in ("contact", "felt", "uncertainty")},
     }
     said = [*solved.cut_short, *file_doubts(file, Path(file.source).name), *warned]
@@ -123,6 +125,13 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
         **parts,
         **_present(also),
     )
+
+
+def _nearest(solved: Solved) -> NearestRecord | None:
+    if solved.infeasibility is None or solved.infeasibility.nearest is None:
+        return None
+    gains, coupling = solved.infeasibility.nearest
+    return NearestRecord(gains=gains, coupling=coupling)
 
 
 def _present(parts: dict[str, Any]) -> dict[str, Any]:

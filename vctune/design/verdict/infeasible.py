@@ -33,6 +33,7 @@ class Infeasibility:
     cause: str  # violated constraint, with its place and amount
     advice: str  # possible repair
     proved: bool  # True if a theorem, or a search that pruned every box of designs, proves that there is no design
+    nearest: tuple[Gains, AnyCoupling] | None = None  # the nearest miss, SI units
 
     @property
     def reason(self) -> str:
@@ -57,7 +58,7 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
         failure = _first_failure(case, gains, coupling)
         if failure is not None:
             cause, advice = failure
-            return Infeasibility(prefix + _on(case, prepared.problem) + cause, advice, proved)
+            return Infeasibility(prefix + _on(case, prepared.problem) + cause, advice, proved, (gains, coupling))
     unknown = "it meets every constraint on a grid of frequencies, but vctune could not make it a proved design"
     return Infeasibility(prefix + unknown, "widen the bounds", proved)
 

@@ -168,6 +168,13 @@ def _together(one: float, other: float) -> bool:
     return max(one, other) <= SAME_PLACE * min(one, other)
 
 
+class NearestRecord(Part):
+    """The design that misses the constraints of a problem without a design by the least."""
+
+    gains: Gains
+    coupling: AnyCouplingRecord
+
+
 class DesignRecord(SealedDocument):
     """The result of a problem, in SI units and hertz: the object of design.json."""
 
@@ -197,6 +204,7 @@ class DesignRecord(SealedDocument):
     proved: bool | None = None
     idle: bool = False
     repairs: list[Repair] | None = None
+    nearest: NearestRecord | None = None  # the nearest miss of a problem without a design
     tried: list[str] | None = None  # keys, each with the value up to which it was changed alone in vain
     prices: list[Price] | None = None
     contact: ContactRecord | None = None
