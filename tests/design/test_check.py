@@ -155,7 +155,7 @@ def test_an_endless_file_is_refused(folder):
 
 LATE = """[device]
 sample_time = 1e-3
-servo = {{ delay = {} }}
+servo = {{ delay = {}, bandwidth_hz = 1e6 }}
 force_sensor = {{ delay = {} }}
 [operator]
 mass = {{ min = 0, max = 2 }}
@@ -209,3 +209,16 @@ def told(folder, name, claim):
     """Return what JSON says of a claim."""
     (record,) = strict(run(name, "--json", cwd=folder).stdout)
     return next(each for each in record["certificate"]["claims"] if each["id"] == claim)
+
+
+def test_the_division_of_a_latency_that_fails_is_told_with_its_bandwidth(tmp_path):
+    text = LATE.format(0.01, 0.0).replace(", bandwidth_hz = 1e6", "")
+    (tmp_path / "late.toml").write_text(text)
+    found = told(tmp_path, "late.toml", "hands")
+    parts = found["witness_device"]["parts"]
+    assert found["verdict"] == "refuted" and parts["servo.delay"] != 0.01
+    exact = text.replace(
+        "delay = 0.01", f"delay = {parts['servo.delay']!r}, bandwidth_hz = {parts['servo.bandwidth_hz']!r}"
+    )
+    (tmp_path / "there.toml").write_text(exact)
+    assert told(tmp_path, "there.toml", "hands")["verdict"] == "refuted"

@@ -159,7 +159,7 @@ def _with_bound(file: ProblemFile, record: DesignRecord, optimality: Optimality)
     if optimality.improved is not None:
         solved = Solved(problem=file.problem, judgement=optimality.improved, optimality=optimality)
         return record_of(file, solved, ipopt_version(), today())
-    added: dict[str, Any] = {"optimality": optimality_record(optimality)}
+    added: dict[str, Any] = {"optimality": optimality_record(file.problem, optimality)}
     if record.gains is None and optimality.proved:
         reason = str(record.reason).replace(OPENINGS[False], OPENINGS[True], 1)
         added |= {"status": "infeasible", "reason": reason, "proved": True}

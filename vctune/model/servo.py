@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import ceil
 
 from vctune.model.device import Device
-from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.parts import LATENCY
 from vctune.model.sampled.circle import SNAP
 
@@ -84,6 +84,14 @@ LEAST_LAG = 0.5  # Least lag of a servo whose bandwidth is unknown, in samples
 def delays_in_latency(latency: float, sample_time: float) -> tuple[float, float]:
     """Return the least and the greatest delay in a latency whose division into delay and lag is unknown, s."""
     return latency / 2, max(latency / 2, latency - LEAST_LAG * sample_time)
+
+
+def numbers_to_state(device: Device) -> dict[str, Number]:
+    """Return the numbers with which a file states a device; for one division of a latency also its bandwidth."""
+    numbers = device.numbers()
+    if device.servo is not None and device.divided:
+        numbers |= {"servo.bandwidth_hz": float(device.servo.bandwidth(FLOATS))}
+    return numbers
 
 
 def with_least_lag(device: Device, off: float) -> Device:

@@ -11,7 +11,9 @@ from matplotlib.figure import Figure
 
 from vctune.analysis.feel import FREE_HZ, WALL_HZ, feel
 from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.felt_json import weighed
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.numbers.units import Units
 from vctune.model.problem import Band, Problem
 from vctune.report.curves import Required, requirements
 from vctune.report.panels import draw_error, draw_impedance, draw_nyquist, draw_ratio, draw_required
@@ -90,9 +92,9 @@ def _impedance(design: Design, record: DesignRecord) -> Shown:
     shade(axes, problem.transparency.band, BLUE, "transparency band")
     legend_above(axes, 3 if problem.device.units == "linear" else 2)  # units of torque are long
     here = feel(problem.device, *design[1:])
-    finding = f"In free motion the handle feels like {quantity(here.mass[0], units.mass, 3)} at {FREE_HZ[0]:g} Hz"
+    finding = f"In free motion the handle feels like {_felt(here.mass[0], units)} at {FREE_HZ[0]:g} Hz"
     if problem.worlds is not None and record.felt is not None and record.felt.mass_1hz is not None:
-        mass = quantity(record.felt.mass_1hz, units.mass, 3)
+        mass = _felt(record.felt.mass_1hz, units)
         finding = f"With {record.felt.behind} behind the handle feels like {mass} at {FREE_HZ[0]:g} Hz"
     elif problem.device.kind.own_loop:
         finding += f"; a wall feels like {quantity(here.stiffness, units.stiffness, 3)} at {WALL_HZ:g} Hz"
@@ -101,6 +103,13 @@ def _impedance(design: Design, record: DesignRecord) -> Shown:
             finding += f", where the inertia of the moving handle takes {inertia} off the spring of the coupling"
     title = "What the hand feels, beside what it should feel"
     return Shown("impedance", title, f"{finding}.", words("impedance", problem, certified), figure)
+
+
+def _felt(mass: float | None, units: Units) -> str:
+    """Return a mass felt at 1 Hz in words; a negative one is felt as a spring."""
+    if mass is None or mass >= 0:
+        return str(quantity(mass, units.mass, 3))
+    return " ".join(weighed(mass, units))
 
 
 def _transparency(design: Design, record: DesignRecord) -> Shown:

@@ -86,7 +86,7 @@ def metrics(
 
 def in_contact(traces: Traces, environment: Environment) -> NDArray[np.bool_]:
     """Return at which samples a wall is met: where its spring and its damper push, its mass aside."""
-    if environment.rigid:
+    if environment.mass == 0:
         return traces.environment_force > 0
     depth = traces.reference - environment.zero
     return np.asarray(environment.stiffness * depth + environment.damping * traces.desired > 0)

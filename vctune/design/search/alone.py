@@ -17,7 +17,7 @@ import numpy as np
 from vctune.analysis.demands import demand_grid, response
 from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Posed
-from vctune.design.verdict.judge import Judgement, Status, judge_posed
+from vctune.design.verdict.judge import PROVING, Judgement, judgement_of
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.hands import Hand, Hands, stacked
@@ -27,10 +27,12 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.proof.certificate import Certificate, certify
+from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import claims_about
 from vctune.proof.outcome import Verdict
 from vctune.proof.prover import boxes_at_most
-from vctune.running import OutOfTimeError, check_time
+from vctune.running import OutOfTimeError, check_time, seconds_left, time_limit
 
 SHARES = (0.0, 0.05, 0.3, 1.0)  # Hands of the box that are looked at first: shares of each range
 ANGLES = np.append(np.geomspace(1e-5, 0.5, 400), np.linspace(0.5, pi * (1 - 1e-9), 250)[1:])  # rad
@@ -74,27 +76,28 @@ def first_proved(
     """Return the first of the best couplings that is proved, each estimated with the devices and hands that refuted the
     last and more reserve; or else the last that was tried."""
     hands = _hands_of(posed.problem.hands)
-    devices = list(dict.fromkeys(case.device for case in (*posed.cases, *posed.hand_cases)))
-    tried, reserve = None, TIGHTER
+    devices = list(dict.fromkeys(case.device for case in posed.cases))  # others join where they refute
+    tried: Certificate | None = None
+    reserve = TIGHTER
     for _ in range(ROUNDS):
         try:
             coupling = best(devices, hands, 1 + reserve)
         except OutOfTimeError:
-            if tried is None or tried.status is Status.VIOLATED:  # another coupling may be proved
+            if tried is None or tried.verdict is Verdict.REFUTED:  # another coupling may be proved
                 raise
-            return tried
+            break
         if coupling is None:
-            return tried
-        with boxes_at_most(MOST_BOXES):
-            tried = judge_posed(posed, gains, coupling)
-        outcomes = tried.certificate.outcomes
+            break
+        with boxes_at_most(MOST_BOXES), time_limit(PROVING * seconds_left()):
+            tried = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
+        outcomes = tried.outcomes
         if all(outcomes[claim].verdict is Verdict.PROVED for claim in OF_COUPLING if claim in outcomes):
-            return tried  # certified, or the gains fail
+            break  # certified, or the gains fail
         lost = [each for each in outcomes.values() if each.verdict is Verdict.REFUTED]
         new = [each.hand for each in lost if each.hand is not None and each.hand not in hands]
         others = [each.device for each in lost if each.device is not None and each.device not in devices]
         hands, devices, reserve = hands + new, devices + others, reserve if new or others else 2 * reserve
-    return tried
+    return None if tried is None else judgement_of(posed, gains, tried.design.coupling, tried)
 
 
 def _hands_of(hands: Hands) -> list[Hand]:

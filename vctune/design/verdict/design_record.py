@@ -16,7 +16,7 @@ from vctune.analysis.feel import feel
 from vctune.analysis.in_worlds import binding_world
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.analysis.sampled_loop import spectral_radius
-from vctune.design.prepared import pose
+from vctune.design.prepared import pose, problems_beside
 from vctune.design.result import Polished, Solved
 from vctune.design.search.working_set import DEMANDS, ConstraintPoint, stacked
 from vctune.design.variables import design_of, keys_for, near, point, ranges
@@ -56,6 +56,7 @@ from vctune.model.loop.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import finite_hertz, hertz
 from vctune.model.problem import Problem
+from vctune.model.servo import numbers_to_state
 from vctune.proof.claims.delays import delay_in_samples
 from vctune.proof.claims.registry import BEFORE_WALL, CLAIMS, IN_HANDS, claims_about
 from vctune.proof.outcome import Outcome, Verdict, worst_verdict
@@ -120,7 +121,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
         at_bound=[key for key, _ in touched],
         warnings=[note.line for note in said],
         solver=solver_record(solved),
-        optimality=optimality_record(solved.optimality) if solved.optimality else None,
+        optimality=optimality_record(problem, solved.optimality) if solved.optimality else None,
         versions=versions(ipopt),
         **parts,
         **_present(also),
@@ -326,7 +327,7 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
     )
 
 
-def optimality_record(found: Optimality) -> OptimalityRecord:
+def optimality_record(problem: Problem, found: Optimality) -> OptimalityRecord:
     """Return the record of the bound on every design."""
     return OptimalityRecord(
         lower_bound=found.bound,
@@ -334,6 +335,7 @@ def optimality_record(found: Optimality) -> OptimalityRecord:
         verdict="proved" if found.proved else "open",
         boxes=found.boxes,
         error=found.incumbent,
+        both_sides=bool(problems_beside(problem)),
     )
 
 
@@ -443,7 +445,7 @@ def device_record(device: Device, problem: Problem, *, changed: bool = False) ->
     """Return mass, damping and delay of a device, and its other parameters for which the problem states an uncertainty;
     if `changed`, also those that differ from the problem's."""
     widths = dict(problem.uncertainty.half_widths) if problem.uncertainty is not None else {}
-    known, of_problem = device.numbers(), problem.device.numbers()
+    known, of_problem = numbers_to_state(device), numbers_to_state(problem.device)
     stated = {*widths, *(key for key in known if changed and known[key] != of_problem[key])}
     others = {key: number for key, number in known.items() if "." in key and key in stated}
     found: dict[str, Any] = {"parts": others} if others else {}

@@ -241,7 +241,7 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     posed = with_best_corner(posed, gains, coupling)
     with time_limit(PROVING * seconds_left()):
         certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
-    return _judgement(posed, gains, coupling, certificate)
+    return judgement_of(posed, gains, coupling, certificate)
 
 
 @np.errstate(all="ignore")
@@ -255,7 +255,9 @@ def judge_all(
         return [judge_posed(posed if known is None else with_corner(posed, known), *law) for law, known in each]
     with time_limit(PROVING * seconds_left()):
         certificates = [certify(Design(problem.device, *design), posed.demands, posed.box) for design in designs]
-    return [_judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)]
+    return [
+        judgement_of(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)
+    ]
 
 
 def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed:
@@ -267,7 +269,7 @@ def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed
     return with_corner(posed, corner_of(posed.problem, gains, coupling))
 
 
-def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
+def judgement_of(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
     """Return a judgement: a certificate, and values in double precision."""
     devices, in_hands, cut = [case.device for case in posed.hand_cases], list[Margin](), certificate.cut
     with unlimited():

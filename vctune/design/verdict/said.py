@@ -10,6 +10,7 @@ from vctune.analysis.in_worlds import growth_near
 from vctune.design.verdict.judge import Judgement, MarginName, Status
 from vctune.model.hands import passive_hand
 from vctune.model.numbers.units import UNITS, Units, hertz, in_full, narrowed
+from vctune.model.servo import numbers_to_state
 from vctune.proof.certificate import RATIOS, certify
 from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.proof.outcome import Outcome, Verdict
@@ -65,7 +66,7 @@ def _place(outcome: Outcome, units: Units) -> str:
         place += f" in the hand of {hand.in_words(units)}"
     if (device := outcome.device) is None:
         return place
-    known = [f"{key} {in_full(number)}" for key, number in device.numbers().items() if key != "sample_time"]
+    known = [f"{key} {in_full(number)}" for key, number in numbers_to_state(device).items() if key != "sample_time"]
     off = [] if device.unmodelled is None else [str(device.unmodelled)]
     return f"{place} with {', '.join([*known, *off])}"
 

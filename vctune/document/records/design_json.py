@@ -132,6 +132,13 @@ class OptimalityRecord(Part):
     verdict: Literal["proved", "open"]
     boxes: int
     error: Number  # of the best known design
+    both_sides: bool = False  # whether the bound is of designs on both sides of a nearby whole sample of delay
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield the bound and the gap, and what the bound is of."""
+        yield from super().rows(units)
+        if self.both_sides:
+            yield Row("bound is of", "", "designs that are proved on both sides of the nearby whole sample of delay")
 
 
 class UncertaintyRecord(Part):

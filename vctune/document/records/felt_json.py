@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import isclose
+from math import isclose, pi
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -32,10 +32,12 @@ class InHandRecord(Part):
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield free motion, the stiffest wall and the force of a count."""
         if self.mass_1hz is not None and self.damping_1hz is not None:
-            value, unit = _weighed(self.mass_1hz, units)
-            felt, bare = f"{unit} and {_short(self.damping_1hz)} {units.damping} at 1 Hz", self.bare_mass_1hz
+            value, unit = weighed(self.mass_1hz, units)
+            held = f"{_short(abs(self.damping_1hz))} {units.damping}"
+            drives = " that drive" if self.damping_1hz < 0 else ""
+            felt, bare = f"{unit} and {held}{drives} at 1 Hz", self.bare_mass_1hz
             felt += "" if self.behind is None else f" with {self.behind} behind"
-            felt += "" if bare is None else f"; the bare device {' '.join(_weighed(bare, units))}"
+            felt += "" if bare is None else f"; the bare device {' '.join(weighed(bare, units))}"
             yield Row("feels like", value, felt)
         if self.felt_wall_10hz is not None and self.wall is not None:
             rendered = abs(self.felt_wall_10hz - self.wall) <= RENDERED * self.wall
@@ -47,8 +49,10 @@ class InHandRecord(Part):
             yield Row("count of the encoder", text(self.count, 3), f"{units.force} without filters, in its sample")
 
 
-def _weighed(mass: float, units: Units) -> tuple[str, str]:
-    """Return a mass and its unit, which is g for a light one."""
+def weighed(mass: float, units: Units) -> tuple[str, str]:
+    """Return a mass felt at 1 Hz and its unit, which is g for a light one; a negative one is felt as a spring."""
+    if mass < 0:
+        return _short(-mass * (2 * pi) ** 2), f"{units.stiffness} of a spring"
     light = units.mass == "kg" and abs(mass) < GRAMS
     return _short(1e3 * mass if light else mass), "g" if light else units.mass
 
