@@ -8,26 +8,25 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 from vctune.api.result import Files, Rows, write
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.records.part import text
-from vctune.document.records.rows_json import QUANTITY_OF_COLUMN
 from vctune.document.study_file import Study, build_study
 from vctune.document.study_file import read_study as read_study
 from vctune.document.text.errors import InputError, has_code, printable
 from vctune.document.text.output_files import make_folder
 from vctune.exit_codes import ExitCode
+from vctune.report.paths import FigureKind
 from vctune.study.executors import available_cores, worker_pool
 from vctune.study.rows import open_rows
-from vctune.study.study_table import Summary, Table, csv_text, summary, table_of
+from vctune.study.study_table import Summary, Table, csv_text, number_columns, summary, table_of
 from vctune.study.sweep import OnDone
 from vctune.study.sweep import sweep as run
 
 ROWS, TABLE = "rows.jsonl", "table.csv"
-FigureKind = Literal["svg", "pdf", "png"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,8 +146,8 @@ def sweep(
         or if there is no such executor or its workers cannot be reached.
     """
     study = _study(problem, axes, sample)
-    if plot not in QUANTITY_OF_COLUMN:
-        message = f"{plot!r} is no column of numbers; one of {', '.join(QUANTITY_OF_COLUMN)}"
+    if plot not in (columns := number_columns(study)):
+        message = f"{plot!r} is no column of numbers of this study; one of {', '.join(columns)}"
         raise InputError.of("plot", "bad-option", message)
     if figures not in get_args(FigureKind):
         raise InputError.of("figures", "bad-option", f"is {figures!r}; one of {', '.join(get_args(FigureKind))}")
@@ -158,8 +157,6 @@ def sweep(
         make_folder(place)
         with open_rows(place / ROWS, study, restart=restart, time_limit=time_limit) as rows:
             table = table_of(study, rows, run(study, rows, pool, on_done, time_limit))
-            if plot not in table.numbers:
-                raise InputError.of("plot", "bad-option", f"a design of this display has no {plot}")
             swept = Swept(study, table, rows.dropped, plot, figures)
         if folder is not None:
             write(swept.files(place))

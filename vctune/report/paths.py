@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
+FigureKind = Literal["svg", "pdf", "png"]  # kinds of files of a picture that stands alone
 REPORT = "report.html"
 # Every figure that the report of a design, or of an identification, can have
 DESIGN_FIGURES = ("hands", "any-hand", "llewellyn", "impedance", "transparency", "nyquist", "simulation")

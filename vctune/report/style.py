@@ -8,7 +8,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from html import escape, unescape
 from io import BytesIO, StringIO
 from math import floor, inf, isclose, isfinite, log10, pi
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -18,11 +18,11 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from vctune.document.records.part import NOTHING
 from vctune.model.problem import Band
+from vctune.report.paths import FigureKind
 from vctune.running import check_time
 
 INK, PAPER = "#010203", "#fefdfc"  # A page replaces both by its own text and ground
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
-FigureKind = Literal["svg", "pdf", "png"]
 WIDTH = 4.2  # Width of a figure of a page, inches
 STYLE: Any = {
     "figure.constrained_layout.use": True,

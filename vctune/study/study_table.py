@@ -166,11 +166,16 @@ def _plain(value: Any) -> Any:
     return None if isnan(value) else float(value)
 
 
+def number_columns(study: Study) -> list[str]:
+    """Return the names of the columns of numbers that designs of a study's display have."""
+    absent = {COLUMN_OF_KEY[key] for key in set(COLUMN_OF_KEY) - set(stated_display(study.document["device"]).stated)}
+    return [name for name in QUANTITY_OF_COLUMN if name not in absent]
+
+
 def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
     """Return the table of a study, with the numbers that designs of its display have."""
     values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
     device, found = study.document["device"], [rows.known[key] for key in keys]
-    absent = {COLUMN_OF_KEY[key] for key in set(COLUMN_OF_KEY) - set(stated_display(device).stated)}
     return Table(
         {axis.key: values[:, k] for k, axis in enumerate(study.axes)},
         [row["status"] for row in found],
@@ -178,8 +183,7 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
         [row["reason"] or "" for row in found],
         {
             name: np.array([nan if row[name] is None else row[name] for row in found], dtype=float)
-            for name in QUANTITY_OF_COLUMN
-            if name not in absent
+            for name in number_columns(study)
         },
         device.get("units") or "linear",
     )
