@@ -172,7 +172,8 @@ def written(command: str, units: str, folder: Path) -> str:
     done = run(*COMMANDS[command], cwd=folder, report=True)
     assert done.returncode in (ExitCode.OK, ExitCode.FAILED), done.stderr
     made = [path for path in sorted(folder.rglob("results/**/*")) if path.suffix in {".csv", ".json", ".html", ".svg"}]
-    return "\n".join([done.stdout, done.stderr, *(path.read_text() for path in made)])
+    text = "\n".join([done.stdout, done.stderr, *(path.read_text() for path in made)])
+    return re.sub(r"</tspan>\s*<tspan[^>]*>", "", text)  # a label with a symbol is drawn letter by letter
 
 
 def units_in(text: str, system: Units) -> list[str]:
