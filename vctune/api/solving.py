@@ -13,7 +13,7 @@ from typing import Any
 from vctune.api.argument_ranges import GAPS, STDIN
 from vctune.api.result import DESIGN_FILE, GAINS_FILE, Files, Line, Rows, Table, code_of, write
 from vctune.design.result import Solved
-from vctune.design.search.alone import has_nothing_behind
+from vctune.design.search.along_limit import has_nothing_behind
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve as find
 from vctune.design.verdict.design_record import record_of

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.responses import Loop
+from vctune.design.search.first_proved import Seen
 from vctune.design.search.scan import ScanResult
 from vctune.design.search.working_set import Start, WorkingSet
 from vctune.design.variables import Point
@@ -86,6 +87,8 @@ class Solved:
         Judgement of the best design; None without a design.
     polished : Polished, optional
         The local optimum before rounding; None if the optimiser did not find the design.
+    seen : Seen, optional
+        Where the search along the limit of the coupling had looked; None if it did not find the design.
     optima : int
         Number of local optima.
     infeasibility : Infeasibility, optional
@@ -111,6 +114,7 @@ class Solved:
     problem: Problem
     judgement: Judgement | None = None
     polished: Polished | None = None
+    seen: Seen | None = None
     optima: int = 0
     infeasibility: Infeasibility | None = None
     scanned: ScanResult | None = None

@@ -13,8 +13,7 @@ import numpy as np
 
 from vctune.design.prepared import Prepared, pose, prepare
 from vctune.design.result import Solved
-from vctune.design.search.alone import has_nothing_behind, least_felt
-from vctune.design.search.along_limit import best_along_limit
+from vctune.design.search.along_limit import best_along_limit, has_nothing_behind
 from vctune.design.search.optimum import PROOF, SEARCH, Progress, improved, optimum
 from vctune.design.search.scan import scan
 from vctune.design.search.theorems import impossible
@@ -31,6 +30,7 @@ NOT_ALONE = "no mass and drag within their bounds was found that is stable in ev
 MORE_FELT = "allow more coupling.drag or coupling.mass"
 NOT_BEFORE_WORLDS = "no design within the bounds was found that is stable with every stated environment in every hand"
 NO_WALL = "no wall within the bounds of coupling was found that is stable in every hand"
+LESS_STIFF = "allow less coupling.stiffness"
 BOUND = "the search of every box"  # Name of the search of every box among the stages that a time limit may cut short
 # SEARCH_BOXES is the greatest number of boxes in the search of all designs, which runs if the optimiser finds no design
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
@@ -56,42 +56,36 @@ def solve(
     if theorem is not None:
         return Solved(problem=problem, infeasibility=theorem)
     try:
-        if problem.rigid or has_nothing_behind(problem):
-            return _alone(problem, progress)
         worlds = problem.worlds
-        alone = worlds is not None and not worlds.walls and (worlds.exact or not problem.device.kind.own_loop)
-        if alone and gap is None:
+        weak = worlds is not None and not worlds.walls and (worlds.exact or not problem.device.kind.own_loop)
+        if problem.rigid or has_nothing_behind(problem) or (weak and gap is None):
             return _along_limit(problem, progress)
         return _found(problem, progress, gap, exhaustive=exhaustive)
     except OutOfTimeError:
         return Solved(problem=problem, infeasibility=out_of_time_before_a_design(), cut=(SEARCH,))
 
 
-def _alone(problem: Problem, progress: Progress) -> Solved:
-    """Search for the mass and drag with nothing behind them, or for the stiffest wall."""
-    began = perf_counter()
-    progress(f"comparing {'walls' if problem.rigid else 'masses and drags'} in every hand")
-    found = stiffest_wall(pose(problem)) if problem.rigid else least_felt(pose(problem))
-    miss = (NO_WALL, "allow less coupling.stiffness") if problem.rigid else (NOT_ALONE, MORE_FELT)
-    none = None if found else Infeasibility(*miss, proved=False)
-    late = found is not None and (found.cut or (found.status is Status.UNDECIDED and out_of_time()))
-    cut, seconds = (PROOF,) * late, {"prove": perf_counter() - began}
-    return Solved(problem=problem, judgement=found, infeasibility=none, seconds=seconds, cut=cut)
-
-
 def _along_limit(problem: Problem, progress: Progress) -> Solved:
-    """Search along the limit of the coupling; if nothing is proved there, take the design for every passive
-    environment, which is one for the stated one too."""
+    """Search along the limit of the coupling. If nothing is proved before environments there, take the design for every
+    passive environment, which is one for the stated ones too."""
     began = perf_counter()
     progress("following the limit of the coupling")
-    found = best_along_limit(pose(problem))
-    if found is None or found.status is not Status.CERTIFIED:
+    proved = stiffest_wall(pose(problem)) if problem.rigid else best_along_limit(pose(problem))
+    found, alone = None if proved is None else proved.judgement, has_nothing_behind(problem)
+    miss = (NO_WALL, LESS_STIFF) if problem.rigid else (NOT_ALONE if alone else NOT_BEFORE_WORLDS, MORE_FELT)
+    if not (problem.rigid or alone) and (found is None or found.status is not Status.CERTIFIED):
         wider = prepare(replace(problem, worlds=None))
         safe = optimum(wider, scan(wider.scaled), progress).judgement
-        found = found if safe is None else judge(problem, safe.gains, safe.coupling)
-    none = None if found else Infeasibility(NOT_BEFORE_WORLDS, MORE_FELT, proved=False)
-    cut, seconds = (PROOF,) * (found is not None and found.cut), {"search": perf_counter() - began}
-    return Solved(problem=problem, judgement=found, infeasibility=none, seconds=seconds, cut=cut)
+        found, proved = (found, proved) if safe is None else (judge(problem, safe.gains, safe.coupling), None)
+    late = found is not None and (found.cut or (found.status is Status.UNDECIDED and out_of_time()))
+    return Solved(
+        problem=problem,
+        judgement=found,
+        seen=None if proved is None or problem.rigid else proved.seen,
+        infeasibility=None if found else Infeasibility(*miss, proved=False),
+        seconds={"search": perf_counter() - began},
+        cut=(PROOF,) * late,
+    )
 
 
 def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustive: bool) -> Solved:

@@ -1,4 +1,4 @@
-"""Improve designs along the limit of their coupling, before a box of environments (model/README.md, section 18).
+"""Search along the limit of the coupling, before a box of environments or nothing (model/README.md, section 18).
 
 The conditions for one exact environment vanish at every sample of the angle, so that the NLP does not see them. But in
 each hand the multiples of the coupling at which a pole lies on the unit circle are known in closed form. Of each shape
@@ -8,30 +8,30 @@ of the coupling this search takes the least multiple that is stable, and minimis
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import astuple, dataclass, replace
-from math import exp, inf, log, pi
+from dataclasses import astuple, dataclass
+from functools import partial
+from math import exp, inf, log
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
 
-from vctune.analysis.demands import sensitivity_maxima
+from vctune.analysis.demands import demand_grid, response, sensitivity_maxima
 from vctune.analysis.extrema import Floats
 from vctune.analysis.multiples import LoopsInWorlds, angles_of
 from vctune.design.prepared import Posed
 from vctune.design.search.exchange import stable
-from vctune.design.variables import Point, design_of, ranges
-from vctune.design.verdict.judge import Judgement, Status, judge_posed
-from vctune.model.device import Device
-from vctune.model.gains import Gains
-from vctune.model.hands import Hand
-from vctune.model.problem import Range
-from vctune.proof.claims.crossing import ANGLES, BESIDE
-from vctune.proof.outcome import Verdict
-from vctune.proof.prover import boxes_at_most
+from vctune.design.search.first_proved import Law, Proved, Seen, first_proved
+from vctune.design.variables import Point, design_of, point, ranges
+from vctune.design.verdict.judge import Status
+from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_coupling
+from vctune.model.loop.llewellyn import passive_alone
+from vctune.model.loop.loop import LoopResponse
+from vctune.model.problem import Problem, Range
+from vctune.proof.claims.crossing import ANGLES
 from vctune.running import check_time
 
-RESERVE, ROUNDS = 1e-4, 8  # of the first proof beyond the safety factor, and number of proofs
-MOST_BOXES, MOST_DEVICES = 100_000, 16
+MOST_DEVICES = 16  # of a box, at first
 # Of the grid: gains as shares of the greatest K_v, number of corners K_p/K_v over the band, and the shapes: m_c/b_c, or
 # m_c/b_0 of a rigid coupling, in sample times, and b_0/b_c
 VELOCITIES, CORNERS = np.geomspace(1e-3, 0.95, 11), 5
@@ -47,15 +47,48 @@ TINY = 1e-300
 SOFTEST = 1e-3  # Least coupling, over Z_0, if it could be softer: a proof about next to nothing does not end
 
 
+def has_nothing_behind(problem: Problem) -> bool:
+    """Return whether a problem leaves mass and drag alone to choose, with nothing behind them."""
+    worlds, servo, bounds = problem.worlds, problem.device.servo, problem.bounds
+    if worlds is None or worlds.walls or worlds.low.damping > 0 or (servo is not None and servo.radii):
+        return False
+    return worlds.nothing and bounds.velocity.fixed and bounds.position.fixed and bounds.damping.min == inf
+
+
+class _Loops(NamedTuple):
+    """The loops of the devices with given gains, at which couplings are measured."""
+
+    in_worlds: Sequence[LoopsInWorlds]
+    on_band: Sequence[
+        tuple[Floats, LoopResponse]
+    ]  # with nothing behind the coupling, in any passive hand: rad/s and response
+
+    def ratio(self, coupling: AnyCoupling) -> float:
+        """Return the number by which a coupling may be divided before something fails."""
+        least = self.least_on_band(coupling)
+        return min([1 / least if least > 0 else inf, *(loop.ratio(coupling) for loop in self.in_worlds)])
+
+    def least_stable(self, coupling: AnyCoupling, room: float) -> float:
+        """Return the least multiple beyond which nothing fails up to `room` times as much."""
+        least = self.in_worlds[0].least_stable(coupling, self.in_worlds[1:], room) if self.in_worlds else 0.0
+        return max(least, self.least_on_band(coupling))
+
+    def least_on_band(self, coupling: AnyCoupling) -> float:
+        """Return the least multiple that is passive in any passive hand with nothing behind it."""
+        least = 0.0
+        for omega, loop in self.on_band:
+            held, driven = passive_alone(loop, coupling_impedance(series_coupling(coupling), omega))
+            least = max(least, float(np.max(np.where(loop.resistance > 0, -driven / held, inf))))
+        return least
+
+
 @dataclass(frozen=True, slots=True)
 class _Limit:
-    """The designs of a problem whose coupling is at its limit, on some devices in some hands."""
+    """The designs of a problem whose coupling is at its limit, as far as is seen."""
 
     posed: Posed
-    devices: Sequence[Device]
-    hands: Sequence[Hand]
-    reserve: float = RESERVE  # share beyond the safety factor
-    angles: Floats | None = None
+    seen: Seen
+    coarse: bool = False  # whether few angles are enough
 
     @property
     def ranges(self) -> tuple[Range, ...]:
@@ -63,53 +96,62 @@ class _Limit:
         return ranges(self.posed.problem)
 
     @property
+    def needed(self) -> float:
+        """The ratio that a design keeps."""
+        return self.posed.problem.stability.safety_factor * (1 + self.seen.reserve)
+
+    @property
     def free(self) -> list[int]:
         """The numbers of the variables that are free and may be positive."""
         return [k for k, bounds in enumerate(self.ranges) if not bounds.fixed and bounds.max > 0]
 
-    def loops(self, gains: Gains) -> list[LoopsInWorlds] | None:
+    def loops(self, gains: Gains) -> _Loops | None:
         """Return the loops with given gains; None if they are out of bounds, unstable or too loud."""
-        problem = self.posed.problem
+        problem, demands, seen = self.posed.problem, self.posed.demands, self.seen
         if not all(_within(value, bounds) for value, bounds in zip(astuple(gains), self.ranges, strict=False)):
             return None
         if problem.device.kind.own_loop:
-            cases, loudest = self.posed.cases[:MOST_DEVICES], problem.stability.max_sensitivity * (1 - self.reserve)
+            cases, loudest = self.posed.cases[:MOST_DEVICES], problem.stability.max_sensitivity * (1 - seen.reserve)
             if not all(stable(case, gains) for case in cases):
                 return None
             if any(-sensitivity_maxima(case, gains).value[0] > loudest for case in cases):
                 return None
         assert problem.worlds is not None
-        return [LoopsInWorlds.of(each, gains, self.hands, problem.worlds, self.angles) for each in self.devices]
+        in_worlds, on_band = list[LoopsInWorlds](), list[tuple[Floats, LoopResponse]]()
+        for device in seen.devices:
+            angles = ANGLES[::3] if self.coarse else np.union1d(angles_of(device), seen.angles)
+            if demands.hands is not None:
+                in_worlds.append(LoopsInWorlds.of(device, gains, seen.hands, problem.worlds, angles))
+            if demands.alone:
+                omega = demand_grid(device, *self.posed.span)
+                on_band.append((omega, response(device, gains, omega)))
+        return _Loops(in_worlds, on_band)
 
-    def reserve_of(self, values: Point, loops: Sequence[LoopsInWorlds]) -> float:
-        """Return the share by which the coupling may be divided beyond the safety factor."""
-        least = min(loop.ratio(design_of(values)[1]) for loop in loops)
-        return least / self.posed.problem.stability.safety_factor - 1
-
-    def design(self, values: Point, loops: Sequence[LoopsInWorlds] | None) -> Point | None:
+    def design(self, values: Point, loops: _Loops | None) -> Point | None:
         """Return a design with its free coupling multiplied until it is at the limit; None if the loop or the bounds do
         not permit it."""
         if loops is None:
             return None
         free = [k for k in self.free if k >= GAINS]
 
-        def ratio(found: Point) -> float:
-            return (1 + self.reserve_of(found, loops)) / (1 + self.reserve)
+        def enough(found: Point) -> float:
+            return loops.ratio(design_of(found)[1]) / self.needed
 
         if free and all(k in free or value in (0.0, inf) for k, value in enumerate(values[GAINS:], GAINS)):
-            needed = self.posed.problem.stability.safety_factor * (1 + self.reserve)
             problem, (b_c, m_c, b_0) = self.posed.problem, values[GAINS:]
-            least = loops[0].least_stable(design_of(values)[1], loops[1:], needed)
             softest = problem.transparency.reference_impedance * SOFTEST
             softest /= max(b_0, min(b_c, m_c / problem.device.sample_time))
-            found = _times(values, free, max(least * needed, softest))
+            least = loops.least_stable(design_of(values)[1], self.needed) * self.needed
+            found, known = _times(values, free, max(least, softest)), least >= softest
         else:
-            found = _halved(values, free, ratio)
+            found, known = _halved(values, free, enough), False
         raised = tuple(max(value, bounds.min) for value, bounds in zip(found, self.ranges, strict=True))
         if not all(_within(value, bounds) for value, bounds in zip(raised, self.ranges, strict=True)):
             return None
+        if known and raised == found:
+            return found
         # at the limit to rounding, unless a bound has moved it
-        return raised if ratio(raised) >= 1 - (0 if raised != found else 0.1 * self.reserve) else None
+        return raised if enough(raised) >= 1 - (0 if raised != found else 0.1 * self.seen.reserve) else None
 
 
 def _halved(values: Point, free: Sequence[int], ratio: Callable[[Point], float]) -> Point:
@@ -130,46 +172,32 @@ def _times(values: Point, free: Sequence[int], factor: float) -> Point:
 
 
 @np.errstate(all="ignore")
-def best_along_limit(posed: Posed) -> Judgement | None:
+def best_along_limit(posed: Posed) -> Proved | None:
     """Return the best proved design that the search reaches from a grid, or else the last that was tried; None if it
     reaches none."""
     devices = list(dict.fromkeys(case.device for case in (*posed.cases, *posed.hand_cases)))[:MOST_DEVICES]
-    limit = _Limit(posed, devices, [*posed.problem.hands.corners, posed.problem.hands.middle])
-    tried: Judgement | None = None
-    starts = _starts(replace(limit, angles=ANGLES[::3]))
-    reached = [found for start in starts if (found := _least(limit, start, *COARSE)) is not None]
+    seen = Seen(devices, [*posed.problem.hands.corners, posed.problem.hands.middle])
+    tried: Proved | None = None
+    starts = _starts(_Limit(posed, seen, coarse=True))
+    reached = [found for start in starts if (found := _least(_Limit(posed, seen), start, *COARSE)) is not None]
     for _, start in sorted(reached)[:BEST]:
-        tried = _proved_near(limit, start) or tried
-        if tried is not None and tried.status is Status.CERTIFIED:
+        tried = first_proved(posed, seen, partial(_best_near, posed, start)) or tried
+        if tried is not None and tried.judgement.status is Status.CERTIFIED:
             break
     return tried
 
 
-def _proved_near(limit: _Limit, start: Point) -> Judgement | None:
-    """Return the first proved design of those with the least error near a start, each with the hands and devices that
-    refuted the last; or else the last that was tried."""
-    tried, best = None, start
-    for again in range(ROUNDS):
-        near = _least(limit, best, *(AGAIN if again else FINE))
-        if near is None:
-            return tried
-        best = near[1]
-        law = design_of(tuple(float(f"{value:.{DIGITS}g}") for value in best))
-        with boxes_at_most(MOST_BOXES):
-            tried = judge_posed(limit.posed, *law)
-        lost = [each for each in tried.certificate.outcomes.values() if each.verdict is Verdict.REFUTED]
-        if tried.status is Status.CERTIFIED or any(each.witness is None for each in lost):
-            return tried  # no coupling helps a loop that is unstable by itself
-        hands = [each.hand for each in lost if each.hand is not None and each.hand not in limit.hands]
-        others = [each.device for each in lost if each.device is not None and each.device not in limit.devices]
-        limit = replace(limit, hands=[*limit.hands, *hands], devices=[*limit.devices, *others])
-        T, known = limit.devices[0].sample_time, angles_of(limit.devices[0]) if limit.angles is None else limit.angles
-        beside = [np.minimum(each.witness * T * BESIDE, pi) for each in lost if each.witness]
-        limit = replace(limit, angles=np.unique(np.concatenate([known, *beside])))
-        loops = limit.loops(law[0])
-        if loops is not None and limit.reserve_of((*astuple(law[0]), *astuple(law[1])), loops) >= limit.reserve / 2:
-            limit = replace(limit, reserve=2 * limit.reserve)  # what was lost is not seen by the estimate
-    return tried
+def _best_near(posed: Posed, start: Point, seen: Seen, last: Law | None) -> Law | None:
+    """Return the design with the least error near the last one, or at first near a start."""
+    near = _least(_Limit(posed, seen), point(*last) if last else start, *(AGAIN if last else FINE))
+    return None if near is None else design_of(tuple(float(f"{value:.{DIGITS}g}") for value in near[1]))
+
+
+@np.errstate(all="ignore")
+def least_error(posed: Posed, seen: Seen, law: Law) -> float:
+    """Return the least error of a design near another one, as far as is seen; inf without one."""
+    found = _least(_Limit(posed, seen), point(*law), *AGAIN)
+    return inf if found is None else found[0]
 
 
 def _starts(limit: _Limit) -> list[Point]:
@@ -220,12 +248,13 @@ def _least(limit: _Limit, start: Point, step: float, most: int, close: float) ->
     free = [k for k in limit.free if start[k] > 0]
     scaled = [k for k in free if k >= GAINS]
     shape = [k for k in free if k not in scaled[:1]]  # the first number of the coupling follows from the limit
+    given = None if any(k < GAINS for k in shape) else limit.loops(Gains(*start[:GAINS]))
 
     def at(logs: Floats) -> Point | None:
         values = list(start)
         for k, place in zip(shape, logs, strict=True):
             values[k] = exp(float(place))
-        return limit.design(tuple(values), limit.loops(Gains(*values[:GAINS])))
+        return limit.design(tuple(values), given or limit.loops(Gains(*values[:GAINS])))
 
     def error(logs: Floats) -> float:
         found = at(logs)

@@ -16,7 +16,7 @@ from vctune.analysis.hardest_hands import tightest_at_wall
 from vctune.analysis.in_hands import RatioInHand, least_ratios_near
 from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.result import Polished
-from vctune.design.search.alone import has_nothing_behind, least_felt
+from vctune.design.search.along_limit import best_along_limit, has_nothing_behind
 from vctune.design.search.exchange import TIGHTENING, polish
 from vctune.design.search.scan import ScanResult, better_start_near, scan, start_at
 from vctune.design.search.theorems import impossible
@@ -107,7 +107,8 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
         return None
     prepared = prepare(problem)
     if problem.rigid or has_nothing_behind(problem):
-        found = stiffest_wall(prepared.given) if problem.rigid else least_felt(prepared.given)
+        proved = stiffest_wall(prepared.given) if problem.rigid else best_along_limit(prepared.given)
+        found = None if proved is None else proved.judgement
         return (found.gains, found.coupling) if found is not None and found.status is Status.CERTIFIED else None
     scanned = scan(prepared.scaled)
     for start in [start for start in scanned.starts[:LONG_SHOTS] if start.admissible] or scanned.starts[:1]:

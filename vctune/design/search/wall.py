@@ -14,11 +14,9 @@ import numpy as np
 from vctune.analysis.in_hands import least_multiples
 from vctune.analysis.loops_in_hands import loops_in_any_hand
 from vctune.design.prepared import Posed
-from vctune.design.search.alone import first_proved
-from vctune.design.verdict.judge import Judgement
+from vctune.design.search.first_proved import Law, Proved, Seen, first_proved
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
-from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.proof.claims.crossing import ANGLES, LoopsBeforeWall
 from vctune.running import check_time
@@ -33,15 +31,17 @@ Multiple = Callable[[SpringDamper], float]  # the least multiple of a wall that 
 
 
 @np.errstate(all="ignore")
-def stiffest_wall(posed: Posed) -> Judgement | None:
+def stiffest_wall(posed: Posed) -> Proved | None:
     """Return the stiffest wall that is proved, or else the last that was tried; None if there is none."""
     problem = posed.problem
 
-    def best(devices: Sequence[Device], hands: Sequence[Hand], reserve: float) -> SpringDamper | None:
-        multiples = [_in_any_hand(each) if problem.any_hand else _in_hands(each, hands) for each in devices]
-        return _stiffest(posed, multiples, problem.stability.safety_factor * reserve)
+    def best(seen: Seen, _: Law | None) -> Law | None:
+        multiples = [_in_any_hand(each) if problem.any_hand else _in_hands(each, seen) for each in seen.devices]
+        wall = _stiffest(posed, multiples, problem.stability.safety_factor * (1 + seen.reserve))
+        return None if wall is None else (NO_LOOP, wall)
 
-    return first_proved(posed, NO_LOOP, best)
+    devices = list(dict.fromkeys(case.device for case in posed.cases))
+    return first_proved(posed, Seen(devices, [*problem.hands.corners, problem.hands.middle]), best)
 
 
 def _in_any_hand(device: Device) -> Multiple:
@@ -49,8 +49,8 @@ def _in_any_hand(device: Device) -> Multiple:
     return lambda wall: float(least_multiples(*at.answers.before_wall(wall, T, at.theta, FLOATS)).min())
 
 
-def _in_hands(device: Device, hands: Sequence[Hand]) -> Multiple:
-    loops = LoopsBeforeWall.of(device, list(hands), ANGLES)
+def _in_hands(device: Device, seen: Seen) -> Multiple:
+    loops = LoopsBeforeWall.of(device, list(seen.hands), np.union1d(ANGLES, seen.angles))
     return lambda wall: float(loops.limits(wall)[0].min())
 
 

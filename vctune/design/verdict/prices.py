@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from math import expm1, hypot, isclose
+from math import expm1, hypot, isclose, log
 
 import numpy as np
 
 from vctune.analysis.demands import transparency_error
 from vctune.analysis.in_hands import least_ratios_near
 from vctune.design.nlp.nlp import lagrangian, stated
-from vctune.design.prepared import Prepared, prepare
+from vctune.design.prepared import Prepared, pose, prepare
 from vctune.design.result import Polished, Solved
+from vctune.design.search.along_limit import least_error
+from vctune.design.search.first_proved import Law, Seen
 from vctune.design.variables import coordinates, design_of
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.records.design_json import Price
@@ -30,23 +32,31 @@ STEP = 1e-5  # Relative step, up and down, of the difference that approximates a
 STEEPEST = 50.0  # Slope d log error/d log parameter above which a change of the error counts as a jump
 BETTER = 0.01  # Share by which a parameter improves
 
+_LogError = Callable[[Callable[[Device], Device], Callable[[Hand], Hand]], float]
+"""The logarithm of the least error after a change of all devices and hands; the least alone is not searched again."""
+
 
 @np.errstate(all="ignore")
 def with_prices(solved: Solved) -> Solved:
     """Return the result of a problem with the price of each parameter of its device, if its design is a local
     optimum."""
-    judgement, polished = solved.judgement, solved.polished
-    if judgement is None or judgement.status is not Status.CERTIFIED or polished is None:
+    judgement, prices = solved.judgement, list[Price]()
+    if judgement is None or judgement.status is not Status.CERTIFIED:
         return solved
-    if not polished.solution.converged:  # without convergence the multipliers are not derivatives
+    if solved.polished is not None and solved.polished.solution.converged:  # else the multipliers are no derivatives
+        prepared = prepare(solved.problem)
+        polished = _at_minima(prepared.scaled.problem, solved.polished)
+        log_error, step = partial(_lagrangian, prepared, polished), STEP
+    elif solved.seen is not None:
+        law = judgement.gains, judgement.coupling
+        log_error, step = partial(_along_limit, solved.problem, solved.seen, law), BETTER
+    else:
         return solved
-    prepared, prices = prepare(solved.problem), list[Price]()
     try:
-        polished = _at_minima(prepared.scaled.problem, polished)
-        here = _changed(prepared, polished, lambda device: device, lambda hand: hand)
+        here = log_error(lambda device: device, lambda hand: hand)
         for number in _numbers(solved.problem):
             check_time()
-            change, sign = _change(prepared, polished, here, number)
+            change, sign = _change(log_error, step, here, number)
             price = Price(key=number.key, old=number.old, new=number.old * (1 + sign * BETTER), change=change)
             free = _of_free_feel(solved.problem, judgement, number, sign) if solved.problem.apart else None
             prices.append(price if free is None else price.model_copy(update={"free": free}))
@@ -107,16 +117,16 @@ def _of_hand(name: str, edge: float, factor: float, hand: Hand) -> Hand:
     return replace(hand, **{name: factor * value}) if isclose(value, edge) else hand
 
 
-def _change(prepared: Prepared, polished: Polished, here: float, number: _Number) -> tuple[float, int]:
+def _change(log_error: _LogError, step: float, here: float, number: _Number) -> tuple[float, int]:
     """Return the change of the error for a parameter that is better by 1 %, and 1 if greater is better or -1."""
     changes = [(0.0, -1)]
     for sign in (-1, 1):
-        factor = 1 + sign * STEP
-        there = _changed(prepared, polished, partial(number.device, factor), partial(number.hand, factor))
+        factor = 1 + sign * step
+        there = log_error(partial(number.device, factor), partial(number.hand, factor))
         change = expm1(there - here)
-        changes += [(change, sign)] if abs(change) < STEP * STEEPEST else []
+        changes += [(change, sign)] if abs(change) < step * STEEPEST else []
     change, sign = min(changes)
-    return round(change * BETTER / STEP, 12), sign
+    return round(change * BETTER / step, 12), sign
 
 
 def _of_free_feel(problem: Problem, judgement: Judgement, number: _Number, sign: int) -> float:
@@ -131,16 +141,11 @@ def _of_free_feel(problem: Problem, judgement: Judgement, number: _Number, sign:
     return round(felt(changed) / felt(problem) - 1, 12)
 
 
-def _changed(
+def _lagrangian(
     prepared: Prepared, polished: Polished, of_device: Callable[[Device], Device], of_hand: Callable[[Hand], Hand]
 ) -> float:
     """Return the Lagrangian of the last NLP, whose objective is the logarithm of the error, after a change of all
     devices and hands."""
-
-    def on(device: Device) -> Device:
-        changed = of_device(device)
-        jumps = problem.hands_met is not None and sensed_force_jumps(device, problem.hands_met)
-        return kept_at_whole_sample(changed, device) if jumps else changed
 
     def held(hand: Hand) -> Hand:
         return of_hand(hand.in_units(1 / impedance, 1 / time)).in_units(impedance, time)
@@ -152,8 +157,31 @@ def _changed(
     integrator = polished.structure.integrator
     free = coordinates(other.scaled.problem, integrator=integrator)
     box = np.array([each.low for each in free]), np.array([each.high for each in free])
-    working_set = polished.working_set.on_devices(on, other.units.time / time, held)
+    working_set = polished.working_set.on_devices(_kept(problem, of_device), other.units.time / time, held)
     given = stated(
         other.scaled, free, values, box, working_set, polished.panels, polished.tightening, integrator=integrator
     )
     return lagrangian(given, polished.solution)
+
+
+def _along_limit(
+    problem: Problem, seen: Seen, law: Law, of_device: Callable[[Device], Device], of_hand: Callable[[Hand], Hand]
+) -> float:
+    """Return the logarithm of the least error next to a design along the limit of its coupling, after a change of all
+    devices and hands. Several angles limit a design there, so that its other numbers are searched again."""
+    changed = pose(replace(problem, device=of_device(problem.device)))
+    # next to whole samples other devices join
+    devices = [*map(_kept(problem, of_device), seen.devices), *(case.device for case in changed.hand_cases)]
+    hands = [of_hand(hand) for hand in seen.hands]
+    return log(least_error(changed, replace(seen, devices=list(dict.fromkeys(devices)), hands=hands), law))
+
+
+def _kept(problem: Problem, of_device: Callable[[Device], Device]) -> Callable[[Device], Device]:
+    """Return a change of devices that keeps a sum of delays at the whole sample where the sensed force jumps."""
+
+    def on(device: Device) -> Device:
+        changed = of_device(device)
+        jumps = problem.hands_met is not None and sensed_force_jumps(device, problem.hands_met)
+        return kept_at_whole_sample(changed, device) if jumps else changed
+
+    return on
