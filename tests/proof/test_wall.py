@@ -156,3 +156,27 @@ def test_the_firmware_of_a_wall_promises_no_other_environment():
     files = {name: " ".join(str(text).replace("*", "").split()) for name, text in exported.files.items()}
     assert all("always in contact" in files[f"vctune_controller.{ending}"] for ending in "ch")
     assert not any("passive as" in text for text in files.values())
+
+
+def test_a_wall_of_given_stiffness_keeps_it_though_its_damping_is_rounded() -> None:
+    """The most damping that this wall bears, to six digits, is more than it bears."""
+    device = {
+        "display": "impedance",
+        "mass": 0.423534,
+        "sample_time": 0.00195,
+        "damping": 0.640491,
+        "delay": 0.00258439,
+    }
+    device |= {"velocity": {"filter_hz": 19.6151}, "actuator": {"bandwidth_hz": 465.185, "order": 2}}
+    tables: dict[str, Any] = {
+        "device": device,
+        "coupling": {"stiffness": 111.7316989808293},
+        "environment": RIGID,
+        "stability": {"criterion": "passive", "safety_factor": 1.0},
+    }
+    found = vctune.solve(tables)
+    assert found.status == "certified" and found.judgement is not None
+    wall = found.judgement.coupling
+    assert wall.stiffness == pytest.approx(111.7317, rel=1e-6)
+    tables["coupling"] = {"damping": 1.001 * wall.damping, "stiffness": wall.stiffness}
+    assert vctune.solve(tables).status == "violated"

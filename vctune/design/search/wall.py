@@ -91,5 +91,7 @@ def _stiffest(posed: Posed, multiples: Sequence[Multiple], needed: float) -> Spr
     for _ in range(STEPS if high > low else 0):
         inner = high - golden * (high - low), low + golden * (high - low)
         low, high = (low, inner[1]) if worth(inner[0]) <= worth(inner[1]) else (inner[0], high)
-    best = float(f"{min(best, low, 0.5 * (low + high), high, key=worth):.6g}")
+    # the best damping may be the greatest or the least that is stable, so that it is rounded both ways
+    decimals = {float(f"{x * (1 + up):.6g}") for x in (low, 0.5 * (low + high), high) for up in (-1e-6, 0, 1e-6)}
+    best = min((x for x in (best, *sorted(decimals)) if dampings.min <= x <= dampings.max), key=worth)
     return SpringDamper(best, float(f"{stiffness(best):.8g}"))
