@@ -7,10 +7,12 @@ import re
 from dataclasses import astuple, replace
 from math import inf, tan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from command import run
+from conftest import mostly_slow
 from device_pairs import tables_of
 from loop import Loop, matrix
 
@@ -257,3 +259,56 @@ def test_a_motion_grows_at_the_rate_of_the_loops_greatest_pole(sample_time: floa
     found = growth_near(device, *law, hand, world, abs(pole.imag))
     assert found is not None and pole.real > 1.0
     assert (found.rate, 2 * np.pi * found.hz) == pytest.approx((pole.real, abs(pole.imag)), rel=1e-8)
+
+
+def box(*ranges: tuple[float, float]) -> dict[str, dict[str, float]]:
+    """Return a table of hands."""
+    names = ("mass", "damping", "stiffness")
+    return {name: {"min": low, "max": high} for name, (low, high) in zip(names, ranges, strict=True)}
+
+
+BASINS: dict[str, tuple[dict[str, Any], float]] = {
+    "a stiff integrator": (
+        {
+            "device": {
+                **{"mass": 3.14836, "damping": 35.7954, "sample_time": 0.00120018},
+                "velocity": {"from": "difference"},
+            },
+            "operator": box((0.110319, 0.206492), (1.18616, 2.22022), (0.0, 12071.0)),
+            "environment": {"mass": 0.286654, "stiffness": 2646.77},
+        },
+        0.0226,
+    ),
+    "an integrator beside none": (
+        {
+            "device": {
+                **{"mass": 0.0959445, "damping": 0.146358, "sample_time": 0.00157876, "delay": 0.00431205},
+                "structure": {"handle_mass": 0.0179223, "frequency_hz": 71.84815931490537, "damping_ratio": 0.00853214},
+            },
+            "operator": box((0.0, 0.00314902), (0.658016, 0.709341), (9.2986, 10.0239)),
+            "environment": {"mass": 0.00298454, "stiffness": 0.0},
+        },
+        0.2637,
+    ),
+    "a loop at its limit": (
+        {
+            "device": {
+                **{"mass": 0.180819, "damping": 0.232151, "sample_time": 0.000223262},
+                "velocity": {"from": "difference", "filter_hz": 1552.498857844147},
+                "force_sensor": {"bandwidth_hz": 1595.6723490786608},
+            },
+            "operator": box((0.00448375, 0.00626456), (5.34869, 7.47304), (1530.03, 2137.71)),
+            "environment": {"mass": 0.0, "stiffness": 0.0},
+        },
+        0.0604,
+    ),
+}
+"""Own loops before one exact environment, with the error of the certified design before any wider box or none."""
+
+
+@pytest.mark.parametrize("name", mostly_slow(BASINS, ["a loop at its limit"]))
+def test_one_exact_environment_costs_no_more_than_a_wider_box(name: str) -> None:
+    tables, wider = BASINS[name]
+    solved = solve(tables)
+    assert solved.status is Status.CERTIFIED and solved.judgement is not None
+    assert solved.judgement.error <= 1.01 * wider

@@ -8,7 +8,7 @@ of the coupling this search takes the least multiple that is stable, and minimis
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from math import exp, inf, log
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.multiples import LoopsInWorlds, angles_of
 from vctune.design.prepared import Posed
 from vctune.design.search.exchange import stable
-from vctune.design.search.first_proved import Law, Proved, Seen, first_proved
+from vctune.design.search.first_proved import RESERVE, Law, Proved, Seen, first_proved
 from vctune.design.variables import Point, design_of, point, ranges
 from vctune.design.verdict.judge import Status
 from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_coupling
@@ -32,18 +32,21 @@ from vctune.proof.claims.crossing import ANGLES
 from vctune.running import check_time
 
 MOST_DEVICES = 16  # of a box, at first
-# Of the grid: gains as shares of the greatest K_v, number of corners K_p/K_v over the band, and the shapes: m_c/b_c, or
+# Of the grid: gains as shares of the greatest K_v, number of corners K_p/K_v, and the shapes: m_c/b_c, or
 # m_c/b_0 of a rigid coupling, in sample times, and b_0/b_c
-VELOCITIES, CORNERS = np.geomspace(1e-3, 0.95, 11), 5
+VELOCITIES, CORNERS = (0.99, 0.6, 0.3, 0.1, 0.03, 0.003), 12
+CLOSER_CORNERS = (0.5, 0.25)  # that are tried beside the best ones, as shares of the steps between corners
+WIDER, WIDEST, CLOSER = 1.5, 24, 6  # steps down to the greatest K_v that is permitted, and halvings of the last step
 RIGID, SHAPES, DRAGS = np.geomspace(0.03, 1e5, 13), np.geomspace(0.3, 300, 6), np.geomspace(1e-3, 10, 6)
 STARTS, BEST = 4, 2  # number of starts of the grid, each with another K_v or shape, and of those that are proved
 # Steps of the logarithms, greatest numbers of designs that are compared, and distances at which a search ends: of each
 # start, of the best, and of the best with more hands
 COARSE, FINE, AGAIN = (0.3, 120, 1e-2), (0.1, 260, 1e-4), (0.01, 60, 1e-4)
-GAINS = 2  # number of gains before the numbers of the coupling in a `Point`
+GAINS, MASS = 2, 3  # number of gains before the numbers of the coupling in a `Point`, and place of m_c
 FAR, HALVINGS = 30.0, 16  # Greatest factor of a coupling that is not free as a whole, and halvings of its logarithm
 DIGITS = 8  # of a design
 TINY = 1e-300
+LIGHTEST = 1e-3  # Least mass of a rigid coupling, over b_0 T; a lighter one is neither felt nor worth a digit
 SOFTEST = 1e-3  # Least coupling, over Z_0, if it could be softer: a proof about next to nothing does not end
 
 
@@ -105,17 +108,22 @@ class _Limit:
         """The numbers of the variables that are free and may be positive."""
         return [k for k, bounds in enumerate(self.ranges) if not bounds.fixed and bounds.max > 0]
 
-    def loops(self, gains: Gains) -> _Loops | None:
-        """Return the loops with given gains; None if they are out of bounds, unstable or too loud."""
-        problem, demands, seen = self.posed.problem, self.posed.demands, self.seen
+    def permits(self, gains: Gains) -> bool:
+        """Return whether gains are within their bounds and their loop is stable and not too loud."""
         if not all(_within(value, bounds) for value, bounds in zip(astuple(gains), self.ranges, strict=False)):
+            return False
+        problem, cases = self.posed.problem, self.posed.cases[:MOST_DEVICES]
+        loudest = problem.stability.max_sensitivity * (1 - RESERVE)
+        if not problem.device.kind.own_loop:
+            return True
+        quiet = (-sensitivity_maxima(case, gains).value[0] <= loudest for case in cases)
+        return all(stable(case, gains) for case in cases) and all(quiet)
+
+    def loops(self, gains: Gains) -> _Loops | None:
+        """Return the loops with given gains; None if they are not permitted."""
+        problem, demands, seen = self.posed.problem, self.posed.demands, self.seen
+        if not self.permits(gains):
             return None
-        if problem.device.kind.own_loop:
-            cases, loudest = self.posed.cases[:MOST_DEVICES], problem.stability.max_sensitivity * (1 - seen.reserve)
-            if not all(stable(case, gains) for case in cases):
-                return None
-            if any(-sensitivity_maxima(case, gains).value[0] > loudest for case in cases):
-                return None
         assert problem.worlds is not None
         in_worlds, on_band = list[LoopsInWorlds](), list[tuple[Floats, LoopResponse]]()
         for device in seen.devices:
@@ -130,15 +138,17 @@ class _Limit:
     def design(self, values: Point, loops: _Loops | None) -> Point | None:
         """Return a design with its free coupling multiplied until it is at the limit; None if the loop or the bounds do
         not permit it."""
-        if loops is None:
-            return None
+        b_c, m_c, b_0 = values[GAINS:]
         free = [k for k in self.free if k >= GAINS]
+        light = b_c == inf and m_c < LIGHTEST * self.posed.problem.device.sample_time * b_0
+        if loops is None or (light and MASS in free):
+            return None
 
         def enough(found: Point) -> float:
             return loops.ratio(design_of(found)[1]) / self.needed
 
         if free and all(k in free or value in (0.0, inf) for k, value in enumerate(values[GAINS:], GAINS)):
-            problem, (b_c, m_c, b_0) = self.posed.problem, values[GAINS:]
+            problem = self.posed.problem
             softest = problem.transparency.reference_impedance * SOFTEST
             softest /= max(b_0, min(b_c, m_c / problem.device.sample_time))
             least = loops.least_stable(design_of(values)[1], self.needed) * self.needed
@@ -178,7 +188,7 @@ def best_along_limit(posed: Posed) -> Proved | None:
     devices = list(dict.fromkeys(case.device for case in (*posed.cases, *posed.hand_cases)))[:MOST_DEVICES]
     seen = Seen(devices, [*posed.problem.hands.corners, posed.problem.hands.middle])
     tried: Proved | None = None
-    starts = _starts(_Limit(posed, seen, coarse=True))
+    starts = _starts(_Limit(posed, seen))
     reached = [found for start in starts if (found := _least(_Limit(posed, seen), start, *COARSE)) is not None]
     for _, start in sorted(reached)[:BEST]:
         tried = first_proved(posed, seen, partial(_best_near, posed, start)) or tried
@@ -202,31 +212,62 @@ def least_error(posed: Posed, seen: Seen, law: Law) -> float:
 
 def _starts(limit: _Limit) -> list[Point]:
     """Return the designs of a grid with the least errors that are apart from one another."""
-    found = list[tuple[float, Point]]()
-    for gains in _grid_of_gains(limit):
-        check_time()
-        if (loops := limit.loops(gains)) is None:
-            continue
-        for coupling in _shapes(limit):
-            design = limit.design((*astuple(gains), *coupling), loops)
-            if design is not None:
-                found.append((limit.posed.error(*design_of(design)), design))
-    best = dict[float, Point]()  # of each K_v, or of each shape without a loop, by the least error
-    for _, design in sorted(found):
-        b_c, m_c, b_0 = design[GAINS:]
-        shape = m_c / b_c if b_c < inf else m_c / max(b_0, TINY)
-        best.setdefault(design[0] if limit.posed.problem.device.kind.own_loop else float(f"{shape:.2g}"), design)
-    return list(best.values())[:STARTS]
+    problem, best, few = limit.posed.problem, dict[float, tuple[float, Point]](), replace(limit, coarse=True)
 
+    def error(found: Point | None) -> float:
+        return inf if found is None else limit.posed.error(*design_of(found))
 
-def _grid_of_gains(limit: _Limit) -> Iterator[Gains]:
+    def compare(kind: float | None, gains: Iterator[Gains]) -> None:
+        """Keep the best design of a kind; without a kind that of each shape. Few angles tell what is not better."""
+        for law in gains:
+            check_time()
+            coarse, fine = few.loops(law), None
+            for coupling in _shapes(limit) if coarse is not None else ():
+                b_c, m_c, b_0 = coupling
+                key = float(f"{m_c / max(b_0 if b_c == inf else b_c, TINY):.2g}") if kind is None else kind
+                values, known = (*astuple(law), *coupling), best[key][0] if key in best else inf
+                if error(few.design(values, coarse)) < known:
+                    fine = fine or limit.loops(law)
+                    design = limit.design(values, fine)
+                    if design is not None and error(design) < known:
+                        best[key] = error(design), design
+
     velocity, position = limit.ranges[:GAINS]
-    band = limit.posed.problem.transparency.band
-    corners = np.append(0.0, np.geomspace(0.3 * band.min, band.max, CORNERS))
-    speeds = [velocity.max] if velocity.fixed else sorted({max(velocity.min, velocity.max * s) for s in VELOCITIES})
-    for K_v in speeds:
-        springs = [position.max] if position.fixed else sorted({max(position.min, K_v * corner) for corner in corners})
-        yield from (Gains(float(K_v), float(K_p)) for K_p in springs)
+    if velocity.fixed and position.fixed:
+        compare(None, iter([Gains(velocity.max, position.max)]))
+    elif position.fixed:
+        compare(0.0, _gains_of_corner(limit, 0.0, VELOCITIES))
+    else:
+        # with a corner above 1/lag, Re D < 0 at low frequency
+        corners = np.geomspace(0.3 * problem.transparency.band.min, 1 / problem.device.loop_lag, CORNERS)
+        for corner in [0.0, *map(float, corners)]:
+            compare(corner, _gains_of_corner(limit, corner, VELOCITIES))
+        for kind in sorted(best, key=lambda kind: best[kind])[:STARTS]:
+            for share in CLOSER_CORNERS:
+                K_v, K_p = best[kind][1][:GAINS]
+                for ratio in (corners[1] / corners[0]) ** np.array([-share, share]):
+                    compare(kind, _gains_of_corner(limit, float(K_p / K_v * ratio), VELOCITIES[:1]))
+    return [design for _, design in sorted(best.values())[:STARTS]]
+
+
+def _gains_of_corner(limit: _Limit, corner: float, shares: Sequence[float]) -> Iterator[Gains]:
+    """Yield gains with a corner K_p/K_v, K_v as shares of the greatest that is permitted: near it most designs are
+    best."""
+    velocity, position = limit.ranges[:GAINS]
+
+    def at(K_v: float) -> Gains:
+        return Gains(K_v, position.max if position.fixed else max(position.min, K_v * corner))
+
+    if velocity.fixed:
+        yield at(velocity.max)
+        return
+    tried = velocity.max * WIDER ** -np.arange(0.0, WIDEST)
+    high = next((float(K_v) for K_v in tried if limit.permits(at(float(K_v)))), velocity.min)
+    low, high = high, min(WIDER * high, velocity.max)
+    for _ in range(CLOSER):
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if limit.permits(at(middle)) else (low, middle)
+    yield from (at(max(low * share, velocity.min)) for share in shares)
 
 
 def _shapes(limit: _Limit) -> Iterator[tuple[float, float, float]]:
@@ -261,8 +302,9 @@ def _least(limit: _Limit, start: Point, step: float, most: int, close: float) ->
         return inf if found is None else limit.posed.error(*design_of(found))
 
     first = np.array([log(start[k]) for k in shape])
+    ways = np.diag([-1.0 if k == 0 else 1.0 for k in shape])  # K_v is next to its limit, so that it becomes less
     for again in (1.0, 0.3) if shape else ():
-        simplex = np.vstack([first, *(first + again * step * unit for unit in np.eye(len(shape)))])
+        simplex = np.vstack([first, *(first + again * step * way for way in ways)])
         options = {"initial_simplex": simplex, "maxfev": most // 2, "xatol": close, "fatol": 1e-7}
         first = minimize(error, first, method="Nelder-Mead", options=options).x
     found = at(first)
