@@ -271,7 +271,9 @@ BASINS: dict[str, tuple[dict[str, Any], float]] = {
     "a stiff integrator": (
         {
             "device": {
-                **{"mass": 3.14836, "damping": 35.7954, "sample_time": 0.00120018},
+                "mass": 3.14836,
+                "damping": 35.7954,
+                "sample_time": 0.00120018,
                 "velocity": {"from": "difference"},
             },
             "operator": box((0.110319, 0.206492), (1.18616, 2.22022), (0.0, 12071.0)),
@@ -282,7 +284,10 @@ BASINS: dict[str, tuple[dict[str, Any], float]] = {
     "an integrator beside none": (
         {
             "device": {
-                **{"mass": 0.0959445, "damping": 0.146358, "sample_time": 0.00157876, "delay": 0.00431205},
+                "mass": 0.0959445,
+                "damping": 0.146358,
+                "sample_time": 0.00157876,
+                "delay": 0.00431205,
                 "structure": {"handle_mass": 0.0179223, "frequency_hz": 71.84815931490537, "damping_ratio": 0.00853214},
             },
             "operator": box((0.0, 0.00314902), (0.658016, 0.709341), (9.2986, 10.0239)),
@@ -293,7 +298,9 @@ BASINS: dict[str, tuple[dict[str, Any], float]] = {
     "a loop at its limit": (
         {
             "device": {
-                **{"mass": 0.180819, "damping": 0.232151, "sample_time": 0.000223262},
+                "mass": 0.180819,
+                "damping": 0.232151,
+                "sample_time": 0.000223262,
                 "velocity": {"from": "difference", "filter_hz": 1552.498857844147},
                 "force_sensor": {"bandwidth_hz": 1595.6723490786608},
             },
