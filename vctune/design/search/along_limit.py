@@ -22,7 +22,7 @@ from vctune.analysis.multiples import LoopsInWorlds, angles_of
 from vctune.design.prepared import Posed
 from vctune.design.search.exchange import stable
 from vctune.design.search.first_proved import RESERVE, Law, Proved, Seen, first_proved
-from vctune.design.variables import Point, design_of, point, ranges
+from vctune.design.variables import Point, design_of, point, ranges, rounded
 from vctune.design.verdict.judge import Status
 from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_coupling
 from vctune.model.loop.llewellyn import passive_alone
@@ -44,7 +44,6 @@ STARTS, BEST = 4, 2  # number of starts of the grid, each with another K_v or sh
 COARSE, FINE, AGAIN = (0.3, 120, 1e-2), (0.1, 260, 1e-4), (0.01, 60, 1e-4)
 GAINS, MASS = 2, 3  # number of gains before the numbers of the coupling in a `Point`, and place of m_c
 FAR, HALVINGS = 30.0, 16  # Greatest factor of a coupling that is not free as a whole, and halvings of its logarithm
-DIGITS = 8  # of a design
 TINY = 1e-300
 LIGHTEST = 1e-3  # Least mass of a rigid coupling, over b_0 T; a lighter one is neither felt nor worth a digit
 SOFTEST = 1e-3  # Least coupling, over Z_0, if it could be softer: a proof about next to nothing does not end
@@ -62,9 +61,8 @@ class _Loops(NamedTuple):
     """The loops of the devices with given gains, at which couplings are measured."""
 
     in_worlds: Sequence[LoopsInWorlds]
-    on_band: Sequence[
-        tuple[Floats, LoopResponse]
-    ]  # with nothing behind the coupling, in any passive hand: rad/s and response
+    # rad/s and response, for any passive hand with nothing behind the coupling
+    on_band: Sequence[tuple[Floats, LoopResponse]]
 
     def ratio(self, coupling: AnyCoupling) -> float:
         """Return the number by which a coupling may be divided before something fails."""
@@ -113,9 +111,9 @@ class _Limit:
         if not all(_within(value, bounds) for value, bounds in zip(astuple(gains), self.ranges, strict=False)):
             return False
         problem, cases = self.posed.problem, self.posed.cases[:MOST_DEVICES]
-        loudest = problem.stability.max_sensitivity * (1 - RESERVE)
         if not problem.device.kind.own_loop:
             return True
+        loudest = problem.stability.max_sensitivity * (1 - RESERVE)
         quiet = (-sensitivity_maxima(case, gains).value[0] <= loudest for case in cases)
         return all(stable(case, gains) for case in cases) and all(quiet)
 
@@ -200,7 +198,7 @@ def best_along_limit(posed: Posed) -> Proved | None:
 def _best_near(posed: Posed, start: Point, seen: Seen, last: Law | None) -> Law | None:
     """Return the design with the least error near the last one, or at first near a start."""
     near = _least(_Limit(posed, seen), point(*last) if last else start, *(AGAIN if last else FINE))
-    return None if near is None else design_of(tuple(float(f"{value:.{DIGITS}g}") for value in near[1]))
+    return None if near is None else design_of(rounded(posed.problem, near[1]))
 
 
 @np.errstate(all="ignore")

@@ -15,6 +15,7 @@ from vctune.analysis.in_hands import least_multiples
 from vctune.analysis.loops_in_hands import loops_in_any_hand
 from vctune.design.prepared import Posed
 from vctune.design.search.first_proved import Law, Proved, Seen, first_proved
+from vctune.design.variables import design_of, point, rounded
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.numbers.arithmetic import FLOATS
@@ -94,4 +95,6 @@ def _stiffest(posed: Posed, multiples: Sequence[Multiple], needed: float) -> Spr
     # the best damping may be the greatest or the least that is stable, so that it is rounded both ways
     decimals = {float(f"{x * (1 + up):.6g}") for x in (low, 0.5 * (low + high), high) for up in (-1e-6, 0, 1e-6)}
     best = min((x for x in (best, *sorted(decimals)) if dampings.min <= x <= dampings.max), key=worth)
-    return SpringDamper(best, float(f"{stiffness(best):.8g}"))
+    _, wall = design_of(rounded(problem, point(NO_LOOP, SpringDamper(best, stiffness(best)))))
+    assert isinstance(wall, SpringDamper)
+    return wall

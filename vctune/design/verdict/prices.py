@@ -33,7 +33,7 @@ STEEPEST = 50.0  # Slope d log error/d log parameter above which a change of the
 BETTER = 0.01  # Share by which a parameter improves
 
 _LogError = Callable[[Callable[[Device], Device], Callable[[Hand], Hand]], float]
-"""The logarithm of the least error after a change of all devices and hands; the least alone is not searched again."""
+"""The logarithm of the least error after a change of all devices and hands."""
 
 
 @np.errstate(all="ignore")
@@ -43,16 +43,11 @@ def with_prices(solved: Solved) -> Solved:
     judgement, prices = solved.judgement, list[Price]()
     if judgement is None or judgement.status is not Status.CERTIFIED:
         return solved
-    if solved.polished is not None and solved.polished.solution.converged:  # else the multipliers are no derivatives
-        prepared = prepare(solved.problem)
-        polished = _at_minima(prepared.scaled.problem, solved.polished)
-        log_error, step = partial(_lagrangian, prepared, polished), STEP
-    elif solved.seen is not None:
-        law = judgement.gains, judgement.coupling
-        log_error, step = partial(_along_limit, solved.problem, solved.seen, law), BETTER
-    else:
-        return solved
     try:
+        known = _log_error(solved, judgement)
+        if known is None:
+            return solved
+        log_error, step = known
         here = log_error(lambda device: device, lambda hand: hand)
         for number in _numbers(solved.problem):
             check_time()
@@ -63,6 +58,16 @@ def with_prices(solved: Solved) -> Solved:
     except OutOfTimeError:
         return replace(solved, cut=(*solved.cut, PRICES))
     return replace(solved, prices=sorted(prices, key=lambda price: price.change))
+
+
+def _log_error(solved: Solved, judgement: Judgement) -> tuple[_LogError, float] | None:
+    """Return the error as a function, and the step of the parameters with which it is differentiated."""
+    if solved.polished is not None and solved.polished.solution.converged:  # else the multipliers are no derivatives
+        prepared = prepare(solved.problem)
+        return partial(_lagrangian, prepared, _at_minima(prepared.scaled.problem, solved.polished)), STEP
+    if solved.seen is not None:
+        return partial(_along_limit, solved.problem, solved.seen, (judgement.gains, judgement.coupling)), BETTER
+    return None
 
 
 def _at_minima(problem: Problem, polished: Polished) -> Polished:
