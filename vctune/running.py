@@ -22,6 +22,7 @@ class OutOfTimeError(Exception):
 # _END and _BEGAN are times of `perf_counter`
 _END: ContextVar[float] = ContextVar("end", default=inf)
 _BEGAN: ContextVar[float | None] = ContextVar("began", default=None)
+_MOST_BOXES: ContextVar[float] = ContextVar("most boxes", default=inf)
 _LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
 _REPORTING: ContextVar[bool] = ContextVar("reporting", default=False)
 
@@ -76,6 +77,21 @@ def check_time() -> None:
     raise_lost_interrupt()
     if out_of_time():
         raise OutOfTimeError
+
+
+@contextmanager
+def boxes_at_most(number: int) -> Iterator[None]:
+    """Limit the boxes of each proof within the block: many proofs that may stay open, the same on every machine."""
+    token = _MOST_BOXES.set(number)
+    try:
+        yield
+    finally:
+        _MOST_BOXES.reset(token)
+
+
+def most_boxes() -> float:
+    """Return the number of boxes after which a proof stays open; inf if there is no limit."""
+    return _MOST_BOXES.get()
 
 
 @contextmanager

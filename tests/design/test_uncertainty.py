@@ -27,11 +27,12 @@ from vctune.document.text.errors import InputError
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Uncertainty
+from vctune.proof.box_tests import positive
 from vctune.proof.boxes import band_of, over_band
 from vctune.proof.device_box import device_box
 from vctune.proof.enclosures.intervals import Enclosure
+from vctune.proof.halving import Effort
 from vctune.proof.outcome import Verdict
-from vctune.proof.prover import Effort, positive
 from vctune.proof.prover import prove as prove_boxes
 
 WIDE = "[uncertainty]\nmass = 0.1\ndamping = 0.5\ndelay = 0.2\n"

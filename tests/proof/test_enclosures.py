@@ -19,6 +19,7 @@ from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
+from vctune.proof.box_tests import positive
 from vctune.proof.boxes import Cells, band_of, over_cells
 from vctune.proof.certificate import certify
 from vctune.proof.claims.cells import proved_cells as prove
@@ -33,8 +34,8 @@ from vctune.proof.enclosures.intervals import (
     decimal,
     raised,
 )
+from vctune.proof.halving import Effort
 from vctune.proof.outcome import Verdict
-from vctune.proof.prover import Effort, positive
 from vctune.proof.prover import prove as prove_boxes
 
 ordinary = st.floats(-1e6, 1e6, allow_subnormal=False)

@@ -25,6 +25,7 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
+from vctune.proof.box_tests import turned_angles
 from vctune.proof.boxes import over_band
 from vctune.proof.certificate import certify
 from vctune.proof.claims.loop_claims import Covered, prove_conditions, prove_sensitivity, turns
@@ -32,7 +33,6 @@ from vctune.proof.claims.margins_of_claims import Design, conditions_margin
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.outcome import Verdict
-from vctune.proof.prover import turned_angles
 
 EXACT = Digits(120)
 LAG = Device(0.5, 2.0, 1e-3, 0.0, "lag")

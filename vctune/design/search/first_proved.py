@@ -20,8 +20,7 @@ from vctune.proof.claims.crossing import BESIDE
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import claims_about
 from vctune.proof.outcome import Verdict
-from vctune.proof.prover import boxes_at_most
-from vctune.running import OutOfTimeError, seconds_left, time_limit
+from vctune.running import OutOfTimeError, boxes_at_most, seconds_left, time_limit
 
 ROUNDS, RESERVE = 12, 1e-4  # proofs, and the reserve of the first; it doubles with each
 MOST_BOXES = 100_000  # of one proof

@@ -27,8 +27,7 @@ from vctune.model.problem import Problem
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.outcome import Verdict
-from vctune.proof.prover import boxes_at_most
-from vctune.running import OutOfTimeError, check_time, out_of_time
+from vctune.running import OutOfTimeError, boxes_at_most, check_time, out_of_time
 
 REPAIRS = "the repairs"  # Name of a stage that a time limit may cut short
 MOST, ASSUMED = 4, 1  # Greatest number of repairs, and number of them that may change an assumption if others are found

@@ -14,8 +14,7 @@ from vctune.model.servo import numbers_to_state
 from vctune.proof.certificate import RATIOS, certify
 from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.proof.outcome import Outcome, Verdict
-from vctune.proof.prover import boxes_at_most
-from vctune.running import OutOfTimeError
+from vctune.running import OutOfTimeError, boxes_at_most
 
 CUT = " (the time limit cut its proof)"  # Words that follow a claim if the time limit ended its proof
 MOST_BOXES = 20_000  # Greatest number of boxes of the proof that a design misses only the safety factor

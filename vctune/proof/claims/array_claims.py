@@ -35,6 +35,7 @@ from vctune.model.sampled.plant_in_hand import (
 from vctune.model.sampled.servo_plant import ServoPlant
 from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go, return_difference, unturned
 from vctune.model.worlds import WorldsMet
+from vctune.proof.box_tests import Curve, Margin
 from vctune.proof.boxes import FREQUENCY, SAMPLES_BEFORE, WHOLE_SAMPLES, Values, coupling_of, gains_of, shared
 from vctune.proof.claims.margins_of_claims import (
     Design,
@@ -66,7 +67,6 @@ from vctune.proof.claims.margins_of_claims import (
 from vctune.proof.claims.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
 from vctune.proof.enclosures.intervals import Enclosure, decimal
 from vctune.proof.enclosures.taylor_functions import TAYLOR as OPS
-from vctune.proof.prover import Curve, Margin
 
 # The names of the rows for the shares of rho (model/README.md, section 14)
 SHARES = "share of the integrator", "share of the hand's stiffness in the rest"

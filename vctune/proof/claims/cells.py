@@ -18,6 +18,7 @@ from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.proof.box_tests import Margin, lower_bound_over, positive
 from vctune.proof.boxes import (
     FREQUENCY,
     HALF_TURN,
@@ -47,7 +48,8 @@ from vctune.proof.claims.loop_claims import (
 from vctune.proof.claims.margins_of_claims import outwards
 from vctune.proof.claims.registry import ClaimId, claims_asked
 from vctune.proof.enclosures.intervals import Flags, Floats, decimal
-from vctune.proof.prover import Effort, Margin, Proofs, lower_bound_over, positive, prove
+from vctune.proof.halving import Effort
+from vctune.proof.prover import Proofs, prove
 
 STEP = 1.05  # Ratio of the edges of a piece
 # Shares of each range of the hands at which the code evaluates R before it proves a piece

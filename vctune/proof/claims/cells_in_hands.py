@@ -13,11 +13,13 @@ from vctune.model.hands import HAND
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
+from vctune.proof.box_tests import Margin, beside_zero, either, narrowed, positive, sufficient
 from vctune.proof.boxes import FREQUENCY, HALF_TURN, Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands
 from vctune.proof.claims.array_claims import SHARES, claims_of, limp_hands_margins, margins_in_spring
 from vctune.proof.claims.loop_claims import STEP
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
-from vctune.proof.prover import Effort, Margin, Test, either, narrowed, positive, prove
+from vctune.proof.halving import Effort
+from vctune.proof.prover import Test, prove
 
 EFFORT = Effort(max_halvings=80, max_boxes=30_000, few=0)
 TOGETHER = 128  # Number of cells that the prover treats together, so that their boxes fit into memory
@@ -77,7 +79,10 @@ def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
 def _in_hand(demands: Demands) -> Test:
     """Return the test that a margin in a hand is positive. Near theta = 0 it uses only the coupling's drag."""
     margin = claims_of(demands).in_hand
-    return _or_every_stiffness(demands, positive(margin, {}, None if demands.device.kind.inverse else _by_drag(margin)))
+    test = positive(margin, {})
+    if not demands.device.kind.inverse:
+        test = beside_zero(sufficient(_by_drag(margin), {}), test)
+    return _or_every_stiffness(demands, test)
 
 
 def _or_every_stiffness(demands: Demands, test: Test) -> Test:

@@ -153,7 +153,7 @@ class Part:
         def tested(boxes: Boxes) -> Decided:
             decided = test(boxes)
             outside = (total(boxes.low) > most) | (total(boxes.high) < least)
-            there = (total(decided.point) >= least) & (total(decided.point) <= most)
+            there = (total(decided.guide.point) >= least) & (total(decided.guide.point) <= most)
             return replace(decided, proved=decided.proved | outside, fails=decided.fails & there)
 
         return tested
@@ -210,11 +210,12 @@ def _at_whole_samples(test: Test, names: tuple[str, ...], T: float, shortest: fl
         empty, several = low[rest] > high[rest], low[whole] < high[whole]
         low[rest, empty] = high[rest, empty] = boxes.low[rest, empty]
         decided = test(replace(boxes, low=low, high=high))
-        at, total = decided.point[whole], decided.point[whole] * T + decided.point[rest]
+        guide = decided.guide
+        at, total = guide.point[whole], guide.point[whole] * T + guide.point[rest]
         had = (at == np.round(at)) & (total >= shortest - blur) & (total <= longest + blur)
-        cost = decided.cost.copy()
+        cost = guide.cost.copy()
         cost[whole, decided.fails & ~had & several] = np.inf
-        return replace(decided, proved=decided.proved | empty, fails=decided.fails & had & ~empty, cost=cost)
+        return Decided(decided.proved | empty, decided.fails & had & ~empty, replace(guide, cost=cost))
 
     return tested
 

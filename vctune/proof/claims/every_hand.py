@@ -15,6 +15,7 @@ from vctune.model.problem import Demands
 from vctune.model.sampled.loop_in_worlds import LEADS, posed, real_at_nyquist, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
+from vctune.proof.box_tests import beside_zero, either, misses_zero, positive, sufficient
 from vctune.proof.boxes import HALF_TURN, SAMPLES_BEFORE, Boxes, Values, band_of, over_band
 from vctune.proof.claims.array_claims import (
     AT_REST,
@@ -43,16 +44,17 @@ from vctune.proof.device_box import (
     DeviceBox,
 )
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, decimal_or_inf, surely_negative
+from vctune.proof.halving import Effort
 from vctune.proof.outcome import Outcome, Verdict
-from vctune.proof.prover import Effort, Test, either, misses_zero, positive, prove
+from vctune.proof.prover import Test, prove
 
 STEP = 1.4  # Ratio of the edges of the first intervals of the angle and of an uncertain mass
 SUM_STEP = 8.0  # Ratio of the edges of the first intervals of an uncertain mass together with the hand's
-EASY = 1_000  # Number of boxes after which the prover also tries every stiffness at once
-MAX_BOXES = 250_000  # Number of boxes after which the prover leaves the claim open
+# twenty halvings in each of six rows; after 1,000 boxes the prover also tries every stiffness at once
+EFFORT = Effort(max_halvings=120, max_boxes=250_000, easy=1_000)
+Tests = list[tuple[Test, Test | None]]  # tests that all must hold, each with the later test of `prove`
 # Distances from the ends of the angles, as shares of pi, at which the code looks for a witness
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
-MAX_HALVINGS = 120  # Greatest number of halvings of a box: twenty in each of six rows
 
 
 def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -125,16 +127,17 @@ class Asked:
         reserve = self.demands.factor if self.shared else None
         return _ends(self.demands.hands, self.box, self.uncertain, corners, limp=self.limp, reserve=reserve)
 
-    def tests(self, part: Part, fixed: Values) -> list[Test]:
+    def tests(self, part: Part, fixed: Values) -> Tests:
         """Return the tests that prove the claim on a part of the boxes, after many boxes also for every stiffness."""
         found = [self._test(part, fixed, lead) for lead in (LEADS if self.walls else LEADS[:1])]
         every = margins_in_spring(self.demands, self.uncertain, part.delays)
-        return found if every is None else [either(test, every, fixed, EASY) for test in found]
+        return [(test, None if every is None else either(test, every, fixed)) for test in found]
 
     def _test(self, part: Part, fixed: Values, lead: float) -> Test:
         margins = hands_margins(self.demands, self.uncertain, part.delays, lead)
         at_rest = limp_hands_margins(self.demands, self.uncertain, part.delays, lead) if self.limp else None
-        return positive(margins, fixed, at_rest, AT_REST)
+        test = positive(margins, fixed)
+        return test if at_rest is None else beside_zero(sufficient(at_rest, fixed), test, AT_REST)
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -143,9 +146,9 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
     if (undamped := _undamped(design, demands)) is not None:
         return undamped
 
-    def tests(part: Part, fixed: Values) -> list[Test]:
+    def tests(part: Part, fixed: Values) -> Tests:
         margin, size = any_hand_margins(demands, uncertain, part.delays)
-        return [positive(each, fixed) for each in ([margin, size] if design.gains.velocity > 0 else [margin])]
+        return [(positive(each, fixed), None) for each in ([margin, size] if design.gains.velocity > 0 else [margin])]
 
     found = _decided(Asked(design, demands, box), _ends(None, box, uncertain), tests)
     return _and_without_reserve(found, prove_any_hand, design, demands, box)
@@ -174,8 +177,8 @@ def prove_wall_in_any_hand(design: Design, demands: Demands, box: DeviceBox | No
     if design.device.structure is not None:  # else a weaker wall is stable if this one is: the margin is concave
         ends[COUPLING_SHARE] = np.zeros(1), np.ones(1)
 
-    def tests(part: Part, fixed: Values) -> list[Test]:
-        return [positive(any_hand_before_walls(demands, uncertain, part.delays), fixed)]
+    def tests(part: Part, fixed: Values) -> Tests:
+        return [(positive(any_hand_before_walls(demands, uncertain, part.delays), fixed), None)]
 
     return _decided(Asked(design, demands, box), ends, tests)
 
@@ -193,8 +196,8 @@ def prove_wall_in_hands(design: Design, demands: Demands, box: DeviceBox | None 
         return stable
     ends = _ends(demands.hands, box, uncertain, reserve=demands.factor if demands.factor > 1 else None)
 
-    def tests(part: Part, fixed: Values) -> list[Test]:
-        return [misses_zero(wall_curves(demands, uncertain, part.delays), fixed)]
+    def tests(part: Part, fixed: Values) -> Tests:
+        return [(misses_zero(wall_curves(demands, uncertain, part.delays), fixed), None)]
 
     found = _decided(Asked(design, demands, box), ends, tests)
     return replace(found, boxes=found.boxes + stable.boxes)
@@ -224,15 +227,15 @@ def _and_without_reserve(
 def _decided(
     asked: Asked,
     ends: Ends,
-    tests: Callable[[Part, Values], list[Test]],
+    tests: Callable[[Part, Values], Tests],
 ) -> Outcome:
     """Prove margins positive over all values of theta, the hand's parameters and the device's uncertain parameters."""
     boxes, fixed = 0, fixed_of(asked.design)
     apart = MASS in ends and asked.demands.worlds is None
     for part in parts_of(asked.design.device, ends, apart=apart):
         first = boxes_over(part)
-        for test in tests(part, fixed):
-            found = prove(part.within(test), first, 1, Effort(MAX_HALVINGS, MAX_BOXES))
+        for test, later in tests(part, fixed):
+            found = prove(part.within(test), first, 1, EFFORT, later=later and part.within(later))
             boxes += int(found.boxes[0])
             if not found.proved[0]:
                 point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]

@@ -22,6 +22,7 @@ from vctune.model.numbers.units import KEYS, keys_of
 from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
 from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go
+from vctune.proof.box_tests import Curve, Margin, beside_zero, misses_zero, positive, sufficient, turned_angles
 from vctune.proof.boxes import HALF_TURN, Boxes, Cells, Integers, Values, band_of, joined, over_band
 from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.margins_of_claims import (
@@ -44,8 +45,9 @@ from vctune.proof.enclosures.intervals import (
     decimal_or_inf,
     surely_negative,
 )
+from vctune.proof.halving import Effort
 from vctune.proof.outcome import Outcome, Verdict
-from vctune.proof.prover import Curve, Effort, Margin, Test, misses_zero, positive, prove, turned_angles
+from vctune.proof.prover import Test, prove
 
 STEP = 1.4  # Ratio of the edges of the first intervals of frequency
 DESIGN = Effort(max_halvings=80, max_boxes=400_000)  # twenty halvings in each of four rows
@@ -187,7 +189,8 @@ def conditions(covered: Covered, low: float, high: float) -> Held:
 def _conditions(covered: Covered, band: Boxes, effort: Effort) -> Held:
     """Prove the conditions on the boxes of a band."""
     claims, fixed = covered.claims, covered.fixed
-    parts = [(positive(claims.conditions, fixed, claims.conditions_near_zero), band)]
+    near_zero = sufficient(claims.conditions_near_zero, fixed)
+    parts = [(beside_zero(near_zero, positive(claims.conditions, fixed)), band)]
     if covered.box is not None and covered.box.nominal.unmodelled is not None:
         parts += [(positive(margin, fixed), band) for margin in claims.clamped]
     if resistance_apart(covered.demands.device):
@@ -197,12 +200,14 @@ def _conditions(covered: Covered, band: Boxes, effort: Effort) -> Held:
 
 def sensitivity(covered: Covered) -> Held:
     """Prove |S| < max_sensitivity of the sampled loop at every frequency."""
-    claims = covered.claims
+    claims, fixed = covered.claims, covered.fixed
 
-    def either(theta: Number, v: Values) -> tuple[Number, Number]:
+    def one_of(theta: Number, v: Values) -> tuple[Number, Number]:
         return claims.sensitivity(theta, v), claims.sensitivity_any_position(theta, v)
 
-    test = positive(claims.sensitivity, covered.fixed, either if KEYS[1] in covered.names else None)
+    test = positive(claims.sensitivity, fixed)
+    if KEYS[1] in covered.names:
+        test = beside_zero(sufficient(one_of, fixed), test)
     return held(covered, covered.effort(), [(test, covered.around_circle())])
 
 

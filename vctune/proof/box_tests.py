@@ -1,0 +1,200 @@
+"""The tests of boxes: a margin is positive, one of several is, a curve misses 0; and how one test serves some boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.pair import Pair
+from vctune.proof import halving
+from vctune.proof.boxes import FREQUENCY, Boxes, Integers, Values, in_chunks
+from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, selected
+from vctune.proof.enclosures.taylor import Taylor, least_over_boxes, stacked, variables
+from vctune.proof.halving import Guide
+from vctune.proof.prover import Decided, Test, bounded, each_column, negative_at
+from vctune.running import check_time
+
+# Functions of a frequency and of numbers by name
+Margin = Callable[[Number, Values], Number]  # must be positive; of a tuple of numbers, one at each point
+Curve = Callable[[Number, Values], Pair]  # must not be 0
+
+
+def positive(margin: Margin, fixed: Values) -> Test:
+    """Return the test that one of a claim's margins is positive at each point."""
+
+    def decided(boxes: Boxes) -> Decided:
+        found = _one_positive(_over(margin, boxes, fixed), boxes)
+        tried = np.flatnonzero(~found.proved & (found.guide.room < 0))
+        if not tried.size:
+            return found
+        at, fails = found.guide.point[:, tried], found.fails.copy()
+        fails[tried] = negative_at(_over(margin, replace(boxes.subset(tried), low=at, high=at), fixed))
+        return replace(found, fails=fails)
+
+    return decided
+
+
+def sufficient(margin: Margin, fixed: Values) -> Test:
+    """Return the test of a margin from which the claim follows, and which may be negative where the claim holds."""
+    return lambda boxes: _one_positive(_over(margin, boxes, fixed), boxes)
+
+
+def either(test: Test, other: Margin, fixed: Values) -> Test:
+    """Return a test that also proves boxes away from frequency 0 in which both margins of another are positive."""
+
+    def both(boxes: Boxes) -> Decided:
+        margin, sign = _over(other, boxes, fixed)
+        found, sure = bounded(margin, boxes, alone=True), least_over_boxes(sign).bound > 0
+        room = np.where(sure, found.guide.room, -np.inf)
+        # where it is not lost, its rows are better halved than those of a margin that is negative so far
+        tried = np.flatnonzero((room > -np.inf) & (room < 0))
+        if tried.size:
+            at = found.guide.point[:, tried]
+            first, _ = _over(other, replace(boxes.subset(tried), low=at, high=at), fixed)
+            room[tried] = np.where(negative_at([first]), -np.inf, 0.0)
+        return replace(found, proved=found.proved & sure, guide=replace(found.guide, room=room))
+
+    def decided(boxes: Boxes) -> Decided:
+        found = test(boxes)
+        left = np.flatnonzero(~found.proved & ~found.fails & (boxes.low[0] > 0))
+        if not left.size:
+            return found
+        return _put_in(found, left, _one_of([_part(found, left), both(boxes.subset(left))]))
+
+    return decided
+
+
+def misses_zero(curve: Curve, fixed: Values, near: Margin | None = None) -> Test:
+    """Return the test that a curve misses 0: its component in some direction is positive.
+
+    In boxes from frequency 0, a positive margin `near` suffices. If that is a component of the curve as well, the curve
+    stays in a half-plane over every proved box, because a mean of two components is a third.
+    """
+
+    def decided(boxes: Boxes, *also: Margin) -> Decided:
+        def margins(frequency: Number, values: Values) -> list[Number]:
+            value = curve(frequency, values)
+            re, im = halving.direction(value)
+            return [value.re * re + value.im * im, *(margin(frequency, values) for margin in also)]
+
+        return _one_positive(_over(margins, boxes, fixed), boxes)
+
+    return decided if near is None else beside_zero(lambda boxes: decided(boxes, near), decided)
+
+
+def turned_angles(curve: Curve, fixed: Values, limit: Margin | None = None) -> Callable[[Boxes], Floats]:
+    """Return the function that measures how far a curve turns around 0 over a box's frequencies.
+
+    In a box that `misses_zero` proved the curve stays in a half-plane. It turns by less than pi there, so its turn is
+    the principal argument of the quotient of its ends. At frequency 0, where a curve may have no formula, it has the
+    real value `limit`. The result is nan where the ends do not tell the sign of the turn.
+    """
+
+    def turn(boxes: Boxes) -> Floats:
+        rows, zero = boxes.rows(), boxes.low[0] == 0
+        start, stop = (curve(Enclosure(edge[0]), boxes.named(rows, fixed)) for edge in (boxes.low, boxes.high))
+        if limit is not None:
+            known = limit(Enclosure(boxes.low[0]), boxes.named(rows, fixed))
+            start = Pair(selected(zero, known, start.re), selected(zero, Enclosure(0.0), start.im))
+        cross = start.re * stop.im - start.im * stop.re
+        dot = start.re * stop.re + start.im * stop.im
+        sided = cross.positive() | cross.negative() | dot.positive()
+        return np.where(sided, np.arctan2(cross.mid, dot.mid), np.nan)
+
+    return turn
+
+
+@np.errstate(all="ignore")
+def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
+    """Return a lower bound of a margin over each box."""
+    return np.asarray(in_chunks(lambda part: least_over_boxes(*_over(margin, part, fixed)).bound, boxes))
+
+
+def beside_zero(near: Test, elsewhere: Test, rows: Sequence[str] = (FREQUENCY,)) -> Test:
+    """Return a test that gives the boxes in which all of some rows begin at 0 to a test of their own."""
+
+    def decided(boxes: Boxes) -> Decided:
+        begin = [boxes.low[boxes.names.index(name)] == 0 for name in rows]
+        return _by_kind(np.all(begin, axis=0), near, elsewhere, boxes)
+
+    return decided
+
+
+def narrowed(test: Test, narrow: Callable[[Boxes], Boxes]) -> Test:
+    """Return a test of boxes that are narrowed first. A box that then has low > high contains no point, so it is
+    proved."""
+
+    def empty(boxes: Boxes) -> Decided:
+        holds, rows = np.ones(len(boxes), bool), np.zeros_like(boxes.low)
+        return Decided(holds, ~holds, Guide(rows, rows, holds, np.full(len(boxes), np.inf)))
+
+    def decided(boxes: Boxes) -> Decided:
+        boxes = narrow(boxes)
+        return _by_kind(np.any(boxes.low > boxes.high, axis=0), empty, test, boxes)
+
+    return decided
+
+
+def _one_positive(numbers: Sequence[Taylor], boxes: Boxes) -> Decided:
+    """Prove the boxes in which one of several margins, or a mean of two, has a positive bound.
+
+    Where no margin is positive, no mean is.
+    """
+    found = _one_of([bounded(number, boxes, alone=len(numbers) == 1) for number in numbers])
+    left = np.flatnonzero(~found.proved)
+    if len(numbers) == 1 or not left.size:
+        return found
+    part, tried = boxes.subset(left), [_part(found, left)]
+    for a, b in combinations([number.subset(left) for number in numbers], 2):
+        of_a, of_b = (np.maximum(weight, 0.0) for weight in halving.weights_of_mean(a, b))
+        tried.append(bounded(a * of_a + b * of_b, part, alone=False))
+    return _put_in(found, left, _one_of(tried))
+
+
+def _one_of(found: Sequence[Decided]) -> Decided:
+    """Return the results of several tests, of which each may prove a box and none refutes it."""
+    if len(found) == 1:
+        return found[0]
+    guide = Guide.nearest([each.guide for each in found])
+    return Decided(np.any([each.proved for each in found], axis=0), np.zeros(len(guide.room), bool), guide)
+
+
+def _by_kind(kind: Flags, test: Test, other: Test, boxes: Boxes) -> Decided:
+    """Test the boxes of one kind by one test, and those of the other kind by another."""
+    if kind.all() or not kind.any():
+        return (test if kind.any() else other)(boxes)
+    some, rest = np.flatnonzero(kind), np.flatnonzero(~kind)
+    order = np.argsort(np.concatenate((some, rest)))
+    both = [test(boxes.subset(some)), other(boxes.subset(rest))]
+    return each_column(lambda columns: np.concatenate(columns, axis=-1)[..., order], both)
+
+
+def _part(found: Decided, at: Integers) -> Decided:
+    """Return the results on some of the boxes."""
+    return each_column(lambda columns: columns[0][..., at], [found])
+
+
+def _put_in(found: Decided, at: Integers, part: Decided) -> Decided:
+    """Return the results with those on some of the boxes replaced."""
+
+    def column(columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        whole = columns[0].copy()
+        whole[..., at] = columns[1]
+        return whole
+
+    return each_column(column, [found, part])
+
+
+def _over(margin: Margin, boxes: Boxes, fixed: Values) -> list[Taylor]:
+    """Return the numbers of a margin as polynomials over boxes, also one that depends on no row."""
+    check_time()
+    rows = variables(boxes.rows(), boxes.varied())
+    found = margin(rows[0], boxes.named(rows, fixed))
+    numbers = found if isinstance(found, Sequence) else (found,)
+    return [number if isinstance(number, Taylor) else stacked([number, rows[0]])[0] for number in numbers]
