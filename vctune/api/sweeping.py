@@ -114,8 +114,7 @@ def sweep(
         Values by dotted key of the problem: a list or an array, `{"linear": [a, b], "n": n}` or `{"log": [a,
         b], "n": n}`, in the units of the problem file.
     sample : Mapping[str, Any], optional
-        `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
-        hypercube; or `{"kind": "list"}`, the axes' lists element by element.
+        `{"kind": "grid"}`, every combination, the default; or `{"kind": "list"}`, the axes' lists element by element.
     folder : str or Path, optional
         Folder for rows, table and picture, in which an interrupted sweep continues; None to write nothing.
     jobs : int, optional

@@ -41,7 +41,7 @@ def sweep(
     figures: Any,
     time_limit: float,
 ) -> int:
-    """Solve a problem at every point of STUDY, a TOML file with a grid, a Latin hypercube or a list of points.
+    """Solve a problem at every point of STUDY, a TOML file with a grid or a list of points.
 
     The command writes each finished point as a line of rows.jsonl; to continue an interrupted sweep, run it again. At
     the end it writes table.csv and, for one or two axes, a picture, COLUMN.svg. The exit code is 3 if a point reached

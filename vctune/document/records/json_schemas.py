@@ -18,8 +18,8 @@ from vctune.document.schema.problem_schema import (
     SpringGainsDocument,
     json_schema,
 )
+from vctune.document.schema.study_schema import StudyDocument
 from vctune.document.schema.validation import DIALECT, schema_of
-from vctune.document.study_file import StudyDocument
 
 
 def _of(*parts: type[Document] | type[RowRecord]) -> dict[str, Any]:

@@ -18,7 +18,9 @@ from vctune.document.text.hints import CALLED, commas_meant, number_meant
 
 MAX_MISTAKES = 25  # Greatest number of mistakes that one error lists
 # Tags of the alternative forms of a key's value, in pairs: the first and the second form
-TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>")
+TAGS = (
+    "<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>", "<list>", "<spread>"
+)  # fmt: skip
 LONG = 60  # Greatest length of a key or a value that a message quotes, in characters
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -106,6 +108,7 @@ OUT_OF_RANGE: dict[str, str] = {
     "greater_than_equal": "{value} is too small: must be at least {ge:g}",
     "less_than": "{value} is out of range: must be less than {lt:g}",
     "less_than_equal": "{value} is out of range: must be at most {le:g}",
+    "too_short": "is empty; {meaning}",
     "too_long": "{value} has more than two numbers{commas}",
     "string_pattern_mismatch": "{value} has other characters than letters, digits, spaces and _.,+-",
     "string_too_short": "is empty; {meaning}",
@@ -192,6 +195,7 @@ def _at(schema: Schema, path: KeyPath) -> Schema | None:
             continue
         inner = [form["items"] for form in forms if "items" in form] if isinstance(step, int) else []
         inner += [form["properties"][step] for form in forms if step in form.get("properties", ())]
+        inner += [form["additionalProperties"] for form in forms if isinstance(form.get("additionalProperties"), dict)]
         if not inner:
             return None
         entry = inner[0]
