@@ -32,7 +32,6 @@ DEVICES = {
 }  # fmt: skip
 READERS = {
     "report": ("report", "results/edited/design.json"),
-    "compare": ("compare", "results/edited/design.json", "results/edited/design.json"),
     "export": ("export", "results/edited/design.json"),
     "simulate": ("simulate", "edited.toml"),
     "bound": ("bound", "edited.toml", "results/edited/design.json"),

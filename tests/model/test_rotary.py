@@ -154,7 +154,6 @@ COMMANDS = {
     "repairs": ("solve", "poor.toml"),
     "simulate": ("simulate", "good.toml"),
     "region": ("region", "free.toml", "--resolution", "0.125"),
-    "compare": ("compare", "good.toml", "poor.toml"),
     "export": ("export", "good.toml"),
     "bound": ("bound", "free.toml", "results/free/design.json", "--gap", "0.5"),
 }

@@ -15,9 +15,9 @@ from command import run, started, strict, wait_until
 from conftest import DEVICE, FIXED, PROBLEM_FILES, ROOT, for_passive_hands
 from jsonschema import Draft202012Validator
 
+import vctune
 from vctune.cli.commands.schema import KINDS
 from vctune.cli.main import COMMANDS, main
-from vctune.document.reading import read_problem
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.schema.number_units import QUANTITIES, unit_of
 from vctune.document.text import toml
@@ -80,7 +80,6 @@ MACHINES = {
     "simulation": ("simulate good.toml", ExitCode.OK),
     "sweep": ("sweep study.toml --executor serial", ExitCode.OK),
     "region": ("region free.toml --y coupling.damping --resolution 0.125", ExitCode.OK),
-    "comparison": ("compare good.toml poor.toml", ExitCode.OK),
     "export": ("export good.toml", ExitCode.OK),
 }
 """A command for each kind of document, and its exit code."""
@@ -101,7 +100,7 @@ def test_documents_are_as_their_schemas_say(folder, kind):
         assert not VALID[kind].is_valid(broken)
 
 
-@pytest.mark.parametrize("kind", ["design", "check", "sweep", "export", "comparison"])
+@pytest.mark.parametrize("kind", ["design", "check", "sweep", "export"])
 def test_quiet_says_only_what_cannot_be_used(folder, kind):
     words, code = MACHINES[kind]
     quiet = run(*words.split(), "--quiet", cwd=folder)
@@ -130,15 +129,15 @@ def later(part):
     return {key: each if key == "box" else later(each) for key, each in part.items()} | {"of another version": 1.0}
 
 
-@pytest.mark.parametrize("use", ["export more.json", "compare more.json hands.toml"])
-def test_a_design_of_another_version_with_more_keys_is_read(folder, use):
+def test_a_design_of_another_version_with_more_keys_is_read(folder):
     (folder / "hands.toml").write_text(DEVICE)
     assert run("solve", "hands.toml", cwd=folder).returncode == ExitCode.OK
     written = strict((folder / "results/hands/design.json").read_text())
     more = {key: later(written[key]) for key in ("gains", "coupling", "certificate")}
     (folder / "more.json").write_text(json.dumps(sealed(written | more | {"of another version": 1.0})))
-    done = run(*use.split(), cwd=folder)
+    done = run("export", "more.json", cwd=folder)
     assert done.returncode == ExitCode.OK, done.stdout + done.stderr
+    assert vctune.compare(folder / "more.json", folder / "hands.toml").problem == []
 
 
 def test_files_are_as_their_schemas_say(folder):
@@ -240,7 +239,7 @@ def test_standard_input(folder, monkeypatch):
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(b"[device]\nmass = -1.0\n")))
     done = run("solve", "-", cwd=folder)
     assert done.returncode == ExitCode.BAD_INPUT and "stdin:2: device.mass: -1.0 is too small" in done.stderr
-    for words in ("check -", "compare - -", "export -"):
+    for words in ("check -", "solve - -", "export -"):
         monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(text.encode())))
         done = run(*words.split(), "--json", cwd=folder)
         assert done.returncode == (ExitCode.BAD_INPUT if "- -" in words else ExitCode.OK), done.stderr
@@ -248,50 +247,6 @@ def test_standard_input(folder, monkeypatch):
     monkeypatch.setattr(sys, "stdin", None)
     assert "stdin: is closed" in run("check", "-", cwd=folder).stdout
     assert "--watch needs exactly one file" in run("solve", "-", "--watch", cwd=folder).stderr
-
-
-def test_a_design_compared_with_itself_differs_nowhere(folder):
-    run("solve", "good.toml", cwd=folder)
-    found = strict(run("compare", "good.toml", "results/good/design.json", "--json", cwd=folder).stdout)
-    assert found["problem"] == [] and all(value["a"] == value["b"] for value in found["design"])
-
-
-def test_a_comparison_shows_what_differs(folder):
-    (folder / "other.toml").write_text(GOOD.replace("mass = 0.4", "mass = 0.5"))
-    done = run("compare", "good.toml", "other.toml", "--json", cwd=folder)
-    found = strict(done.stdout)
-    assert {each["key"] for each in found["problem"]} == {"device.mass"}
-    values = {each["key"]: each for each in found["design"]}
-    impedance = read_problem(folder / "good.toml").problem.transparency.reference_impedance
-    stated = GOOD.replace("mass = 0.4", "mass = 0.5") + f"[transparency]\nreference_impedance = {impedance!r}\n"
-    (folder / "stated.toml").write_text(stated)
-    for side, source in (("a", "good.toml"), ("b", "stated.toml")):
-        design = strict(run("solve", source, "--json", cwd=folder).stdout)
-        for key in ("gains.velocity", "transparency.error", "certificate.min_ratio", "inner_loop.phase_margin_deg"):
-            table, name = key.split(".")
-            assert values[key][side] == design[table][name]
-    table = run("compare", "good.toml", "other.toml", cwd=folder).stdout
-    assert "device.mass" in table and not any(line.endswith(" ") for line in table.splitlines())
-    run("solve", ROOT / "problems/infeasible.toml", "--no-report", cwd=folder)
-    none = run("compare", "good.toml", "results/infeasible/design.json", cwd=folder)
-    assert none.returncode == ExitCode.OK and "B: " in none.stdout
-
-
-def test_displays_of_either_kind_compare(folder):
-    """What one of them has not is null; a term that is another one there has both names."""
-    spring = 'display = "impedance"\nmass = 0.06\ndamping = 0.1\nsample_time = 1e-3\n'
-    fixed = "[gains]\nvelocity = 0.0\n[coupling]\ndamping = 0.01\nstiffness = 10.0\n"
-    (folder / "spring.toml").write_text(f"[device]\n{spring}{fixed}")
-    for pair in (("good.toml", "spring.toml"), ("spring.toml", "good.toml"), ("spring.toml", "spring.toml")):
-        done = run("compare", *pair, "--json", cwd=folder)
-        assert done.returncode == ExitCode.OK, done.stderr
-        found = strict(done.stdout)
-        values = {each["key"]: each for each in found["design"]}
-        for side, name in zip("ab", pair, strict=True):
-            assert values["coupling.stiffness"][side] == (10.0 if name == "spring.toml" else None)
-            assert values.get("coupling.mass", {}).get(side) == (0.37 if name == "good.toml" else None)
-        label = values["transparency.tracking"]["label"]
-        assert ("|1 - G_he|" in label) == ("good.toml" in pair) and "|1 - A H/N|" in label
 
 
 def test_watch_solves_again_when_the_file_is_saved(folder):
@@ -318,7 +273,7 @@ def test_watch_solves_again_when_the_file_is_saved(folder):
 @pytest.mark.parametrize(
     ("words", "begun", "whole"),
     [
-        ("", "comp", "compare"),
+        ("", "expl", "explain"),
         ("schema", "simul", "simulation"),
         ("example", "friction-wheel-h", "friction-wheel-hands"),
         ("explain", "unknown-k", "unknown-key"),

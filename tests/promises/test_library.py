@@ -303,3 +303,42 @@ def test_a_device_with_parts_is_stated_as_in_a_file():
         vctune.Device(mass=0.4, damping=2.0, sample_time=1e-3, structure=vctune.Structure(0.5, 300.0, 0.02))
     with pytest.raises(vctune.InputError, match="is too small"):
         vctune.Device(mass=0.4, damping=2.0, sample_time=1e-3, actuator=vctune.Actuator(-1.0))
+
+
+def by_key(found):
+    return {each["key"]: each for each in found}
+
+
+def test_a_design_compared_with_itself_differs_nowhere(solved, wheel, tmp_path):
+    found = vctune.compare(wheel, vctune.write_design(wheel, solved, tmp_path))
+    assert found.problem == [] and all(value["a"] == value["b"] for value in found.design)
+
+
+def test_a_comparison_shows_what_differs(solved, wheel):
+    """The errors are of one Z_0, which `b` does not state."""
+    changed = {**WHEEL, "device": {**WHEEL["device"], "mass": 0.5}}
+    found = vctune.compare(wheel, changed)
+    assert found.problem[0] == {"key": "device.mass", "a": 0.4, "b": 0.5}
+    assert set(by_key(found.problem)) == {"device.mass", "gains.velocity"}  # its bounds follow the mass
+    impedance = wheel.problem.transparency.reference_impedance
+    other = vctune.solve({**changed, "transparency": {"reference_impedance": impedance}})
+    values = by_key(found.design)
+    for side, design in (("a", solved), ("b", other)):
+        assert values["gains.velocity"][side] == design.judgement.gains.velocity
+        assert values["transparency.error"][side] == design.judgement.error
+        assert values["certificate.min_ratio"][side] == design.judgement.min_ratio
+    assert json.loads(json.dumps(found.to_json(), allow_nan=False))["problem"] == found.problem
+
+
+def test_displays_of_either_kind_compare():
+    """What one of them has not is None."""
+    spring = {
+        "device": {"display": "impedance", "mass": 0.06, "damping": 0.1, "sample_time": 1e-3},
+        "gains": {"velocity": 0.0},
+        "coupling": {"damping": 0.01, "stiffness": 10.0},
+    }
+    for pair in ((VIOLATED, spring), (spring, VIOLATED), (spring, spring)):
+        values = by_key(vctune.compare(*pair).design)
+        for side, source in zip("ab", pair, strict=True):
+            assert values["coupling.stiffness"][side] == (10.0 if source is spring else None)
+            assert values.get("coupling.mass", {}).get(side) == (0.37 if source is VIOLATED else None)

@@ -20,12 +20,11 @@ Files = dict[Path, Content | None]  # Contents by path; None stands for a file o
 
 
 class Table(NamedTuple):
-    """Rows of texts. With `groups`, the first column is a heading of the rows below it and stands only once."""
+    """Rows of texts. Without `heads`, the first column is a heading of the rows below it and stands only once."""
 
     rows: list[tuple[str, ...]]
     heads: tuple[str, ...] = ()
     right: tuple[int, ...] = ()  # columns of numbers
-    groups: bool = False
 
 
 Rows = Iterator[Line | Table]

@@ -172,7 +172,7 @@ def rows_of(record: DesignRecord) -> Rows:
     first = [row for group in ("gains", "coupling") for row in groups.pop(group, [])]
     limits = [("limited by", "", "", line) for line in record.limits]
     if record.gains is not None:
-        yield Table([*first, *limits, *(row for rows in groups.values() for row in rows)], right=(2,), groups=True)
+        yield Table([*first, *limits, *(row for rows in groups.values() for row in rows)], right=(2,))
     own, assumed = ([each for each in record.repairs or [] if each.assumes == kind] for kind in (False, True))
     for title, repairs in (("any one of these alone would do:", own), ("or one of these, if it is so:", assumed)):
         if repairs:

@@ -14,7 +14,6 @@ from vctune.api.result import Rows, Table
 NARROW = 80  # Width, characters, below which the headings of groups have lines of their own on a terminal
 WIDE = 120  # Width of a table without heads if stdout is not a terminal: its last column wraps
 ENDLESS = 1000  # Width of tables that must not be wrapped
-LEAST = 8  # Least width of a column of numbers on a narrow terminal
 
 
 def print_rows(rows: Rows, folder: Path | None, steps: Sequence[str], *, always: bool) -> None:
@@ -54,42 +53,41 @@ def _grids(table: Table, width: int) -> Iterator[Grid]:
     """Return a table for a width; several tables, a row as a column of each, if it has heads and does not fit."""
     if not table.rows:
         return
-    columns = zip(*table.rows, table.heads or table.rows[0], strict=True)
-    needed = sum(2 + max(map(len, column)) for column in columns)
-    narrow = needed > width if table.heads else width < NARROW
-    if narrow and table.heads and not table.groups:
+    needed = (
+        sum(2 + max(map(len, column)) for column in zip(*table.rows, table.heads, strict=True)) if table.heads else 0
+    )
+    if needed > width:
         yield from _stacked(table)
         return
-    rows, right = list(table.rows), list(table.right)
-    if table.groups:
-        rows, group = [], None
-        for first, *cells in table.rows:
-            if narrow and first and first != group:
-                rows.append((first, *("" for _ in cells[1:])))
-            label = f"  {cells[0]}" if first else cells[0]
-            rows.append((label, *cells[1:]) if narrow else (first if first != group else "", *cells))
-            group = first
-    shift = int(narrow and table.groups)
-    heads = table.heads[shift:] or ("",) * len(rows[0])
+    narrow = not table.heads and width < NARROW
+    rows = list(table.rows) if table.heads else list(_grouped(table, narrow=narrow))
+    heads = table.heads or ("",) * len(rows[0])
     grid = Grid(show_header=bool(table.heads), box=None, pad_edge=False)
     for number, head in enumerate(heads):
-        to_right, last = number + shift in right, number == len(heads) - 1
-        folds = narrow and bool(table.heads)  # elsewhere the table never cuts numbers, and the last column wraps
-        least = max(len(row[number]) for row in rows) if not folds else LEAST if to_right else 6 if not number else None
-        style = "bold" if to_right and not table.heads else "dim" if number == 0 and table.groups and not narrow else ""
+        to_right, wraps = number + narrow in table.right, not table.heads and number == len(heads) - 1
         grid.add_column(
             head,
-            style=style,
-            header_style="dim" if not table.groups else "",
+            style="" if table.heads else "bold" if to_right else "dim" if number == 0 and not narrow else "",
+            header_style="dim",
             justify="right" if to_right else "left",
-            no_wrap=not folds and not (last and not table.heads),
-            min_width=None if last and not folds else least,
+            no_wrap=not wraps,
+            min_width=None if wraps else max(len(row[number]) for row in rows),
             overflow="fold",
         )
     for row in rows:
-        heading = narrow and table.groups and not any(row[1:]) and bool(table.heads)
-        grid.add_row(*(Text(cell, "dim" if heading else "") for cell in row))
+        grid.add_row(*map(Text, row))
     yield grid
+
+
+def _grouped(table: Table, *, narrow: bool) -> Iterator[tuple[str, ...]]:
+    """Yield the rows with the heading of each group in its first row or, on a narrow terminal, in a row of its own."""
+    group = None
+    for first, *cells in table.rows:
+        if narrow and first and first != group:
+            yield first, *("" for _ in cells[1:])
+        label = f"  {cells[0]}" if first else cells[0]
+        yield (label, *cells[1:]) if narrow else (first if first != group else "", *cells)
+        group = first
 
 
 def _stacked(table: Table) -> Iterator[Grid]:
