@@ -25,7 +25,7 @@ def study(folder, text, problem=PROBLEM):
 
 
 BAD = {
-    '"device.dampin" = [1.0]': ('3: axes."device.dampin"', 'did you mean "device.damping" = ...?'),
+    '"device.dampin" = [1.0]': ('3: axes."device.dampin"', 'did you mean "device.damping"?'),
     '"zzz" = [1.0]': ("3: axes.zzz", "no number of a problem file"),
     '"device.hold" = [1.0]': ("device.hold", "no number of a problem file"),
     '"device.damping" = []': ("3:", "is empty"),
@@ -34,8 +34,8 @@ BAD = {
     '"device.damping" = [nan]': ("[0]", "not a number"),
     '"device.damping" = "much"': ("3:", "not a set of values; write a list"),
     '"device.damping" = 3.0': ("3:", "3.0: not a set of values"),
-    "device.damping = [1.0]": ("axes.device", 'did you mean "device.damping" = ...?'),
-    '"stability.band_hz" = [1.0]': ("3:", 'did you mean "stability.band_hz[1]" = ...?'),
+    "device.damping = [1.0]": ("axes.device", 'did you mean "device.damping"? Write the whole key in quotes'),
+    '"stability.band_hz" = [1.0]': ("3:", 'did you mean "stability.band_hz[1]"?'),
     '"stability.band_hz[2]" = [1.0]': ("3:", 'did you mean "stability.band_hz['),
     '"device.damping" = { log = [0.0, 1.0], n = 3 }': ("log[0]: 0.0", "must be at least"),
     '"device.damping" = { log = [2.0, 1.0], n = 3 }': ("log", "is not below"),

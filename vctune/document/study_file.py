@@ -176,8 +176,10 @@ def _unknown(key: str, value: Any) -> str:
     inner = next(iter(value), "") if isinstance(value, dict) else ""
     whole = key if inner in ("", "linear", "log", "n") else f"{key}.{inner}"
     similar = get_close_matches(whole, number_keys(), n=1)
-    meant = f'did you mean "{similar[0]}" = ...?' if similar else "`vctune schema` lists the keys"
-    return f"is no number of a problem file; {meant}"
+    if not similar:
+        return "is no number of a problem file; `vctune schema` lists the keys"
+    quotes = " Write the whole key in quotes" if whole != key else ""
+    return f'is no number of a problem file; did you mean "{similar[0]}"?{quotes}'
 
 
 def _check_places(problem: dict[str, Any], axes: Sequence[Axis], text: str | None, source: str) -> None:
