@@ -17,11 +17,11 @@ from vctune.api.explaining import entries
 ROOT = Path(__file__).parent.parent
 TREES = ("vctune", "problems", "results", "tests", "docs", ".github")
 CHAPTERS = {
-    "Begin": "docs/tutorials/log-to-firmware docs/tutorials/my-robot-shakes vctune/document vctune/cli vctune/firmware",
+    "Begin": "docs docs/tutorials/log-to-firmware docs/tutorials/my-robot-shakes vctune/document vctune/cli",
     "Look up": "explain/code explain/key explain/term explain/claim vctune problems results reference",
-    "More tools": "vctune/identification vctune/study vctune/simulation vctune/report vctune/api",
+    "More tools": "vctune/firmware vctune/identification vctune/study vctune/simulation vctune/report vctune/api",
     "How it works": "vctune/model vctune/design vctune/design/bound vctune/proof vctune/analysis vctune/bench",
-    "The project": "CHANGELOG github/CONTRIBUTING github/SECURITY tests docs",
+    "The project": "CHANGELOG github/CONTRIBUTING github/SECURITY tests",
 }
 LINK = re.compile(r"\]\((?!#|\w+://)([^)\s]+)")
 
