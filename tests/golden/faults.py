@@ -73,7 +73,7 @@ FAULTS = {
         "analysis/loops_in_hands.py", "return Hand(*(number.ravel() for number in each))",
         "return Hand(*(number.ravel()[:1] for number in each))"),
     "an unstable loop is taken for a stable one": (
-        "proof/claims/loop_claims.py", "return Outcome(Verdict.REFUTED, boxes)\n",
+        "proof/claims/poles.py", "return Outcome(Verdict.REFUTED, boxes)\n",
         "return Outcome(Verdict.PROVED, boxes)\n"),
     "a number of [operator] is the least of a range": (
         "document/schema/defaults.py", "    if isinstance(value, float):\n        return Range(value, value)",
@@ -147,7 +147,7 @@ FAULTS = {
     "a curve that may pass 0 has an angle": (
         "proof/box_tests.py", "return np.where(sided, np.arctan2", "return np.where(True, np.arctan2"),
     "a turn is counted twice": (
-        "proof/claims/loop_claims.py", "(goal - found.total) / turn", "2 * (goal - found.total) / turn"),
+        "proof/claims/poles.py", "(goal - found.total) / turn", "2 * (goal - found.total) / turn"),
     "the last whole sample of an uncertain delay is skipped": (
         "proof/claims/loop_claims.py", "floor(self.high[row, 0] / T) + 1)", "floor(self.high[row, 0] / T))"),
     "the band ends an interval early": (

@@ -15,8 +15,9 @@ from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
-from vctune.proof.claims.loop_claims import model_turns, of_design, stable_loop
+from vctune.proof.claims.loop_claims import of_design
 from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.claims.poles import model_turns, stable_loop
 
 
 @st.composite

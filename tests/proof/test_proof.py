@@ -28,8 +28,9 @@ from vctune.model.problem import Demands
 from vctune.proof.box_tests import turned_angles
 from vctune.proof.boxes import over_band
 from vctune.proof.certificate import certify
-from vctune.proof.claims.loop_claims import Covered, prove_conditions, prove_sensitivity, turns
+from vctune.proof.claims.loop_claims import Covered, prove_conditions, prove_sensitivity
 from vctune.proof.claims.margins_of_claims import Design, conditions_margin
+from vctune.proof.claims.poles import turns
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.outcome import Verdict

@@ -30,7 +30,7 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS as FLOATS_OF_THE_MODEL
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
-from vctune.proof.claims.loop_claims import stable_loop
+from vctune.proof.claims.poles import stable_loop
 from vctune.simulation import sample
 from vctune.simulation.controller import FLOATS, Measurement, at_rest, control, controller_of
 from vctune.simulation.metrics import metrics

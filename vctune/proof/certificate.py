@@ -18,14 +18,9 @@ from vctune.proof.claims.every_hand import (
     prove_wall_in_any_hand,
     prove_wall_in_hands,
 )
-from vctune.proof.claims.loop_claims import (
-    prove_conditions,
-    prove_model_poles,
-    prove_sampled_poles,
-    prove_sensitivity,
-    prove_unmodelled,
-)
+from vctune.proof.claims.loop_claims import prove_conditions, prove_sensitivity, prove_unmodelled
 from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.claims.poles import prove_model_poles, prove_sampled_poles
 from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.outcome import Outcome, Verdict, worst_verdict

@@ -30,7 +30,7 @@ from vctune.design.variables import CORNER, Coordinate, Point, coordinates, desi
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.problem import Problem
-from vctune.proof.claims.loop_claims import stable_loop
+from vctune.proof.claims.poles import stable_loop
 from vctune.running import OutOfTimeError, check_time
 
 # Factors of K_p, or of both gains, that the search tries until the loops of a start are stable (`stable`)

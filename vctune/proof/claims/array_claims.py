@@ -95,7 +95,7 @@ class Claims:
     any_hand: tuple[Margin, Margin]
     before_wall: Margin  # of the coupling as a wall in any passive hand
     required_in_hands: Margin  # the least feasible Re Z_c in a hand, N s/m, as a function of theta
-    poles_in_limp_hand: Curve  # the same curve without the pole of a free position; `limp_hand`: margin near theta = 0
+    poles_in_limp_hand: Curve  # the same curve without the pole of a free position; `limp_hand`: its real part
     limp_hand: Margin
     poles_in_hand: Curve  # curve, as a function of a hand and theta, that must not turn around 0
     required: Margin  # the least feasible Re Z_c, N s/m, where the resistance is positive in the whole box

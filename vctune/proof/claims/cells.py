@@ -36,16 +36,13 @@ from vctune.proof.claims.cells_in_hands import hold_in_hands
 from vctune.proof.claims.loop_claims import (
     CELL,
     Covered,
-    Turns,
     conditions,
-    hand_turns,
     held,
-    model_turns,
     of_cells,
-    sampled_turns,
     sensitivity,
 )
 from vctune.proof.claims.margins_of_claims import outwards
+from vctune.proof.claims.poles import Turns, hand_turns, model_turns, sampled_turns
 from vctune.proof.claims.registry import ClaimId, claims_asked
 from vctune.proof.enclosures.intervals import Flags, Floats, decimal
 from vctune.proof.halving import Effort

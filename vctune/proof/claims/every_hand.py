@@ -29,7 +29,7 @@ from vctune.proof.claims.array_claims import (
 )
 from vctune.proof.claims.crossing import refuted_by_one, worst_before_wall
 from vctune.proof.claims.delays import DELAY_ROWS, NEXT_TO, Ends, Part, parts_of, row_of
-from vctune.proof.claims.loop_claims import hand_turns, in_rad_per_s, of_design
+from vctune.proof.claims.loop_claims import in_rad_per_s, of_design
 from vctune.proof.claims.margins_of_claims import (
     Design,
     LoopDelay,
@@ -38,6 +38,7 @@ from vctune.proof.claims.margins_of_claims import (
     hand_margin,
     margins_in_worlds,
 )
+from vctune.proof.claims.poles import free_at_rest, hand_turns
 from vctune.proof.claims.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.device_box import (
     MOST_AT_ONCE,
@@ -65,16 +66,35 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     refuted = refuted_by_one(design, demands, box.modelled.devices() if box and at_once else [design.device])
     if refuted is not None:
         return refuted
-    kind = design.device.kind
-    if kind.senses_force and kind.own_loop and not design.gains.closed and not (demands.worlds or design.series.drag):
-        return Outcome(Verdict.UNDECIDED, 0, 0.0)  # R and Re Z_c are both 0 at rest, where the coupling's mass drifts
+    asked = Asked(design, demands, box)
+    found = no_pole_crosses(asked, asked.ends(), asked.tests)
+    return _and_without_reserve(found, prove_hands, design, demands, box)
+
+
+def no_pole_crosses(asked: Asked, ends: Ends, tests: Callable[[Part, Values], Tests]) -> Outcome:
+    """Prove that no pole of the loop is outside the unit circle in any hand and on any device of the boxes.
+
+    The poles are the zeros of F, a polynomial in z whose first coefficient is 1, so they move continuously with the
+    numbers of hand and device; a delay that gains a sample adds a pole at 0. In the hand in the middle of the box none
+    is outside the circle, which is counted. One that is outside in another hand has crossed the circle between the two,
+    where F is 0. So it suffices that F is not 0 for any hand at any angle, which a positive margin implies, or a curve
+    that misses 0. At rest, z = 1, there are three cases:
+
+    - a spring holds the position, of the firmware or of every hand: the margin is regular there and positive;
+    - the position is free in a hand without stiffness, which has a pole at z = 1 that the count divides out. The margin
+      vanishes there with rho^2; divided by rho^2 it is positive, so that no other pole is at 1, and the one that leaves
+      1 as the hand gains stiffness moves into the circle (model/README.md, section 14);
+    - without gains and without drag nothing opposes a drift of the coupling's mass: R and Re Z_c are both 0 at rest,
+      and no margin tells on which side a pole leaves 1. The claim is left undecided.
+    """
+    design, demands = asked.design, asked.demands
+    if asked.drifts:
+        return Outcome(Verdict.UNDECIDED, 0, 0.0)
     stable = prove_stable_in_middle(design, demands)
     if stable.verdict is not Verdict.PROVED:
         return stable
-    asked = Asked(design, demands, box)
-    found = _decided(asked, asked.ends(), asked.tests)
-    found = replace(found, boxes=found.boxes + stable.boxes)
-    return _and_without_reserve(found, prove_hands, design, demands, box)
+    found = _decided(asked, ends, tests)
+    return replace(found, boxes=found.boxes + stable.boxes)
 
 
 def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
@@ -103,10 +123,17 @@ class Asked:
 
     @property
     def limp(self) -> bool:
-        """Whether the position is free near angle 0 in a hand without stiffness."""
+        """Whether the position is free in a hand without stiffness and the margin vanishes near angle 0, as that of an
+        impedance display does not."""
         assert self.demands.hands is not None
-        kind, free = self.design.device.kind, self.design.gains.position == 0
-        return kind.senses_force and kind.own_loop and free and self.demands.hands.low.stiffness == 0
+        free = free_at_rest(self.demands, integral=self.design.gains.position > 0)
+        return free and self.design.device.kind.senses_force and self.demands.hands.low.stiffness == 0
+
+    @property
+    def drifts(self) -> bool:
+        """Whether nothing opposes a drift of the coupling's mass at rest."""
+        kind, alone = self.design.device.kind, not self.design.gains.closed and self.demands.worlds is None
+        return kind.senses_force and kind.own_loop and alone and self.design.series.drag == 0
 
     @property
     def shared(self) -> bool:
@@ -191,16 +218,12 @@ def prove_wall_in_hands(design: Design, demands: Demands, box: DeviceBox | None 
         worst = worst_before_wall(device, design.coupling, demands.hands)
         if worst.ratio < demands.factor and _unstable_before_wall(replace(design, device=device), demands, worst.hand):
             return Outcome(Verdict.REFUTED, 0, worst.omega, device if uncertain else None, worst.hand)
-    stable = prove_stable_in_middle(design, demands)
-    if stable.verdict is not Verdict.PROVED:
-        return stable
     ends = _ends(demands.hands, box, uncertain, reserve=demands.factor if demands.factor > 1 else None)
 
     def tests(part: Part, fixed: Values) -> Tests:
         return [(misses_zero(wall_curves(demands, uncertain, part.delays), fixed), None)]
 
-    found = _decided(Asked(design, demands, box), ends, tests)
-    return replace(found, boxes=found.boxes + stable.boxes)
+    return no_pole_crosses(Asked(design, demands, box), ends, tests)
 
 
 def _unstable_before_wall(design: Design, demands: Demands, hand: Hand, share: float = 1.0) -> bool:

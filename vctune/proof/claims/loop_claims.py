@@ -1,7 +1,7 @@
-"""Prove what does not depend on a box of hands: Llewellyn's conditions, |S|, the unmodelled dynamics and the poles.
+"""Prove the margins that do not depend on a box of hands: Llewellyn's conditions, |S| and the unmodelled dynamics.
 
 One design, one design for every device of a box, and cells of designs are the same proof with other rows
-(proof/README.md, sections 4 to 9).
+(proof/README.md, sections 4, 5, 8 and 9).
 """
 
 from __future__ import annotations
@@ -9,20 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 from functools import partial
-from math import floor, inf, pi, sqrt
-from operator import attrgetter
+from math import floor, inf
 
 import numpy as np
 
 from vctune.model.device import Device
-from vctune.model.gains import Gains
-from vctune.model.loop.device_response import mechanism
-from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
+from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import KEYS, keys_of
 from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
 from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go
-from vctune.proof.box_tests import Curve, Margin, beside_zero, misses_zero, positive, sufficient, turned_angles
+from vctune.proof.box_tests import beside_zero, positive, sufficient
 from vctune.proof.boxes import HALF_TURN, Boxes, Cells, Integers, Values, band_of, joined, over_band
 from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.margins_of_claims import (
@@ -40,7 +37,6 @@ from vctune.proof.enclosures.intervals import (
     Enclosure,
     Flags,
     Floats,
-    between,
     decimal,
     decimal_or_inf,
     surely_negative,
@@ -51,17 +47,9 @@ from vctune.proof.prover import Test, prove
 
 STEP = 1.4  # Ratio of the edges of the first intervals of frequency
 DESIGN = Effort(max_halvings=80, max_boxes=400_000)  # twenty halvings in each of four rows
-POLES = Effort(max_halvings=80, max_boxes=40_000)
 CELL = Effort(max_halvings=10, max_boxes=4_000, few=0)  # the verdict on a cell must not depend on the other cells
 POINT = Effort(max_halvings=24, max_boxes=4_000, few=0)
 TRIES = 400  # Number of frequencies, each a fourth of the last, tried where the proof fails at the band's low end
-
-# Relative allowance for rounding errors, which are about 1e-12, in the frequency that `curve_end` returns and in an
-# angle
-NEAR = 1e-6
-# Greatest difference, rad, between the argument at `curve_end` and its limit, at which the prover accepts the loop as
-# stable
-ROOM = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,118 +199,6 @@ def sensitivity(covered: Covered) -> Held:
     return held(covered, covered.effort(), [(test, covered.around_circle())])
 
 
-@dataclass(frozen=True, slots=True)
-class Turns:
-    """How often a curve turns around 0 for every device and design of each of n owners; nan where this is open."""
-
-    number: Floats
-    same: Flags  # whether the curve misses 0 throughout, so that the number is the same
-    point: Floats  # frequency and rows of a place where this is open, shape (1 + rows, n)
-    boxes: Integers
-
-
-def turns(
-    covered: Covered,
-    curve: Callable[[Claims], Curve],
-    over: Callable[[Covered], Boxes],
-    turn: float,
-    goal: float = 0.0,
-    near: Callable[[Claims], Margin] | None = None,
-    limit: Callable[[Claims], Margin] | None = None,
-) -> Turns:
-    """Count the turns of a curve at the centre of each owner, and prove that it misses 0 throughout."""
-    n, fixed, effort = covered.owners, covered.fixed, covered.effort(POLES)
-    same = Held(np.ones(n, bool), np.full((1 + len(covered.names), n), np.nan), np.zeros(n, np.intp))
-    if covered.extended:
-        claims = covered.claims
-        test = misses_zero(curve(claims), fixed, near(claims) if near and KEYS[1] in covered.names else None)
-        same = held(covered, effort, [(test, over(covered))])
-    at, number = np.flatnonzero(same.proved), np.full(n, np.nan)
-    if not len(at):
-        return Turns(number, same.proved, same.point, same.boxes)
-    points = covered.subset(at).centres()
-    there = curve(points.claims)
-    missed = misses_zero(there, fixed, limit and limit(points.claims))
-    found = prove(
-        missed, over(points), len(at), points.effort(POLES), turned_angles(there, fixed, limit and limit(points.claims))
-    )
-    number[at] = np.where(found.proved, np.round((goal - found.total) / turn), np.nan)
-    same.boxes[at] += found.boxes
-    lost = at[~found.proved]
-    same.point[: len(found.open), lost] = found.open[:, ~found.proved]
-    return Turns(number, same.proved, same.point, same.boxes)
-
-
-def model_turns(loop: Covered) -> Turns:
-    """Count the poles of the frequency model in the right half plane, for one of the loops."""
-    end = _curve_end(loop)
-    goal = final_angle(loop.demands.device, integral=loop.integral)
-    curve, near = attrgetter("model_poles"), attrgetter("model_any_position")
-    return turns(loop, curve, lambda c: c.over(0.0, end), 2 * pi, goal, near)
-
-
-def sampled_turns(loop: Covered) -> Turns:
-    """Count the poles of the exact sampled loop outside the unit circle, for one of the loops.
-
-    The curve begins at F(1) > 0 and ends on the real axis.
-    """
-    curve, near = attrgetter("sampled_poles"), attrgetter("sampled_any_position")
-    return turns(loop, curve, Covered.around_circle, pi, near=near)
-
-
-def final_angle(device: Device, *, integral: bool) -> float:
-    """Return the limit of the argument of `model_curve` for omega -> inf if all poles are stable."""
-    return pi / 2 * (1 + integral + (2 if device.structure is not None else 0))
-
-
-def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) -> float:
-    """Return a frequency beyond which the argument of `model_curve` stays within `ROOM` of its limit."""
-    size = ops.magnitude
-    if device.structure is None:
-        return 4 * max(size(K_v / device.mass), sqrt(size(K_p / device.mass)))
-    parts = mechanism(device, device.structure, ops)
-    motor, handle = parts.motor, parts.handle
-    held = 0.0 if parts.damping is None else size(parts.damping / handle)
-    rates = size(K_v / motor), 4 / 3 * size(parts.viscosity / motor), size(parts.viscosity / handle), held
-    squares = size(K_p / motor), 4 / 3 * size(parts.stiffness / motor), size(parts.stiffness / handle)
-    return (1 + NEAR) * max(*(8 * rate for rate in rates), *(sqrt(8 * square) for square in squares))
-
-
-def hand_turns(covered: Covered) -> Turns:
-    """Count the unstable poles of the loop in the middle hand of the box, while the environment is at rest."""
-    hands, kind = covered.demands.hands, covered.demands.device.kind
-    assert hands is not None
-    middle, curve, limit = hands.middle, attrgetter("poles_in_hand"), None
-    held = covered.demands.rigid or (kind.senses_force and covered.integral)  # by a spring of the firmware
-    if hands.high.stiffness == 0 and kind.own_loop and not held:  # a free position has its pole at z = 1
-        curve, limit = attrgetter("poles_in_limp_hand"), attrgetter("limp_hand")
-    there = replace(covered, fixed={**covered.fixed, **middle.mapped(decimal).by_key})
-    return turns(there, curve, Covered.around_circle, pi, limit=limit)
-
-
-def _curve_end(loop: Covered) -> float:
-    """Return a frequency above which the frequency model's curve cannot turn around 0."""
-    if loop.box is None:
-        device, ops = loop.demands.device, FLOATS
-    else:
-        ends = zip(loop.box.uncertain, map(between, loop.low[:, 0], loop.high[:, 0]), strict=True)
-        device, ops = loop.box.nominal.converted(decimal).with_numbers(dict(ends)), ENCLOSURES
-    if KEYS[0] in loop.names:
-        K_v, K_p = (float(row.max(initial=0.0)) for row in loop.high[:2])
-    else:
-        K_v, K_p = (float(loop.fixed[key].mid) for key in KEYS[:2])
-    return (1 + NEAR) * max(curve_end(device, K_v, K_p, ops), NEAR / ops.magnitude(device.sample_time))
-
-
-def stable_loop(device: Device, gains: Gains, *, model: bool) -> bool | None:
-    """Return whether the sampled loop, and with `model` the frequency model, is stable; None if undecided."""
-    fixed = dict(zip(KEYS, map(decimal, astuple(gains)), strict=False))
-    empty = np.empty((0, 1))
-    loop = Covered(Demands(device.modelled, (0.0, inf), 1.0, inf), (), empty, empty, fixed)
-    numbers = [sampled_turns(loop).number[0], *([model_turns(loop).number[0]] if model else [])]
-    return None if np.isnan(numbers).any() else not any(numbers)
-
-
 # A function that returns the frequency, rad/s or rad, at which a claim certainly fails for a device
 Failure = Callable[[Device, float], float | None]
 
@@ -365,43 +241,12 @@ def prove_unmodelled(design: Design, demands: Demands, box: DeviceBox) -> Outcom
     return in_rad_per_s(_outcome(covered, found, failure), design.device)
 
 
-def prove_model_poles(design: Design, demands: Demands, box: DeviceBox | None) -> Outcome:
-    """Prove that no pole of the frequency model lies in the closed right half plane, for every device of the box."""
-    if not design.gains.closed:
-        return Outcome(Verdict.PROVED if design.device.damping > 0 else Verdict.REFUTED, 1)
-    return _poles(design, demands, box, model_turns)
-
-
-def prove_sampled_poles(design: Design, demands: Demands, box: DeviceBox | None) -> Outcome:
-    """Prove that the spectral radius of the exact sampled loop is below 1, for every device of the box."""
-    return in_rad_per_s(_poles(design, demands, box, sampled_turns), design.device)
-
-
-def _poles(design: Design, demands: Demands, box: DeviceBox | None, counted: Callable[[Covered], Turns]) -> Outcome:
-    boxes, corners = 0, box.modelled.corners() if box is not None else []
-    for loop in of_design(design, demands, box).loops():
-        found = counted(loop)
-        boxes += int(found.boxes[0])
-        if found.number[0] == 0:
-            continue
-        if np.isfinite(found.number[0]):
-            return Outcome(Verdict.REFUTED, boxes)
-        doubtful = _device(loop, found.point[:, 0])
-        for device in (doubtful, *corners) if not found.same[0] else ():
-            one = counted(of_design(replace(design, device=device), demands))
-            boxes += int(one.boxes[0])
-            if np.isfinite(one.number[0]) and one.number[0] != 0:
-                return Outcome(Verdict.REFUTED, boxes, None, device)
-        return Outcome(Verdict.UNDECIDED, boxes, float(found.point[0, 0]), doubtful if loop.box is not None else None)
-    return Outcome(Verdict.PROVED, boxes)
-
-
 def _outcome(covered: Covered, found: Held, failure: Failure) -> Outcome:
     """Return the outcome of a claim about one design: where it is open, the margin at that place may decide."""
     boxes, box = int(found.boxes[0]), covered.box
     if found.proved[0]:
         return Outcome(Verdict.PROVED, boxes)
-    place, doubtful = float(found.point[0, 0]), _device(covered, found.point[:, 0])
+    place, doubtful = float(found.point[0, 0]), device_at(covered, found.point[:, 0])
     if (witness := failure(covered.demands.device, place)) is not None:
         return Outcome(Verdict.REFUTED, boxes, witness)
     for device in (doubtful, *(box.modelled.corners() if box is not None else ())):
@@ -410,7 +255,7 @@ def _outcome(covered: Covered, found: Held, failure: Failure) -> Outcome:
     return Outcome(Verdict.UNDECIDED, boxes, place, doubtful if box is not None else None)
 
 
-def _device(covered: Covered, point: Floats) -> Device:
+def device_at(covered: Covered, point: Floats) -> Device:
     """Return the device at a point of the rows."""
     if covered.box is None:
         return covered.demands.device

@@ -259,9 +259,11 @@ def hand_curve(plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmet
 
 
 def limp_hand_curve(plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Pair, Number]:
-    """Return `hand_curve` without the pole at z = 1 of a free position, and a margin where the curve misses 0."""
-    F = loop_in_hand(plant, theta, ops).closed(gains)
-    return Pair(F.odd, -F.even / ops.sin(theta / 2)) * _turned(plant.poles - 1, theta, ops), F.odd
+    """Return `hand_curve` without the pole at z = 1 of a free position, and its real part, also at theta = 0."""
+    F, others = loop_in_hand(plant, theta, ops).closed(gains), plant.poles - 1
+    curve = Pair(F.odd, -F.even / ops.sin(theta / 2)) * _turned(others, theta, ops)
+    ratio = others * ops.sinc(theta * (others / 2)) / ops.sinc(theta / 2)  # of the sines of others theta/2 and theta/2
+    return curve, F.odd * ops.cos(theta * (others / 2)) - F.even * ratio
 
 
 def _turned(poles: int, theta: Number, ops: Arithmetic) -> Pair:
