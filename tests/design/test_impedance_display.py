@@ -31,6 +31,7 @@ from vctune.design.verdict.felt_record import in_hand_record
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.document.text.errors import InputError
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.display import IMPEDANCE
 from vctune.model.gains import Gains, SpringDamper
@@ -44,7 +45,6 @@ from vctune.model.sampled.impedance_display import firmware_filter
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.certificate import certify
 from vctune.proof.claims.every_hand import prove_hands
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import device_box
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, decimal
 from vctune.proof.outcome import Verdict

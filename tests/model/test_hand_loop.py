@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import astuple, replace
-from math import pi
+from math import inf, pi
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,13 @@ from loop import Loop, offered, sensitivity
 from loop import port as port_of
 from random_devices import COMBINATIONS, hand_for, ordinary_gains, with_parts
 
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains, sampled_resistance
 from vctune.model.hands import HAND, Hand
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.parts import Actuator, ForceSensor, Structure
+from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import (
     LoopInHand,
     NextToRest,
@@ -34,7 +36,8 @@ from vctune.model.sampled.hand_loop import (
 from vctune.model.sampled.loop_in_worlds import disjuncts, limp_disjuncts, offered_at, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand, plants_in_spring
 from vctune.model.worlds import World, Worlds
-from vctune.proof.claims.margins_of_claims import Design, hand_margin, margin_in_spring
+from vctune.proof.claims.cases import case_at
+from vctune.proof.claims.margins_of_claims import hand_margin, margin_in_spring
 from vctune.proof.enclosures.intervals import ENCLOSURES, between, decimal
 
 WHEEL = device_of({"mass": 0.4, "damping": 2.0, "sample_time": 1e-3})
@@ -352,6 +355,10 @@ def test_the_coupling_as_the_firmware_runs_it():
         assert ends == pytest.approx([b_0, b_0 + b_c], rel=1e-12)
 
 
+def demands_of(device):
+    return Demands(device, (0.0, inf), 1.05, inf)
+
+
 def test_the_margin_is_the_demand_times_the_square_of_F():
     device, gains, hand = WITH_PARTS, Gains(150.0, 3000.0), Hand(0.1, 5.0, 500.0)
     coupling, theta = Coupling(38.2, 0.0808, 0.5), np.array([0.0, 0.1, 2.0, pi])
@@ -360,7 +367,7 @@ def test_the_margin_is_the_demand_times_the_square_of_F():
     demand = 1.05 * required(device, gains, hand, theta)
     expected = size * (sampled_resistance(coupling, device.sample_time, theta, FLOATS) - demand)
     design = Design(device, gains, coupling)
-    assert hand_margin(plant, design, theta, 1.05, FLOATS) == pytest.approx(expected, rel=1e-12)
+    assert hand_margin(case_at(design, demands_of(device), hand), theta) == pytest.approx(expected, rel=1e-12)
 
 
 def around(x: float, width: float, rng: np.random.Generator) -> tuple[float, float]:
@@ -438,7 +445,7 @@ def test_the_loop_is_affine_in_the_stiffness_that_pulls_at_the_handle(number):
             first, last = getattr(a, part), getattr(b, part)
             scale = np.abs(first) + np.abs(last) + 1e-30
             assert np.abs(first + x * (last - first) - getattr(own, part)) / scale == pytest.approx(0, abs=1e-9)
-    design, plants = Design(device, gains, coupling), plants_in_spring(device, hand, delays_of(device), FLOATS)
-    sure, bent = margin_in_spring(plants, design, theta, 1.05, FLOATS)
-    margin = hand_margin(plant_in_hand(device, hand, delays_of(device), FLOATS), design, theta, 1.05, FLOATS)
+    there = case_at(Design(device, gains, coupling), demands_of(device), hand)
+    sure, bent = margin_in_spring(there, theta)
+    margin = hand_margin(there, theta)
     assert (np.broadcast_to(margin, theta.shape)[(sure > 0) & (bent > 0)] > 0).all()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import pi
+from math import inf, pi
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,17 @@ from conftest import drawn
 from device_cases import NUM, Case, cases
 from flint import ctx
 
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import Hand
 from vctune.model.loop.device_response import device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import G_hh_abs2, loop_response, tracking_abs2
 from vctune.model.numbers.arithmetic import CURVATURE_BELOW, FLOATS, Arithmetic, Number
+from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
+from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import (
     PlantLetGo,
     ReturnDifference,
@@ -29,8 +33,8 @@ from vctune.model.sampled.velocity_loop import (
     return_difference,
     sensitivity_abs2,
 )
+from vctune.proof.claims.cases import Case as ClaimCase
 from vctune.proof.claims.margins_of_claims import (
-    Design,
     across_position,
     along_drive,
     conditions_margin,
@@ -70,20 +74,29 @@ def plain(x: Number) -> float:
 FACTOR = 1.25
 """A binary fraction, so that it is the same number in every arithmetic."""
 
+
+def claimed(device: Device, gains: Gains, coupling: Coupling, ops: Arithmetic) -> ClaimCase:
+    design = Design(device, gains, coupling)
+    return ClaimCase(
+        Demands(device, (0.0, inf), FACTOR, inf), design, FACTOR, inf, None, 1, Delays(0, False, 0, False), {},
+        lambda: plant_of(device, ops), lambda: plant_in_hand(device, Hand(0, 0, 0), delays_of(device), ops), ops,
+    )  # fmt: skip
+
+
 FORMULAS: dict[str, Formula] = {
     "R": lambda d, g, c, w, ops: required_resistance(at(d, g, w, ops), ops),
     "G_hh": lambda d, g, c, w, ops: G_hh_abs2(at(d, g, w, ops)),
     "tracking": lambda d, g, c, w, ops: tracking_abs2(at(d, g, w, ops)),
     "resistance": lambda d, g, c, w, ops: at(d, g, w, ops).resistance,
-    "conditions": lambda d, g, c, w, ops: conditions_margin(Design(d, g, c), w, FACTOR, ops),
-    "next to 0": lambda d, g, c, w, ops: low_margin(Design(d, g, c), w, FACTOR, ops),
-    "poles": lambda d, g, c, w, ops: model_curve(device_response(d, w, ops), g, ops).im,
-    "any position": lambda d, g, c, w, ops: along_drive(device_response(d, w, ops), g),
+    "conditions": lambda d, g, c, w, ops: conditions_margin(claimed(d, g, c, ops), w),
+    "next to 0": lambda d, g, c, w, ops: low_margin(claimed(d, g, c, ops), w),
+    "poles": lambda d, g, c, w, ops: model_curve(claimed(d, g, c, ops), w).im,
+    "any position": lambda d, g, c, w, ops: along_drive(claimed(d, g, c, ops), w),
 }
 SAMPLED: dict[str, Formula] = {
     "sensitivity": lambda d, g, c, w, ops: sensitivity_abs2(sampled(d, w, ops, g), g),
     "turns": lambda d, g, c, w, ops: sampled(d, w, ops, g).closed(g).re,
-    "across": lambda d, g, c, w, ops: across_position(plant_of(d, ops), g, w, ops)[0],
+    "across": lambda d, g, c, w, ops: across_position(claimed(d, g, c, ops), w)[0],
 }
 
 

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from vctune.analysis.sampled_loop import spectral_radius
 from vctune.analysis.stability import clearly_stable, makes_no_turn, unit_circle
 from vctune.bench.evaluator import Case
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
 from vctune.proof.claims.loop_claims import of_design
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.poles import model_turns, stable_loop
 
 

@@ -10,11 +10,11 @@ import pytest
 from vctune.bench.evaluator import case_of, coupling_impedance, impedances
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.outcome import Verdict
 
 PAIRS = 1000

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from vctune.document.reading import read_gains, read_problem
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.units import KEYS
@@ -23,7 +24,6 @@ from vctune.proof.box_tests import positive
 from vctune.proof.boxes import Cells, band_of, over_cells
 from vctune.proof.certificate import certify
 from vctune.proof.claims.cells import proved_cells as prove
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures import elementary
 from vctune.proof.enclosures.elementary import EXP_ERROR, GREATEST, LOG_ERROR, PHI_BELOW, PHI_ERROR, SINE_ERROR
 from vctune.proof.enclosures.intervals import (

@@ -20,6 +20,7 @@ from vctune.analysis.demands import stability_ratio
 from vctune.analysis.extrema import frequency_grid, local_minima
 from vctune.api.checking import check
 from vctune.bench import evaluator
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import LeastOperator
@@ -28,8 +29,9 @@ from vctune.model.problem import Demands
 from vctune.proof.box_tests import turned_angles
 from vctune.proof.boxes import over_band
 from vctune.proof.certificate import certify
-from vctune.proof.claims.loop_claims import Covered, prove_conditions, prove_sensitivity
-from vctune.proof.claims.margins_of_claims import Design, conditions_margin
+from vctune.proof.claims.cases import case_at
+from vctune.proof.claims.loop_claims import Covered, of_design, prove_conditions, prove_sensitivity
+from vctune.proof.claims.margins_of_claims import conditions_margin
 from vctune.proof.claims.poles import turns
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure
 from vctune.proof.enclosures.taylor_functions import TAYLOR
@@ -170,13 +172,12 @@ def test_sensitivity_is_decided_close_to_its_peak():
 
 @given(st.integers(-3, 3), st.floats(0.1, 0.9))
 def test_turns_are_counted(number, radius):
-    def curve(t, _):
+    def curve(case, t):
         once, also = TAYLOR.cos(t * (2 * number)), TAYLOR.sin(t * (2 * number))
         return Pair(once + TAYLOR.cos(t * 5) * (radius / 10), also + TAYLOR.sin(t * 5) * (radius / 10))
 
-    empty = np.empty((0, 1))
-    covered = Covered(Demands(LAG, (0.0, 1.0), 1.0, 2.0), (), empty, empty, {})
-    found = turns(covered, lambda claims: curve, Covered.around_circle, 2 * pi)
+    covered = of_design(Design(LAG, VELOCITY, Coupling(1.0, 1.0, 0.0)), Demands(LAG, (0.0, 1.0), 1.0, 2.0))
+    found = turns(covered, curve, Covered.around_circle, 2 * pi)
     assert found.number[0] == -number
 
 
@@ -218,5 +219,6 @@ def test_proof_is_about_the_decimals():
 def test_margin_without_a_loop_is_the_device_and_the_coupling_alone():
     design = Design(LAG, Gains(0.0, 0.0), Coupling(3.0, 1.0, 0.5))
     with ctx.workprec(PRECISION):
-        margin = conditions_margin(design.converted(ball), arb(2), arb(1), BALLS)
+        case = case_at(design, Demands(LAG, (0.0, inf), 1.0, inf), number=ball, ops=BALLS)
+        margin = conditions_margin(case, arb(2))
         assert float(margin) == pytest.approx(2 * 2.0 * (0.5 + 3 * 4 / (9 + 4)))

@@ -25,6 +25,7 @@ from vctune.design.solve import solve
 from vctune.design.verdict import repair as repairing
 from vctune.document.reading import parse_problem, read_problem
 from vctune.exit_codes import ExitCode
+from vctune.model.design import Design
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, PlacesInHands
 from vctune.model.loop.limits import lags
@@ -34,7 +35,6 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.boxes import Cells
 from vctune.proof.certificate import certify
 from vctune.proof.claims.cells import admissible_damping, proved_cells
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.outcome import Verdict
 from vctune.study.plane import plane
 from vctune.study.region import Kind, easiest, free_damping, region

@@ -15,10 +15,10 @@ from vctune.bench.evaluator import cases
 from vctune.design.prepared import pose
 from vctune.design.variables import ranges
 from vctune.document.reading import problem_file
+from vctune.model.design import Design
 from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.units import KEYS
 from vctune.proof.certificate import certify
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.outcome import Verdict
 from vctune.study.plane import plane
 from vctune.study.region import Kind, free_damping, region

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.parts import DELAYS, LATENCY
 from vctune.model.problem import Demands
@@ -19,7 +20,6 @@ from vctune.proof.claims.every_hand import (
     prove_wall_in_hands,
 )
 from vctune.proof.claims.loop_claims import prove_conditions, prove_sensitivity, prove_unmodelled
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.poles import prove_model_poles, prove_sampled_poles
 from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked
 from vctune.proof.device_box import DeviceBox

@@ -12,12 +12,12 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Posed
 from vctune.design.verdict.judge import PROVING, Judgement, judgement_of
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
 from vctune.proof.certificate import Certificate, certify
 from vctune.proof.claims.crossing import BESIDE
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import claims_about
 from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, boxes_at_most, seconds_left, time_limit

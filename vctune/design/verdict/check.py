@@ -27,11 +27,11 @@ from vctune.document.records.design_json import Repair
 from vctune.document.ros import TUNED
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake, Note
+from vctune.model.design import Design
 from vctune.model.numbers.units import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.model.worlds import Worlds
 from vctune.proof.claims.every_hand import prove_hands
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, out_of_time
 

@@ -13,6 +13,7 @@ from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, felt_impedance
 from vctune.design.prepared import pose
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.records.felt_json import ContactRecord, InHandRecord, LatencyPartRecord
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hands
@@ -22,7 +23,6 @@ from vctune.model.problem import Problem
 from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.model.worlds import World
 from vctune.proof.certificate import certify
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.outcome import Verdict
 
 CONTACT = "the stiffest contact"  # Name of a part that a time limit may leave out

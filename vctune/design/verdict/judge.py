@@ -29,6 +29,7 @@ from vctune.analysis.multiples import least_ratio_in_worlds, least_ratio_with_wa
 from vctune.analysis.responses import Loop
 from vctune.design.prepared import Posed, pose, with_corner
 from vctune.design.search.worst import loudest, worst_inside
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
@@ -39,7 +40,6 @@ from vctune.model.problem import Demands, Problem
 from vctune.model.worlds import OVER_LIMIT
 from vctune.proof.certificate import Certificate, certify
 from vctune.proof.claims.crossing import worst_before_wall
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, check_time, seconds_left, time_limit, unlimited
 

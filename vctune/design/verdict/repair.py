@@ -21,11 +21,11 @@ from vctune.document.gains_file import design_numbers, design_tables
 from vctune.document.reading import ProblemFile, pose
 from vctune.document.records.design_json import Repair
 from vctune.document.text import toml
+from vctune.model.design import Design
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.proof.certificate import certify
-from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, boxes_at_most, check_time, out_of_time
 

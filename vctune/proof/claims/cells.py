@@ -4,19 +4,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import inf
 
 import numpy as np
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import Hand, Hands, PlacesInHands
-from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.numbers.units import KEYS
+from vctune.model.numbers.arithmetic import FLOATS, Number
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
+from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
+from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.box_tests import Margin, lower_bound_over, positive
 from vctune.proof.boxes import (
@@ -25,13 +26,12 @@ from vctune.proof.boxes import (
     Boxes,
     Cells,
     Integers,
-    Values,
     band_of,
     first_boxes,
     over_cells,
     over_each,
 )
-from vctune.proof.claims.array_claims import OFFSET, SLOPE, bounded_in_any_hand, bounded_in_hands, claims_of
+from vctune.proof.claims.cases import Case, over, values_of
 from vctune.proof.claims.cells_in_hands import hold_in_hands
 from vctune.proof.claims.loop_claims import (
     CELL,
@@ -41,13 +41,27 @@ from vctune.proof.claims.loop_claims import (
     of_cells,
     sensitivity,
 )
-from vctune.proof.claims.margins_of_claims import outwards
+from vctune.proof.claims.margins_of_claims import (
+    any_hand_before_wall,
+    any_hand_margin,
+    any_hand_size,
+    conditions_margin,
+    hand_margin,
+    outwards,
+    required_in_any_hand,
+    required_in_hands,
+    required_margin,
+    resistance_margin,
+    sensitivity_margin,
+)
 from vctune.proof.claims.poles import Turns, hand_turns, model_turns, sampled_turns
 from vctune.proof.claims.registry import ClaimId, claims_asked
-from vctune.proof.enclosures.intervals import Flags, Floats, decimal
+from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
 from vctune.proof.halving import Effort
 from vctune.proof.prover import Proofs, prove
 
+# The names of the rows of a straight line that bounds R in all hands
+OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 STEP = 1.05  # Ratio of the edges of a piece
 # Shares of each range of the hands at which the code evaluates R before it proves a piece
 SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
@@ -138,10 +152,27 @@ def _below_pieces(device: Device, hands: Hands | None, gains: Gains, pieces: Flo
         owner=np.arange(n),
         whole_samples=np.zeros(n, np.intp),
     )
-    fixed: Values = dict(zip(KEYS[:2], map(decimal, astuple(gains)), strict=True))
-    test = positive(bounded_in_any_hand(device) if hands is None else bounded_in_hands(device), fixed)
+    asked = Demands(device, (0.0, inf), 1.0, inf, passive=False, any_hand=hands is None, hands=hands)
+    test = positive(over(_below_bound, asked), values_of(gains))
     halved = [name not in (OFFSET, SLOPE) for name in names]
     return prove(test, boxes, n, Effort(MAX_HALVINGS, max_boxes, few=0), halved=halved)
+
+
+def _required_in_hands(case: Case, theta: Number) -> Number:
+    required = required_in_hands(case, theta)
+    return required.lost / required.size
+
+
+def _below_bound(case: Case, theta: Number) -> Number:
+    """Return |F|^2 (offset + slope theta - R), positive where R in a hand, or in any, lies below a straight line."""
+    required = (required_in_any_hand if case.demands.any_hand else required_in_hands)(case, theta)
+    return (case.values[OFFSET] + case.values[SLOPE] * theta) * required.size - required.lost
+
+
+def _above_bound(case: Case, theta: Number) -> Number:
+    """Return the margin by which a coupling exceeds a bound of R in all hands."""
+    bound = Required(case.values[OFFSET] + case.values[SLOPE] * theta, Enclosure(1.0))
+    return room(case.design.coupling, case.design.device, bound, case.factor, theta, case.ops)
 
 
 # Identifiers of the claims that this module can prove for cells
@@ -207,7 +238,7 @@ def _hold_in_any_hand(cells: Covered) -> Flags:
     device = cells.demands.device
     if (device.damping if device.structure is not None else device.least_damping) == 0:  # nothing bounds a response
         return np.zeros(cells.owners, bool)
-    margin, size = (positive(each, {}) for each in cells.claims.any_hand)
+    margin, size = (positive(cells.margin(each), {}) for each in (any_hand_margin, any_hand_size))
     if _have_the_same_gains(cells):  # equal gains have equal `size`
         one = cells.subset(np.zeros(1, np.intp))
         return held(one, CELL, [(size, one.around_circle())]).proved & _above_envelope(cells, None)
@@ -220,7 +251,8 @@ def _hold_before_wall(cells: Covered) -> Flags:
     device = cells.demands.device
     if (device.damping if device.structure is not None else device.least_damping) == 0:  # nothing bounds a response
         return np.zeros(cells.owners, bool)
-    return held(cells, cells.effort(), [(positive(cells.claims.before_wall, {}), cells.around_circle())]).proved
+    test = positive(cells.margin(any_hand_before_wall), {})
+    return held(cells, cells.effort(), [(test, cells.around_circle())]).proved
 
 
 def _hold_in_hands(cells: Covered) -> Flags:
@@ -244,7 +276,7 @@ def _above_envelope(cells: Covered, hands: Hands | None) -> Flags:
     required = envelope(cells.demands.device, hands, Gains(*map(float, cells.low[:2, 0])))
     boxes = required.over(Cells(cells.low, cells.high))
     halved = (True, False, False, *[True] * len(cells.names))
-    test = positive(cells.claims.above_bound, {})
+    test = positive(cells.margin(_above_bound), {})
     return prove(test, boxes, cells.owners, CELL, halved=halved, only_whole=True).proved
 
 
@@ -268,15 +300,16 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
     """Return the cells in which no design meets all constraints."""
     fails = np.zeros(len(cells), bool)
     for at in by_integrator(cells):
-        claims, part, there = claims_of(demands), cells.subset(at), places.subset(at)
-        asked: list[tuple[Margin, Floats | PlacesInHands]] = [(claims.sensitivity, there.theta_S)]
+        part, there = cells.subset(at), places.subset(at)
+        asked: list[tuple[Callable[[Case, Number], Number], Floats | PlacesInHands]]
+        asked = [(sensitivity_margin, there.theta_S)]
         if there.omega is not None:
-            asked += [(claims.conditions, there.omega[0]), (claims.resistance, there.omega[0])]
+            asked += [(conditions_margin, there.omega[0]), (resistance_margin, there.omega[0])]
         if there.theta is not None:
-            asked.append((claims.before_wall if demands.rigid else claims.any_hand[0], there.theta[0]))
+            asked.append((any_hand_before_wall if demands.rigid else any_hand_margin, there.theta[0]))
         if there.in_hands is not None:
-            asked.append((claims.in_hand, there.in_hands[0]))
-        lost = np.any([negative_at(margin, part, place) for margin, place in asked], axis=0)
+            asked.append((hand_margin, there.in_hands[0]))
+        lost = np.any([negative_at(over(margin, demands), part, place) for margin, place in asked], axis=0)
         left = np.flatnonzero(~lost)
         found = pole_turns(of_cells(demands, part.subset(left)), in_hand=True)
         lost[left] = np.any([np.isfinite(each.number) & (each.number != 0) for each in found], axis=0)
@@ -309,13 +342,14 @@ def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
     # rows in the order of `KEYS`: 2 is b_c, 3 is m_c, 4 is b_0
     least, most = cells.low[2].copy(), cells.high[2].copy()
     heaviest = cells.high[3] * (1 + GUARD)
-    claims, asked = claims_of(demands), list[tuple[Margin, Floats | PlacesInHands, Floats]]()
+    asked = list[tuple[Margin, Floats | PlacesInHands, Floats]]()
     if places.omega is not None:
-        asked += [(claims.required, omega, omega) for omega in places.omega]
+        asked += [(over(required_margin, demands), omega, omega) for omega in places.omega]
     if places.in_hands is not None:
         rate = 2 / demands.device.sample_time
         each = (places.in_hands[k] for k in range(places.in_hands.at.shape[0]))
-        asked += [(claims.required_in_hands, place, rate * np.tan(place.at / 2)) for place in each]
+        required = over(_required_in_hands, demands)
+        asked += [(required, place, rate * np.tan(place.at / 2)) for place in each]
     for among in by_integrator(cells):
         part = cells.subset(among)
         for required, at, omega in asked:

@@ -12,11 +12,11 @@ import numpy as np
 from vctune.model.hands import HAND
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
-from vctune.model.sampled.plant_in_hand import delays_of
 from vctune.proof.box_tests import Margin, beside_zero, either, narrowed, positive, sufficient
 from vctune.proof.boxes import FREQUENCY, HALF_TURN, Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands
-from vctune.proof.claims.array_claims import SHARES, claims_of, limp_hands_margins, margins_in_spring
+from vctune.proof.claims.cases import over
 from vctune.proof.claims.loop_claims import STEP
+from vctune.proof.claims.margins_of_claims import SHARES, hand_margin, limp_hand_margin, margin_in_spring
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
 from vctune.proof.halving import Effort
 from vctune.proof.prover import Test, prove
@@ -78,7 +78,7 @@ def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
 
 def _in_hand(demands: Demands) -> Test:
     """Return the test that a margin in a hand is positive. Near theta = 0 it uses only the coupling's drag."""
-    margin = claims_of(demands).in_hand
+    margin = over(hand_margin, demands)
     test = positive(margin, {})
     if not demands.device.kind.inverse:
         test = beside_zero(sufficient(_by_drag(margin), {}), test)
@@ -87,8 +87,7 @@ def _in_hand(demands: Demands) -> Test:
 
 def _or_every_stiffness(demands: Demands, test: Test) -> Test:
     """Return a test that also proves boxes away from theta = 0 for every stiffness at once."""
-    every = margins_in_spring(demands, (), delays_of(demands.device))
-    return test if every is None else either(test, every, {})
+    return either(test, over(margin_in_spring, demands), {}) if demands.device.kind.own_loop else test
 
 
 def _by_drag(margin: Margin) -> Margin:
@@ -100,12 +99,10 @@ def _proved_apart(demands: Demands, cells: Cells) -> Flags:
     """Prove the constraint with the margin divided by rho^2 near theta = 0, and with the margin itself elsewhere."""
     hands, (first, others) = demands.hands, _parted(_band())
     assert hands is not None
-    at_rest = limp_hands_margins(demands, (), delays_of(demands.device))
-    assert at_rest is not None
     stiffness = min(hands.high.stiffness, _stiffness_of(demands, first[1][0]))
     softer = replace(hands, high=replace(hands.high, stiffness=stiffness))
     proved = _prove(
-        narrowed(positive(_by_drag(at_rest), {}), partial(_with_possible_shares, demands)),
+        narrowed(positive(_by_drag(over(limp_hand_margin, demands)), {}), partial(_with_possible_shares, demands)),
         _with_shares(over_hands(cells, softer, first)),
         len(cells),
     )

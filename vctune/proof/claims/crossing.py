@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import pi
 from typing import NamedTuple
@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import SpringDamper
 from vctune.model.hands import Hand, Hands, stacked
@@ -21,9 +22,9 @@ from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.impedance_display import ForceInHand
 from vctune.model.sampled.loop_in_worlds import Disjuncts, real_at_nyquist, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.worlds import WorldsMet
-from vctune.proof.claims.margins_of_claims import Design, margins_in_worlds
-from vctune.proof.enclosures.intervals import ENCLOSURES, Floats, between, decimal, surely_negative
+from vctune.proof.claims.cases import case_at, exact_case
+from vctune.proof.claims.margins_of_claims import margins_in_worlds
+from vctune.proof.enclosures.intervals import ENCLOSURES, Floats, between, surely_negative
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.running import check_time
 
@@ -127,8 +128,7 @@ def _lost(design: Design, demands: Demands, hands: list[Hand], angles: Floats) -
     and the number of the angle before it."""
     assert demands.worlds is not None
     check_time()
-    plant = plant_in_hand(design.device, stacked(hands, (-1, 1)), delays_of(design.device), FLOATS)
-    found = margins_in_worlds(plant, design, angles, WorldsMet(demands.worlds, 1.0), FLOATS)
+    found = margins_in_worlds(case_at(design, replace(demands, factor=1.0), stacked(hands, (-1, 1))), angles)
     resistive, above, below = (np.broadcast_to(each, (len(hands), angles.size)) for each in _margins(found))
     crossed = (above[:, :-1] < 0) & (below[:, 1:] < 0) | (below[:, :-1] < 0) & (above[:, 1:] < 0)
     share = np.clip(above[:, :-1] / (above[:, :-1] - above[:, 1:]), 0.0, 1.0)
@@ -157,12 +157,10 @@ def _margins(found: Disjuncts) -> tuple[Number, Number, Number]:
 def _crossing(design: Design, demands: Demands, hand: Hand, low: float, high: float) -> float | None:
     """Return an angle next to which a pole is proved on the circle; None if it cannot be proved."""
     assert demands.worlds is not None
-    exact, delays = design.converted(decimal), delays_of(design.device)
-    plant = plant_in_hand(exact.device, hand.mapped(decimal), delays, ENCLOSURES)
-    met = WorldsMet(demands.worlds.converted(decimal), 1.0)
+    there = exact_case(design, replace(demands, factor=1.0), hand)
 
     def at(first: float, last: float) -> tuple[Number, Number, Number]:
-        return _margins(margins_in_worlds(plant, exact, between(first, last), met, ENCLOSURES))
+        return _margins(margins_in_worlds(there, between(first, last)))
 
     def is_above(theta: float) -> bool:
         return surely_negative(at(theta, theta)[1])
@@ -171,7 +169,7 @@ def _crossing(design: Design, demands: Demands, hand: Hand, low: float, high: fl
         return surely_negative(at(theta, theta)[2])
 
     if high == pi and real_at_nyquist(design.series, demands.worlds):
-        last = margins_in_worlds(plant, exact, ENCLOSURES.pi, met, ENCLOSURES)
+        last = margins_in_worlds(there, ENCLOSURES.pi)
         if surely_negative(sum_of(last.resistive)):
             return pi
     rising = is_above(low) and is_below(high)

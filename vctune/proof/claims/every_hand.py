@@ -4,47 +4,44 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
-from math import isnan, nextafter, pi
+from functools import partial
+from math import inf, isnan, nextafter, pi
 
 import numpy as np
 
+from vctune.model.design import Design
 from vctune.model.gains import SpringDamper
 from vctune.model.hands import MASS, STIFFNESS, Hand, Hands, stacked
+from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import keys_of
 from vctune.model.problem import Demands
-from vctune.model.sampled.loop_in_worlds import LEADS, posed, real_at_nyquist, sum_of
-from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.worlds import WorldsMet
-from vctune.proof.box_tests import beside_zero, either, misses_zero, positive, sufficient
+from vctune.model.sampled.loop_in_worlds import LEADS, Disjuncts, posed, real_at_nyquist, sum_of
+from vctune.proof.box_tests import Margin, beside_zero, either, misses_zero, positive, sufficient
 from vctune.proof.boxes import HALF_TURN, SAMPLES_BEFORE, Boxes, Values, band_of, over_band
-from vctune.proof.claims.array_claims import (
-    AT_REST,
-    SHARES,
-    any_hand_before_walls,
-    any_hand_margins,
-    hands_margins,
-    limp_hands_margins,
-    margins_in_spring,
-    wall_curves,
-)
+from vctune.proof.claims.cases import COUPLING_SHARE, Case, exact_case, over
 from vctune.proof.claims.crossing import refuted_by_one, worst_before_wall
 from vctune.proof.claims.delays import DELAY_ROWS, NEXT_TO, Ends, Part, parts_of, row_of
 from vctune.proof.claims.loop_claims import in_rad_per_s, of_design
 from vctune.proof.claims.margins_of_claims import (
-    Design,
-    LoopDelay,
+    AT_REST,
+    SHARES,
     any_hand_before_wall,
     any_hand_margin,
+    any_hand_size,
+    hand_curve,
     hand_margin,
+    limp_hand_margin,
+    limp_margins_in_worlds,
+    margin_in_spring,
     margins_in_worlds,
 )
 from vctune.proof.claims.poles import free_at_rest, hand_turns
-from vctune.proof.claims.walls import COUPLING_SHARE, fails_with_a_wall
+from vctune.proof.claims.walls import fails_with_a_wall, limp_walls_margin, walls_margins
 from vctune.proof.device_box import (
     MOST_AT_ONCE,
     DeviceBox,
 )
-from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, decimal_or_inf, surely_negative
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal_or_inf, surely_negative
 from vctune.proof.halving import Effort
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.proof.prover import Test, prove
@@ -157,14 +154,45 @@ class Asked:
     def tests(self, part: Part, fixed: Values) -> Tests:
         """Return the tests that prove the claim on a part of the boxes, after many boxes also for every stiffness."""
         found = [self._test(part, fixed, lead) for lead in (LEADS if self.walls else LEADS[:1])]
-        every = margins_in_spring(self.demands, self.uncertain, part.delays)
-        return [(test, None if every is None else either(test, every, fixed)) for test in found]
+        if self.demands.worlds is not None or not self.design.device.kind.own_loop:
+            return [(test, None) for test in found]
+        every = over(margin_in_spring, self.demands, self.uncertain, part.delays)
+        return [(test, either(test, every, fixed)) for test in found]
 
     def _test(self, part: Part, fixed: Values, lead: float) -> Test:
-        margins = hands_margins(self.demands, self.uncertain, part.delays, lead)
-        at_rest = limp_hands_margins(self.demands, self.uncertain, part.delays, lead) if self.limp else None
-        test = positive(margins, fixed)
-        return test if at_rest is None else beside_zero(sufficient(at_rest, fixed), test, AT_REST)
+        def tested(of: Callable[[Case, Number], Number]) -> Margin:
+            return over(of, self.demands, self.uncertain, part.delays)
+
+        test, at_rest = positive(tested(margins_of(self.demands, lead)), fixed), limp_margins_of(self.demands, lead)
+        if not self.limp or at_rest is None:
+            return test
+        return beside_zero(sufficient(tested(at_rest), fixed), test, AT_REST)
+
+
+def margins_of(demands: Demands, lead: float) -> Callable[[Case, Number], Number]:
+    """Return the margins in a hand, one of which must be positive at each point."""
+    if demands.worlds is None:
+        return hand_margin
+    if demands.worlds.corner is not None:
+        return partial(walls_margins, lead=lead)
+    return partial(_sums_of, margins_in_worlds, posed(demands.worlds, demands.factor))
+
+
+def limp_margins_of(demands: Demands, lead: float) -> Callable[[Case, Number], Number] | None:
+    """Return `margins_of` divided by rho^2 for theta near 0, a hand without stiffness and K_p = 0, if there are any."""
+    if demands.worlds is None:
+        return limp_hand_margin
+    if demands.worlds.corner is not None:
+        return partial(limp_walls_margin, lead=lead) if demands.worlds.high.mass < inf else None
+    names = [name for name in posed(demands.worlds, demands.factor) if name in ("resistive", "above")]
+    return partial(_sums_of, limp_margins_in_worlds, names) if names else None
+
+
+def _sums_of(
+    margins: Callable[[Case, Number], Disjuncts], names: Sequence[str], case: Case, theta: Number
+) -> tuple[Number, ...]:
+    found = margins(case, theta)
+    return tuple(sum_of(getattr(found, name)) for name in names)
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -174,8 +202,8 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
         return undamped
 
     def tests(part: Part, fixed: Values) -> Tests:
-        margin, size = any_hand_margins(demands, uncertain, part.delays)
-        return [(positive(each, fixed), None) for each in ([margin, size] if design.gains.velocity > 0 else [margin])]
+        asked = [any_hand_margin, any_hand_size] if design.gains.velocity > 0 else [any_hand_margin]
+        return [(positive(over(each, demands, uncertain, part.delays), fixed), None) for each in asked]
 
     found = _decided(Asked(design, demands, box), _ends(None, box, uncertain), tests)
     return _and_without_reserve(found, prove_any_hand, design, demands, box)
@@ -205,7 +233,7 @@ def prove_wall_in_any_hand(design: Design, demands: Demands, box: DeviceBox | No
         ends[COUPLING_SHARE] = np.zeros(1), np.ones(1)
 
     def tests(part: Part, fixed: Values) -> Tests:
-        return [(positive(any_hand_before_walls(demands, uncertain, part.delays), fixed), None)]
+        return [(positive(over(any_hand_before_wall, demands, uncertain, part.delays), fixed), None)]
 
     return _decided(Asked(design, demands, box), ends, tests)
 
@@ -221,7 +249,7 @@ def prove_wall_in_hands(design: Design, demands: Demands, box: DeviceBox | None 
     ends = _ends(demands.hands, box, uncertain, reserve=demands.factor if demands.factor > 1 else None)
 
     def tests(part: Part, fixed: Values) -> Tests:
-        return [(misses_zero(wall_curves(demands, uncertain, part.delays), fixed), None)]
+        return [(misses_zero(over(hand_curve, demands, uncertain, part.delays), fixed), None)]
 
     return no_pole_crosses(Asked(design, demands, box), ends, tests)
 
@@ -324,23 +352,13 @@ def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float,
         return _unstable_before_wall(design, demands, hand, share)
     if hand is not None and demands.walls_met is not None:
         return 0 < theta < pi and fails_with_a_wall(design, demands, hand, theta, share)
-    exact, delays, at, factor = (
-        design.converted(decimal),
-        delays_of(design.device),
-        Enclosure(theta),
-        decimal(demands.factor),
-    )
+    there, at = exact_case(design, demands, hand, share), Enclosure(theta)
     if hand is None:
-        delay = LoopDelay(delays.loop, delays.loop_fractional)
-        if demands.rigid:
-            return surely_negative(any_hand_before_wall(exact, delay, at, factor * decimal(share), ENCLOSURES))
-        return surely_negative(any_hand_margin(exact, delay, at, factor, ENCLOSURES)[0])
-    plant = plant_in_hand(exact.device, hand.mapped(decimal), delays, ENCLOSURES)
+        return surely_negative(any_hand_before_wall(there, at) if demands.rigid else any_hand_margin(there, at))
     if demands.worlds is None:
-        return surely_negative(hand_margin(plant, exact, at, factor, ENCLOSURES))
+        return surely_negative(hand_margin(there, at))
     ends = theta == pi and real_at_nyquist(design.series, demands.worlds)  # and a pole may pass z = -1
-    at = ENCLOSURES.pi if ends else at
-    found = margins_in_worlds(plant, exact, at, WorldsMet(demands.worlds.converted(decimal), factor), ENCLOSURES)
+    found = margins_in_worlds(there, ENCLOSURES.pi if ends else at)
     names = ("resistive",) if ends else posed(demands.worlds, demands.factor)
     return all(surely_negative(sum_of(getattr(found, name))) for name in names)
 

@@ -13,31 +13,31 @@ from math import floor, inf
 
 import numpy as np
 
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import KEYS, keys_of
 from vctune.model.problem import Demands
-from vctune.model.sampled.circle import split_delay
-from vctune.model.sampled.velocity_loop import PlantLetGo, plant_let_go
-from vctune.proof.box_tests import beside_zero, positive, sufficient
+from vctune.proof.box_tests import Margin, beside_zero, positive, sufficient
 from vctune.proof.boxes import HALF_TURN, Boxes, Cells, Integers, Values, band_of, joined, over_band
-from vctune.proof.claims.array_claims import Claims, claims_of
+from vctune.proof.claims.cases import Case, exact_case, over
 from vctune.proof.claims.margins_of_claims import (
-    Design,
-    conditions_of,
+    clamped_margin,
+    conditions_margin,
+    high_margin,
+    low_margin,
     outwards,
     resistance_apart,
     resistance_margin,
     sensitivity_margin,
+    sensitivity_sufficient_margin,
     unmodelled_margin,
 )
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.intervals import (
-    ENCLOSURES,
     Enclosure,
     Flags,
     Floats,
-    decimal,
     decimal_or_inf,
     surely_negative,
 )
@@ -78,12 +78,11 @@ class Covered:
         """Whether K_p > 0, for all owners or for none."""
         return bool(self.high[1].any()) if KEYS[1] in self.names else bool(self.fixed[KEYS[1]].mid != 0)
 
-    @property
-    def claims(self) -> Claims:
-        """The claims as functions of a frequency and of the numbers by name."""
+    def margin(self, of: Callable[[Case, Number], Number]) -> Margin:
+        """Return a margin of cases, or a curve, as a function of a frequency and of the numbers by name."""
         if self.box is None:
-            return claims_of(self.demands)
-        return claims_of(replace(self.demands, device=self.box.low), self.box.uncertain)
+            return over(of, self.demands)
+        return over(of, replace(self.demands, device=self.box.low), self.box.uncertain)
 
     def effort(self, of_design: Effort = DESIGN) -> Effort:
         """Return how long a proof goes on."""
@@ -166,7 +165,7 @@ def conditions(covered: Covered, low: float, high: float) -> Held:
     effort, beyond = covered.effort(), max(1 / covered.demands.device.sample_time, low)
     found = _conditions(covered, covered.over(low, beyond if high == inf else high), effort)
     if high == inf:  # as a function of 1/omega
-        test = positive(covered.claims.conditions_near_infinity, covered.fixed)
+        test = positive(covered.margin(high_margin), covered.fixed)
         above = held(covered, effort, [(test, covered.over(0.0, 1 / beyond))])
         above.point[0] = 1 / np.maximum(above.point[0], 1e-300)
         point = np.where(found.proved, above.point, found.point)
@@ -176,26 +175,26 @@ def conditions(covered: Covered, low: float, high: float) -> Held:
 
 def _conditions(covered: Covered, band: Boxes, effort: Effort) -> Held:
     """Prove the conditions on the boxes of a band."""
-    claims, fixed = covered.claims, covered.fixed
-    near_zero = sufficient(claims.conditions_near_zero, fixed)
-    parts = [(beside_zero(near_zero, positive(claims.conditions, fixed)), band)]
+    fixed, near_zero = covered.fixed, sufficient(covered.margin(low_margin), covered.fixed)
+    asked = []
     if covered.box is not None and covered.box.nominal.unmodelled is not None:
-        parts += [(positive(margin, fixed), band) for margin in claims.clamped]
+        asked += [lambda case, omega: 1 - case.radius(omega), clamped_margin]
     if resistance_apart(covered.demands.device):
-        parts.append((positive(claims.resistance, fixed), band))
+        asked.append(resistance_margin)
+    parts = [(beside_zero(near_zero, positive(covered.margin(conditions_margin), fixed)), band)]
+    parts += [(positive(covered.margin(margin), fixed), band) for margin in asked]
     return held(covered, effort, parts)
 
 
 def sensitivity(covered: Covered) -> Held:
     """Prove |S| < max_sensitivity of the sampled loop at every frequency."""
-    claims, fixed = covered.claims, covered.fixed
 
-    def one_of(theta: Number, v: Values) -> tuple[Number, Number]:
-        return claims.sensitivity(theta, v), claims.sensitivity_any_position(theta, v)
+    def one_of(case: Case, theta: Number) -> tuple[Number, Number]:
+        return sensitivity_margin(case, theta), sensitivity_sufficient_margin(case, theta)
 
-    test = positive(claims.sensitivity, fixed)
+    test = positive(covered.margin(sensitivity_margin), covered.fixed)
     if KEYS[1] in covered.names:
-        test = beside_zero(sufficient(one_of, fixed), test)
+        test = beside_zero(sufficient(covered.margin(one_of), covered.fixed), test)
     return held(covered, covered.effort(), [(test, covered.around_circle())])
 
 
@@ -218,9 +217,8 @@ def prove_sensitivity(design: Design, demands: Demands, box: DeviceBox | None) -
     covered = of_design(design, demands, box)
 
     def failure(device: Device, theta: float) -> float | None:
-        limit, exact = decimal(demands.max_sensitivity), design.converted(decimal)
-        margin = sensitivity_margin(_exact_plant(device), exact.gains, Enclosure(theta), limit, ENCLOSURES)
-        return theta if surely_negative(margin) else None
+        there = exact_case(replace(design, device=device), demands)
+        return theta if surely_negative(sensitivity_margin(there, Enclosure(theta))) else None
 
     return in_rad_per_s(_outcome(covered, sensitivity(covered), failure), design.device)
 
@@ -228,16 +226,14 @@ def prove_sensitivity(design: Design, demands: Demands, box: DeviceBox | None) -
 def prove_unmodelled(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
     """Prove |1 - S| r < 1 of the sampled loop for every device, where r is the radius of the unmodelled dynamics."""
     assert box.nominal.unmodelled is not None
-    radii, covered = box.nominal.unmodelled.radii, of_design(design, demands, box.modelled)
-    claims = claims_of(replace(demands, device=box.nominal), box.modelled.uncertain)
+    covered, with_disc = of_design(design, demands, box.modelled), replace(demands, device=box.nominal)
 
     def failure(device: Device, theta: float) -> float | None:
-        hertz, exact = Enclosure(theta) / (2 * ENCLOSURES.pi * decimal(device.sample_time)), design.converted(decimal)
-        radius = ENCLOSURES.interpolated(hertz, radii)
-        margin = unmodelled_margin(_exact_plant(device), exact.gains, Enclosure(theta), radius, ENCLOSURES)
-        return theta if surely_negative(margin) else None
+        there = exact_case(replace(design, device=device), with_disc)
+        return theta if surely_negative(unmodelled_margin(there, Enclosure(theta))) else None
 
-    found = held(covered, DESIGN, [(positive(claims.unmodelled, covered.fixed), covered.around_circle())])
+    margin = over(unmodelled_margin, with_disc, box.modelled.uncertain)
+    found = held(covered, DESIGN, [(positive(margin, covered.fixed), covered.around_circle())])
     return in_rad_per_s(_outcome(covered, found, failure), design.device)
 
 
@@ -263,11 +259,6 @@ def device_at(covered: Covered, point: Floats) -> Device:
     return covered.box.device(dict(zip(covered.box.uncertain, within, strict=True)))
 
 
-def _exact_plant(device: Device) -> PlantLetGo:
-    whole, fraction = split_delay(device.delay, device.sample_time)
-    return plant_let_go(device.converted(decimal), whole, ENCLOSURES, fractional=fraction > 0)
-
-
 def _without_loop(design: Design, demands: Demands, low: float) -> Outcome:
     """Return the outcome of the conditions without feedback, where R = 0: the damping must be positive, and Re Z_c if
     environments are behind it."""
@@ -279,12 +270,12 @@ def _without_loop(design: Design, demands: Demands, low: float) -> Outcome:
 
 def _conditions_fail(design: Design, demands: Demands, device: Device, omega: float) -> float | None:
     """Return where the conditions certainly fail: at a frequency or towards an endless end of the band; else None."""
-    exact, factor = replace(design, device=device).converted(decimal), decimal(demands.factor)
+    there = exact_case(replace(design, device=device), demands)
 
     def fails(omega: float) -> bool:
-        if surely_negative(conditions_of(demands)(exact, Enclosure(omega), factor, ENCLOSURES)):
+        if surely_negative(conditions_margin(there, Enclosure(omega))):
             return True
-        return resistance_apart(device) and surely_negative(resistance_margin(exact, Enclosure(omega), ENCLOSURES))
+        return resistance_apart(device) and surely_negative(resistance_margin(there, Enclosure(omega)))
 
     (low, high), tried = demands.band, [omega]
     if low == 0 and omega < 1 / device.sample_time:

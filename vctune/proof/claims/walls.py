@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from vctune.model.design import Design
 from vctune.model.hands import Hand
-from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number
+from vctune.model.numbers.arithmetic import FLOATS, Number
 from vctune.model.problem import Demands
 from vctune.model.sampled.loop_in_worlds import (
     LEADS,
@@ -22,22 +23,20 @@ from vctune.model.sampled.loop_in_worlds import (
     tangent_of_one,
     width_of,
 )
-from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.worlds import Worlds, WorldsMet
-from vctune.proof.claims.margins_of_claims import Design, strip_of_walls
+from vctune.model.worlds import Worlds
+from vctune.proof.claims.cases import Case, exact_case
+from vctune.proof.claims.margins_of_claims import limp_strip_of_walls, strip_of_walls
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, surely_negative
 from vctune.proof.enclosures.taylor import Taylor
 
-# The name of the row with the share y of the coupling, from 1/safety_factor to 1
-COUPLING_SHARE = "share of the coupling"
 INWARDS = 1 - 1e-9  # Factor that keeps rounding from making the slope of a tangent negative
 
 
-def walls_margins(
-    strip: Strip, met: WorldsMet, plain: Worlds, lead: float, sample_time: Number, theta: Number, ops: ArrayArithmetic
-) -> tuple[Number, ...]:
+def walls_margins(case: Case, theta: Number, lead: float) -> tuple[Number, ...]:
     """Return margins over boxes. One of them must be positive at each point."""
-    T, here = _middle(sample_time), _middle(theta)
+    strip, sample_time, ops = strip_of_walls(case, theta), case.design.device.sample_time, case.ops
+    assert case.met is not None and case.demands.worlds is not None and ops.arrays is not None
+    met, plain, T, here = case.met, case.demands.worlds, _middle(sample_time), _middle(theta)
     low = None if strip.low is None else tuple(map(_middle, strip.low))
     in_middle = Strip(low, tuple(map(_middle, strip.high)), tuple(map(_middle, strip.excess)), _middle(strip.size))
     with np.errstate(all="ignore"):
@@ -51,29 +50,29 @@ def walls_margins(
     return flattest(strip, found.rest, met.worlds, lead, sample_time, theta, ops), found.flat + square * found.rest
 
 
-def limp_walls_margin(
-    strip: Strip, met: WorldsMet, lead: float, sample_time: Number, theta: Number, ops: ArrayArithmetic
-) -> Number:
+def limp_walls_margin(case: Case, theta: Number, lead: float) -> Number:
     """Return a margin for K_p = 0, theta near 0 and a hand without stiffness, with the tangents at p = r = 0."""
-    tangent = tangent_at_rest(met.worlds, lead, sample_time, theta, ops)
-    found = shares_of(strip, tangent, met.worlds, lead, sample_time, theta, ops)
+    strip, sample_time, ops = limp_strip_of_walls(case, theta), case.design.device.sample_time, case.ops
+    assert case.met is not None
+    tangent = tangent_at_rest(case.met.worlds, lead, sample_time, theta, ops)
+    found = shares_of(strip, tangent, case.met.worlds, lead, sample_time, theta, ops)
     return found.flat + ops.cos(theta / 2) * ops.cos(theta / 2) * found.rest
 
 
 def fails_with_a_wall(design: Design, demands: Demands, hand: Hand, theta: float, share: float) -> bool:
     """Return whether E is negative at the mass and damping of the box where E is about least."""
-    plain, exact, at = demands.worlds, design.converted(decimal), Enclosure(theta)
+    plain, at = demands.worlds, Enclosure(theta)
     assert plain is not None
-    plant = plant_in_hand(exact.device, hand.mapped(decimal), delays_of(design.device), ENCLOSURES)
 
     def of(worlds: Worlds) -> tuple[Worlds, Strip]:
-        met = WorldsMet(worlds.converted(decimal), decimal(demands.factor))
-        return met.worlds, strip_of_walls(plant, exact, at, decimal(share), met, ENCLOSURES)
+        there = exact_case(design, replace(demands, worlds=worlds), hand, share)
+        assert there.met is not None
+        return there.met.worlds, strip_of_walls(there, at)
 
     def fails(lead: float) -> bool:
         one = _worst_member(plain, lead, of(plain)[1], design.device.sample_time, theta)
         worlds, strip = of(one)
-        T = exact.device.sample_time
+        T = decimal(design.device.sample_time)
         tangent = tangent_of_one(strip, worlds, lead, T, at, ENCLOSURES)
         found = shares_of(strip, tangent, worlds, lead, T, at, ENCLOSURES)
         return surely_negative(found.flat + ENCLOSURES.cos(at / 2) * ENCLOSURES.cos(at / 2) * found.rest)
