@@ -21,8 +21,8 @@ from sentences import NEAR, SENTENCES, Sentence
 from walls import condition, grows, random_wall, speeds, with_share
 
 import vctune
+from vctune.design.advice.repair import Found
 from vctune.design.ros.admittance_check import check_admittance
-from vctune.design.verdict.repair import Found
 from vctune.document import reading
 from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.document.text.toml import toml_text

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from vctune.api.solving import write_design as write_design
     from vctune.api.solving import write_report as write_report
     from vctune.api.sweeping import sweep as sweep
+    from vctune.design.design_record import design_record as design_record
+    from vctune.design.judging.judge import Judgement as Judgement
+    from vctune.design.judging.judge import Status as Status
+    from vctune.design.judging.judge import judge as judge
     from vctune.design.result import Solved as Solved
-    from vctune.design.verdict.design_record import design_record as design_record
-    from vctune.design.verdict.judge import Judgement as Judgement
-    from vctune.design.verdict.judge import Status as Status
-    from vctune.design.verdict.judge import judge as judge
     from vctune.document.building import Device as Device
     from vctune.document.building import problem as problem
     from vctune.document.reading import ProblemFile as ProblemFile
@@ -68,7 +68,7 @@ _HOME = {
     "Gains": "model.gains",
     "Hand": "model.hands",
     "InputError": "document.text.errors",
-    "Judgement": "design.verdict.judge",
+    "Judgement": "design.judging.judge",
     "LeastOperator": "model.hands",
     "Loop": "analysis.responses",
     "Problem": "model.problem",
@@ -76,7 +76,7 @@ _HOME = {
     "Range": "model.problem",
     "Simulated": "simulation.two_runs",
     "Solved": "design.result",
-    "Status": "design.verdict.judge",
+    "Status": "design.judging.judge",
     "Structure": "model.device",
     "VelocityEstimate": "model.device",
     "bound": "api.bounding",
@@ -84,7 +84,7 @@ _HOME = {
     "check": "api.checking",
     "check_region": "api.checking",
     "compare": "api.comparing",
-    "design_record": "design.verdict.design_record",
+    "design_record": "design.design_record",
     "draw_error": "report.panels",
     "draw_impedance": "report.panels",
     "draw_nyquist": "report.panels",
@@ -93,7 +93,7 @@ _HOME = {
     "explain": "api.explaining",
     "export": "api.exporting",
     "identify": "api.identifying",
-    "judge": "design.verdict.judge",
+    "judge": "design.judging.judge",
     "problem": "document.building",
     "read_problem": "document.reading",
     "region": "api.regions",

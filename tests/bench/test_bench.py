@@ -16,11 +16,11 @@ from vctune.bench.benchmark import Measured, csv_of, record_of
 from vctune.bench.evaluator import case_of
 from vctune.bench.solvers import reference_problems
 from vctune.cli.commands.bench import bench
+from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import prepare
 from vctune.design.search.scan import scan
 from vctune.design.solve import solve
 from vctune.design.variables import point
-from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.text.errors import InputError
 from vctune.model.gains import Gains

@@ -16,7 +16,7 @@ from command import process, run, started, strict, wait_for_work, wait_until
 from conftest import FIXED, ROOT, for_passive_hands, mostly_slow
 
 from vctune.cli.runner import worst
-from vctune.design.verdict import repair as repairing
+from vctune.design.advice import repair as repairing
 from vctune.exit_codes import ExitCode
 
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"

@@ -68,7 +68,7 @@ write_together({Path("a"): "new", Path("b"): "new", Path("c"): "new"}, [Path("d"
 """,
 )
 COMMAND = """
-import vctune.cli, vctune.design.verdict.repair, vctune.design.solve
+import vctune.cli, vctune.design.advice.repair, vctune.design.solve
 import vctune.report.page, vctune.report.templates, vctune.simulation.two_runs
 from vctune.document.reading import read_problem
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from vctune.api.checking import check_object
 from vctune.cli.formats import REST, github, text
-from vctune.design.verdict.check import Checked, CheckVerdict
+from vctune.design.check import Checked, CheckVerdict
 from vctune.exit_codes import ExitCode
 
 HOSTILE = [

@@ -12,8 +12,8 @@ from command import run
 from conftest import DEVICE, FIXED, for_passive_hands
 
 import vctune
-from vctune.design.verdict.felt_record import in_hand_record
-from vctune.design.verdict.judge import judge
+from vctune.design.felt_record import in_hand_record
+from vctune.design.judging.judge import judge
 from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import ActiveRecord, design_of
 from vctune.report.sweep_figure import sweep_figure

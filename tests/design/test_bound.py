@@ -17,10 +17,10 @@ from random_problems import random_designs, random_texts
 from vctune.bench.evaluator import cases, required, sensitivity
 from vctune.design.bound.relaxation import Places, least_coupling, lower_bounds, objective_of, relaxation
 from vctune.design.bound.search import Optimality, bound
+from vctune.design.judging.judge import Judgement, Status
 from vctune.design.prepared import pose, prepare
 from vctune.design.search.optimum import improved
 from vctune.design.solve import solve
-from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.text.errors import InputError
 from vctune.model.problem import Problem, Range

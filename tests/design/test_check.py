@@ -13,9 +13,9 @@ import pytest
 from command import check_files, strict
 from conftest import DEVICE, FIXED, ROOT, drawn, for_passive_hands
 
+from vctune.design.check import CheckVerdict
+from vctune.design.judging.judge import Status, judge
 from vctune.design.solve import solve
-from vctune.design.verdict.check import CheckVerdict
-from vctune.design.verdict.judge import Status, judge
 from vctune.document.gains_file import gains_text
 from vctune.document.reading import parse_problem
 from vctune.exit_codes import ExitCode

@@ -11,10 +11,10 @@ from command import check_files
 from conftest import DEVICE, for_passive_hands
 
 import vctune
+from vctune.design.advice.repair import with_repairs
+from vctune.design.check import Checked, CheckVerdict
+from vctune.design.judging.judge import Status, judge
 from vctune.design.solve import solve
-from vctune.design.verdict.check import Checked, CheckVerdict
-from vctune.design.verdict.judge import Status, judge
-from vctune.design.verdict.repair import with_repairs
 from vctune.document.gains_file import design_numbers
 from vctune.document.reading import parse_problem, problem_file, read_gains
 from vctune.document.text import toml

@@ -14,11 +14,11 @@ from loop import Loop, offered, seen, sensitivity
 
 from vctune.analysis.in_hands import least_ratios_in_hands, least_ratios_near
 from vctune.api.solving import solve
+from vctune.design.design_record import design_record
+from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import prepare
 from vctune.design.search.optimum import worst_near
 from vctune.design.search.scan import scan
-from vctune.design.verdict.design_record import design_record
-from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.text.errors import InputError
 from vctune.model import gains as model

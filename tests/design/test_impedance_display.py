@@ -23,12 +23,12 @@ from vctune.analysis.demands import transparency_error
 from vctune.analysis.feel import feel
 from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.analysis.loops_in_hands import loops_in_hands
+from vctune.design.check import CheckVerdict
+from vctune.design.design_record import record_of
+from vctune.design.felt_record import in_hand_record
+from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import pose
 from vctune.design.solve import solve
-from vctune.design.verdict.check import CheckVerdict
-from vctune.design.verdict.design_record import record_of
-from vctune.design.verdict.felt_record import in_hand_record
-from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.document.text.errors import InputError
 from vctune.model.design import Design

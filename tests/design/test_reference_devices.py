@@ -13,8 +13,8 @@ from conftest import ROOT, mostly_slow
 from frequency import Tables, demanded, offered
 from loop import Loop, radius, sensitivity
 
+from vctune.design.judging.judge import Status
 from vctune.design.solve import solve
-from vctune.design.verdict.judge import Status
 from vctune.document.reading import read_problem
 from vctune.model.problem import Problem
 

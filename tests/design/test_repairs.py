@@ -18,13 +18,13 @@ from frequency import demanded, offered
 from test_bound import infeasible_texts
 
 from vctune.design import solve as solving
+from vctune.design.advice import repair as repairing
+from vctune.design.advice.parameter_changes import parameter_changes
+from vctune.design.advice.repair import find_repairs, with_repairs
+from vctune.design.design_record import design_record
+from vctune.design.judging.judge import Status
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
-from vctune.design.verdict import repair as repairing
-from vctune.design.verdict.design_record import design_record
-from vctune.design.verdict.judge import Status
-from vctune.design.verdict.parameter_changes import parameter_changes
-from vctune.design.verdict.repair import find_repairs, with_repairs
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode

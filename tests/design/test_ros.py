@@ -17,9 +17,9 @@ from conftest import DRAWS, mostly_slow
 from device_pairs import tables_of
 from loop import Loop, radius
 
+from vctune.design.advice.repair import Found
 from vctune.design.ros import admittance_check
 from vctune.design.ros.admittance import corner_hz, coupling_of_admittance
-from vctune.design.verdict.repair import Found
 from vctune.document.reading import read_problem
 from vctune.document.ros import Admittance, AdmittanceFile, read_admittances
 from vctune.exit_codes import ExitCode

@@ -18,14 +18,14 @@ from loop import radius as stepped
 from ros_controller import Arm, Rule, World, asked, radius
 
 from vctune import export
+from vctune.design.advice.repair import Found
+from vctune.design.check import CheckVerdict
+from vctune.design.judging.judge import Status
 from vctune.design.prepared import pose as prepared
 from vctune.design.ros import admittance_check
 from vctune.design.ros.admittance import as_problem, coupling_of_admittance, document_of_both
 from vctune.design.ros.admittance_check import check_admittance
 from vctune.design.solve import solve
-from vctune.design.verdict.check import CheckVerdict
-from vctune.design.verdict.judge import Status
-from vctune.design.verdict.repair import Found
 from vctune.document.building import problem
 from vctune.document.reading import pose, problem_file, read_problem
 from vctune.document.ros import read_admittances

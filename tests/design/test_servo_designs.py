@@ -17,8 +17,8 @@ import vctune
 from vctune import solve
 from vctune.analysis.contact import stiffest_contact
 from vctune.analysis.loops_in_hands import loops_in_hands
+from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import pose
-from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
 from vctune.document.text.errors import InputError
 from vctune.model.gains import Coupling, Gains

@@ -13,11 +13,11 @@ from dense import error, spectral_radius
 
 from vctune.analysis.sampled_loop import spectral_radius as proved_radius
 from vctune.bench.evaluator import Case, case_of, required, sensitivity, stability_ratio
+from vctune.design.design_record import warnings
+from vctune.design.judging.judge import Status, judge
 from vctune.design.search import optimum as solving
 from vctune.design.solve import solve
 from vctune.design.variables import rounded
-from vctune.design.verdict.design_record import warnings
-from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem, read_problem
 from vctune.model.gains import Coupling, Gains
 from vctune.proof.outcome import Verdict

@@ -11,8 +11,8 @@ from conftest import drawn, mostly_slow
 from frequency import demanded, offered
 from loop import Loop, radius, sensitivity
 
+from vctune.design.judging.judge import Status
 from vctune.design.solve import solve
-from vctune.design.verdict.judge import Status
 from vctune.document.reading import pose
 
 FACTOR, LIMIT = 1.05, 2.0

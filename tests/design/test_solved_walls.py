@@ -13,9 +13,9 @@ from test_solved_worlds import EXPECTED, REFERENCE, WHEEL, fixed, reference
 
 from vctune import Coupling, Gains, solve
 from vctune.analysis.in_worlds import corner_of
-from vctune.design.verdict.judge import judge
-from vctune.design.verdict.parameter_changes import parameter_changes
-from vctune.design.verdict.repair import find_repairs
+from vctune.design.advice.parameter_changes import parameter_changes
+from vctune.design.advice.repair import find_repairs
+from vctune.design.judging.judge import judge
 from vctune.document.building import problem
 from vctune.document.doubts import doubts
 from vctune.document.schema.statement import statement

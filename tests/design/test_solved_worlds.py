@@ -18,7 +18,7 @@ from loop import Loop, matrix
 
 from vctune.analysis.in_worlds import binding_world, growth_near, reaction
 from vctune.api.solving import solve
-from vctune.design.verdict.judge import Status, judge
+from vctune.design.judging.judge import Status, judge
 from vctune.document.building import problem
 from vctune.document.doubts import doubts, file_doubts
 from vctune.document.reading import read_problem

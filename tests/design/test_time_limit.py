@@ -20,7 +20,7 @@ from command import run, strict
 
 import vctune
 from vctune import running
-from vctune.design.verdict.judge import Status, judge
+from vctune.design.judging.judge import Status, judge
 from vctune.document.reading import parse_problem
 from vctune.exit_codes import ExitCode
 from vctune.proof.certificate import certify
@@ -330,7 +330,7 @@ def test_a_mistake_of_units_is_named_before_the_work(folder, monkeypatch, text, 
     (folder / "doubtful.toml").write_text(text)
     (folder / "given.toml").write_text(text + GAINS)
     (folder / "of-doubtful.toml").write_text(STUDY.replace("device.toml", "doubtful.toml"))
-    for place, work in (("design.verdict.check", "judge_all"), ("api.solving", "find"), ("api.sweeping", "run")):
+    for place, work in (("design.check", "judge_all"), ("api.solving", "find"), ("api.sweeping", "run")):
         monkeypatch.setattr(f"vctune.{place}.{work}", _too_early)
     for command in (("solve", "doubtful.toml"), ("check", "given.toml"), ("sweep", "of-doubtful.toml")):
         done = run(*command, cwd=folder)
@@ -367,7 +367,7 @@ def test_a_mistake_of_units_has_an_answer(change, monkeypatch):
         boxes.append(certificate.boxes)
         return certificate
 
-    monkeypatch.setattr("vctune.design.verdict.judge.certify", counted)
+    monkeypatch.setattr("vctune.design.judging.judge.certify", counted)
     if "=" in change:
         device["sample_time"] = float(change.split()[-1])
     else:

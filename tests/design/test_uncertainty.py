@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 from random_problems import corners, on_devices, random_devices
 
 from vctune.design.bound.search import bound
+from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import pose
 from vctune.design.solve import solve
-from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
 from vctune.document.text.errors import InputError
 from vctune.model.device import Device

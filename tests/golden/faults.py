@@ -99,7 +99,7 @@ FAULTS = {
     "the exported velocity gain is rounded": (
         "firmware/firmware.py", 'repr(number) if precision == "double"', '"%.6g" % number if precision == "double"'),
     "a repair that was not proved is listed": (
-        "design/verdict/repair.py", "solved.status is Status.CERTIFIED else None", "True else None"),
+        "design/advice/repair.py", "solved.status is Status.CERTIFIED else None", "True else None"),
     "the delay of a log is that of its force": (
         "identification/search.py", 'pushed = has.get("command", has.get("force"))',
         'pushed = has.get("force", has.get("command"))'),
@@ -109,7 +109,7 @@ FAULTS = {
         "design/solve.py", "nearest_miss(prepared, scanned, proved=proved)",
         "nearest_miss(prepared, scanned, proved=True)"),
     "a search that ended early proves that there is no design": (
-        "design/verdict/infeasible.py", "proved=False", "proved=True"),
+        "design/search/infeasible.py", "proved=False", "proved=True"),
     "a sum of intervals is not rounded outwards": (
         "proof/enclosures/intervals.py", "(rad + UNIT * np.abs(mid)) * SWELL", "rad * SWELL"),
     "the product of two radii is lost": (

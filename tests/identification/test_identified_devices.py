@@ -11,7 +11,7 @@ from conftest import drawn
 from identification_logs import Log, driven, encoded, random_case
 
 from vctune import check, identify, solve
-from vctune.design.verdict.check import CheckVerdict
+from vctune.design.check import CheckVerdict
 from vctune.document.records.identification_json import Bounded
 from vctune.document.text.errors import InputError
 from vctune.identification.box import joint_factor

@@ -12,7 +12,7 @@ from conftest import mostly_slow
 from identification_logs import Log, driven, encoded, multisine, random_case, spoiled
 
 from vctune import check, identify, solve
-from vctune.design.verdict.check import CheckVerdict
+from vctune.design.check import CheckVerdict
 from vctune.document.reading import read_problem
 from vctune.document.records.identification_json import Estimate
 from vctune.document.text.errors import InputError

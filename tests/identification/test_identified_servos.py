@@ -15,7 +15,7 @@ from jsonschema import Draft202012Validator
 from servo_logs import moved, robot_case, servo_case
 
 from vctune import check, identify, problem, solve
-from vctune.design.verdict.check import CheckVerdict
+from vctune.design.check import CheckVerdict
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.errors import ENDING, InputError
 from vctune.identification.responses import servo_response

@@ -12,8 +12,8 @@ from command import run
 from conftest import ROOT, mostly_slow
 
 from vctune import solve
-from vctune.design.verdict.design_record import claim_records, design_record
-from vctune.design.verdict.judge import judge
+from vctune.design.design_record import claim_records, design_record
+from vctune.design.judging.judge import judge
 from vctune.document.reading import parse_problem, problem_file
 from vctune.document.schema.statement import statement
 from vctune.document.text.errors import InputError

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from vctune.design.verdict.judge import Status, judge
+from vctune.design.judging.judge import Status, judge
 from vctune.document.reading import read_gains, read_problem
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.gains import Coupling, Gains

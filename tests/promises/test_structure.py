@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 
+import pytest
 from conftest import ROOT
 
 import vctune
@@ -26,18 +27,56 @@ FLOORS = {
     "api": 12,
     "cli": 13,
 }
+ROOMS = {
+    "design": {
+        **dict.fromkeys(("variables", "prepared"), 0),
+        "judging": 1,
+        "nlp": 2,
+        "search": 3,
+        "bound": 4,
+        "result": 5,
+        "solve": 6,
+        **dict.fromkeys(("advice", "felt_record"), 7),
+        "design_record": 8,
+        "check": 9,
+        "ros": 10,
+    },
+    "proof": {
+        **dict.fromkeys(("enclosures", "outcome"), 0),
+        **dict.fromkeys(("boxes", "device_box"), 1),
+        "halving": 2,
+        "prover": 3,
+        "box_tests": 4,
+        "claims": 5,
+        "certificate": 6,
+    },
+}
 PACKAGE = ROOT / "vctune"
+
+
+def imports(folder):
+    """Yield each module of a folder and a module that it imports, as names relative to the folder."""
+    prefix = ".".join(("vctune", *folder.relative_to(PACKAGE).parts)) + "."
+    for path in folder.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(prefix):
+                yield path.relative_to(folder).with_suffix("").parts, node.module.removeprefix(prefix).split(".")
 
 
 def test_imports_go_one_way():
     """A package imports only from itself and from what stands before it."""
-    for path in PACKAGE.rglob("*.py"):
-        here = path.relative_to(PACKAGE).with_suffix("").parts[0]
-        for node in ast.walk(ast.parse(path.read_text())):
-            name = node.module or "" if isinstance(node, ast.ImportFrom) else ""
-            there = name.removeprefix("vctune.").split(".")[0]
-            if here in FLOORS and name.startswith("vctune.") and there in FLOORS:
-                assert FLOORS[there] <= FLOORS[here], f"{path} imports {name}"
+    for here, there in imports(PACKAGE):
+        if here[0] in FLOORS and there[0] in FLOORS:
+            assert FLOORS[there[0]] <= FLOORS[here[0]], f"{here} imports {there}"
+
+
+@pytest.mark.parametrize("package", ROOMS)
+def test_imports_of_rooms_go_one_way(package):
+    """So do the rooms and modules of a package."""
+    floors = ROOMS[package]
+    for here, there in imports(PACKAGE / package):
+        if here[0] != "__init__":
+            assert floors[there[0]] <= floors[here[0]], f"{package}: {here} imports {there}"
 
 
 def test_help_loads_nothing_heavy():

@@ -14,10 +14,10 @@ from conftest import mostly_slow
 from frequency import demanded, mechanism, offered
 from loop import Loop, sensitivity
 
+from vctune.design.design_record import claim_records, device_record
+from vctune.design.judging.judge import Status, judge
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
-from vctune.design.verdict.design_record import claim_records, device_record
-from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
 from vctune.model.gains import Coupling, Gains
 from vctune.model.parts import Unmodelled

@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from vctune import InputError, simulate
-from vctune.design.verdict.judge import Judgement, Status, judge
+from vctune.design.judging.judge import Judgement, Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors

@@ -23,7 +23,7 @@ from test_coupled import Certified, growing, outside, scenes
 
 from vctune.analysis.sampled_loop import spectral_radius
 from vctune.bench.solvers import posed
-from vctune.design.verdict.judge import Status, judge
+from vctune.design.judging.judge import Status, judge
 from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.gains import Coupling, Gains

@@ -17,12 +17,12 @@ from random_devices import ordinary_gains, with_parts
 
 import vctune
 from vctune.analysis.loops_in_hands import loops_in_hands
+from vctune.design.advice import repair as repairing
 from vctune.design.bound.conditions import conditions_in_hands
 from vctune.design.bound.relaxation import Places, lower_bounds, objective_of, relaxation
 from vctune.design.prepared import pose
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
-from vctune.design.verdict import repair as repairing
 from vctune.document.reading import parse_problem, read_problem
 from vctune.exit_codes import ExitCode
 from vctune.model.design import Design

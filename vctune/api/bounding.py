@@ -13,13 +13,13 @@ from vctune.api.result import DESIGN_FILE, Files
 from vctune.api.solving import Design, json_text, require_bounded, require_gap, solve
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
+from vctune.design.design_record import optimality_record, record_of
+from vctune.design.judging.judge import Judgement, Status, judge
 from vctune.design.nlp.nlp import ipopt_version
 from vctune.design.prepared import prepare
 from vctune.design.result import Solved
+from vctune.design.search.infeasible import OPENINGS
 from vctune.design.search.optimum import Progress, improved
-from vctune.design.verdict.design_record import optimality_record, record_of
-from vctune.design.verdict.infeasible import OPENINGS
-from vctune.design.verdict.judge import Judgement, Status, judge
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile, require_record_of

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from vctune.api.result import write
-from vctune.design.verdict.check import Checked as Checked
-from vctune.design.verdict.check import CheckVerdict as CheckVerdict
-from vctune.design.verdict.check import check_problem
+from vctune.design.check import Checked as Checked
+from vctune.design.check import CheckVerdict as CheckVerdict
+from vctune.design.check import check_problem
 from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of

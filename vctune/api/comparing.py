@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from vctune.api.solving import known_record, solve
+from vctune.design.design_record import record_of
 from vctune.design.search.optimum import Progress
-from vctune.design.verdict.design_record import record_of
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import on_yardstick, parse_problem, pose

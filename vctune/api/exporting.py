@@ -11,9 +11,9 @@ from typing import Any, get_args
 from vctune.api.argument_ranges import Format
 from vctune.api.result import RefusedError, code_of
 from vctune.api.solving import known_record
+from vctune.design.judging.judge import Status
 from vctune.design.ros.admittance import problems_of_axes
 from vctune.design.search.optimum import Progress
-from vctune.design.verdict.judge import Status
 from vctune.document.building import DesignSource, ProblemSource, design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile, stated_problem

@@ -11,11 +11,11 @@ from typing import Any
 
 from vctune.api.argument_ranges import RESOLUTIONS
 from vctune.api.result import Files, Rows, code_of
+from vctune.design.judging.judge import Status
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for
-from vctune.design.verdict.judge import Status
 from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design_for as design_for
 from vctune.document.building import problem as problem_of

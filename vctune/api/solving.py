@@ -12,14 +12,14 @@ from typing import Any
 
 from vctune.api.argument_ranges import GAPS, STDIN
 from vctune.api.result import DESIGN_FILE, GAINS_FILE, Files, Line, Rows, Table, code_of, write
+from vctune.design.advice.prices import with_prices
+from vctune.design.advice.repair import with_repairs
+from vctune.design.design_record import record_of
+from vctune.design.judging.judge import Status
 from vctune.design.result import Solved
 from vctune.design.search.along_limit import has_nothing_behind
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve as find
-from vctune.design.verdict.design_record import record_of
-from vctune.design.verdict.judge import Status
-from vctune.design.verdict.prices import with_prices
-from vctune.design.verdict.repair import with_repairs
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.gains_file import gains_text, numbers_text

@@ -18,10 +18,10 @@ from scipy.optimize import Bounds, differential_evolution, minimize
 from vctune.analysis.extrema import Floats
 from vctune.analysis.sampled_loop import spectral_radius
 from vctune.design.nlp.nlp import OPTIONS, Nlp, assembled, stated
+from vctune.design.nlp.solution import NlpStructure
+from vctune.design.nlp.working_set import ConstraintPoint, Start, WorkingSet, constraint_points
 from vctune.design.prepared import Prepared
-from vctune.design.result import NlpStructure
 from vctune.design.search.optimum import WORTH_POLISHING
-from vctune.design.search.working_set import ConstraintPoint, Start, WorkingSet, constraint_points
 from vctune.design.variables import Coordinate, coordinates, design_of, point, rounded
 from vctune.interrupt import interrupt_deferred
 from vctune.model.gains import AnyCoupling, Gains

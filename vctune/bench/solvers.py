@@ -11,10 +11,10 @@ from typing import Any
 from vctune.bench import peers
 from vctune.bench.benchmark import Measured, Panel, Series, Tick, timed
 from vctune.bench.evaluator import case_of, stable, violation
+from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import prepare
 from vctune.design.search.scan import scan
 from vctune.design.solve import solve
-from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import pose
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Criterion, Problem

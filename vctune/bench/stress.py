@@ -15,8 +15,8 @@ import numpy as np
 from vctune.analysis.demands import sampled_span
 from vctune.bench.benchmark import Measured, Panel, Series, Tick
 from vctune.bench.evaluator import case_of, cases, sensitivity, stability_ratio, stable, violation
+from vctune.design.judging.judge import Judgement, Status
 from vctune.design.solve import solve
-from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.reading import pose
 from vctune.model.problem import Problem, Range
 from vctune.study.executors import available_cores, worker_pool

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import Prepared, pose, prepare
 from vctune.design.result import Solved
 from vctune.design.search.along_limit import best_along_limit, has_nothing_behind
+from vctune.design.search.infeasible import Infeasibility, nearest_miss, out_of_time_before_a_design
 from vctune.design.search.optimum import PROOF, SEARCH, Progress, improved, optimum
 from vctune.design.search.scan import scan
 from vctune.design.search.theorems import impossible
 from vctune.design.search.wall import stiffest_wall
-from vctune.design.verdict.infeasible import Infeasibility, nearest_miss, out_of_time_before_a_design
-from vctune.design.verdict.judge import Status, judge
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, out_of_time
 

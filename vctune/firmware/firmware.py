@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from vctune.design.design_record import record_of
+from vctune.design.judging.judge import Judgement, Status, judge_all
 from vctune.design.result import Solved
-from vctune.design.verdict.design_record import record_of
-from vctune.design.verdict.judge import Judgement, Status, judge_all
 from vctune.document.reading import ProblemFile
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.text.errors import printable

@@ -15,10 +15,10 @@ from matplotlib.ticker import MaxNLocator
 
 from vctune.analysis.demands import tracking_terms, transparency_error
 from vctune.analysis.extrema import Floats
+from vctune.design.judging.judge import IDLE_TRACKING
 from vctune.design.prepared import prepare
 from vctune.design.search.grid import least_errors
 from vctune.design.variables import point
-from vctune.design.verdict.judge import IDLE_TRACKING
 from vctune.model.gains import Gains
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from vctune.design.check import OUT_OF_TIME, Checked, CheckVerdict
+from vctune.design.judging.judge import Status, judge_all
 from vctune.design.variables import keys_for, point, ranges
-from vctune.design.verdict.check import OUT_OF_TIME, Checked, CheckVerdict
-from vctune.design.verdict.judge import Status, judge_all
 from vctune.document.reading import ProblemFile, require_record_of
 from vctune.document.records.gains_json import ProblemRecord, stated_units
 from vctune.document.records.region_json import (

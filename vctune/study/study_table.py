@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.design.verdict.judge import Status
+from vctune.design.judging.judge import Status
 from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN
 from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_file import Study, number_keys

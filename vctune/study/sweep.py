@@ -11,12 +11,12 @@ from math import inf, isfinite, pi
 from time import perf_counter
 from typing import Any
 
+from vctune.design.design_record import felt_record
+from vctune.design.judging.judge import Status
+from vctune.design.judging.said import open_claims
 from vctune.design.result import Solved
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for, point
-from vctune.design.verdict.design_record import felt_record
-from vctune.design.verdict.judge import Status
-from vctune.design.verdict.said import open_claims
 from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN, RowRecord
 from vctune.document.schema.validation import dotted
 from vctune.document.study_file import Study

@@ -22,10 +22,10 @@ from vctune.design.bound.relaxation import (
     relaxation,
     without_integrator,
 )
+from vctune.design.judging.judge import Judgement
 from vctune.design.prepared import Posed
 from vctune.design.search.shapes import SLACK, coupling_of
 from vctune.design.variables import coordinates
-from vctune.design.verdict.judge import Judgement
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import PlacesInHands

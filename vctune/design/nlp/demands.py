@@ -15,8 +15,8 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.hardest_hands import AtWall
 from vctune.analysis.sampled_loop import plant_of, pulse_transfer
 from vctune.design.nlp.symbols import SYMBOLS
+from vctune.design.nlp.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, WorkingSet, stacked
 from vctune.design.prepared import Posed
-from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, WorkingSet, stacked
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, sampled_resistance, series_coupling

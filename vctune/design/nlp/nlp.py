@@ -17,10 +17,10 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.design.nlp.demands import MARGINS, Sought, at_frequencies, constants, error2, tracked_peak
+from vctune.design.nlp.solution import NlpStructure, Solution
 from vctune.design.nlp.symbols import columns_of, form_of, leaves, rebuilt
+from vctune.design.nlp.working_set import DEMANDS, WorkingSet
 from vctune.design.prepared import Posed
-from vctune.design.result import NlpStructure, Solution
-from vctune.design.search.working_set import DEMANDS, WorkingSet
 from vctune.design.variables import CORNER, Coordinate, Point, coupling_from
 from vctune.interrupt import interrupt_deferred
 from vctune.model.gains import Gains

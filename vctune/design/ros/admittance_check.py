@@ -11,6 +11,18 @@ from typing import Any
 
 import numpy as np
 
+from vctune.design.advice.parameter_changes import ParameterChange, parameter_changes
+from vctune.design.advice.repair import Found, Progress, find_repairs, hands_of
+from vctune.design.check import (
+    VERDICTS,
+    Checked,
+    CheckVerdict,
+    DesignFinding,
+    finding_of,
+    remedy,
+)
+from vctune.design.judging.judge import Judgement, Status, judge
+from vctune.design.judging.said import said_of
 from vctune.design.ros.admittance import (
     arm_tables,
     as_problem,
@@ -20,18 +32,6 @@ from vctune.design.ros.admittance import (
     followed,
     problems_of_axes,
 )
-from vctune.design.verdict.check import (
-    VERDICTS,
-    Checked,
-    CheckVerdict,
-    DesignFinding,
-    finding_of,
-    remedy,
-)
-from vctune.design.verdict.judge import Judgement, Status, judge
-from vctune.design.verdict.parameter_changes import ParameterChange, parameter_changes
-from vctune.design.verdict.repair import Found, Progress, find_repairs, hands_of
-from vctune.design.verdict.said import said_of
 from vctune.document.reading import ProblemFile, pose, problem_file
 from vctune.document.records.design_json import Repair
 from vctune.document.ros import HEAVIEST, LIGHTEST, TUNED, Admittance, AdmittanceFile

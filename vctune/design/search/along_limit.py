@@ -19,11 +19,11 @@ from scipy.optimize import minimize
 from vctune.analysis.demands import demand_grid, response, sensitivity_maxima
 from vctune.analysis.extrema import Floats
 from vctune.analysis.multiples import LoopsInWorlds, angles_of
+from vctune.design.judging.judge import Status
 from vctune.design.prepared import Posed
 from vctune.design.search.exchange import stable
 from vctune.design.search.first_proved import RESERVE, Law, Proved, Seen, first_proved
 from vctune.design.variables import Point, design_of, point, ranges, rounded
-from vctune.design.verdict.judge import Status
 from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_coupling
 from vctune.model.loop.llewellyn import passive_alone
 from vctune.model.loop.loop import LoopResponse

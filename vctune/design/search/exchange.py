@@ -13,8 +13,9 @@ from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.in_worlds import corner_of
 from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.nlp.nlp import NEAR_SIDE, solve, stated
+from vctune.design.nlp.solution import Polished, Solution
+from vctune.design.nlp.working_set import ConstraintPoint, Start, WorkingSet, constraint_points
 from vctune.design.prepared import Posed, with_device
-from vctune.design.result import Polished, Solution
 from vctune.design.search.scan import ScanResult
 from vctune.design.search.shapes import scaled_coupling
 from vctune.design.search.violations import (
@@ -25,7 +26,6 @@ from vctune.design.search.violations import (
     tightest_at_walls,
     violations,
 )
-from vctune.design.search.working_set import ConstraintPoint, Start, WorkingSet, constraint_points
 from vctune.design.variables import CORNER, Coordinate, Point, coordinates, design_of, point, ranges
 from vctune.model.device import Device
 from vctune.model.gains import Gains

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vctune.analysis.extrema import Floats
+from vctune.design.judging.judge import PROVING, Judgement, judgement_of
 from vctune.design.prepared import Posed
-from vctune.design.verdict.judge import PROVING, Judgement, judgement_of
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains

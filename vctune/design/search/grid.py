@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
+from vctune.design.nlp.working_set import Missed, Start
 from vctune.design.prepared import Posed
 from vctune.design.search.samples import Kinds, LoopFeasibility, Samples, loop_feasibility, samples_of, spread
 from vctune.design.search.shapes import (
@@ -21,7 +22,6 @@ from vctune.design.search.shapes import (
     time_constants,
     unit_response,
 )
-from vctune.design.search.working_set import Missed, Start
 from vctune.model.gains import Gains
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import LoopResponse

@@ -20,8 +20,8 @@ from vctune.analysis.loops_in_hands import (
     loops_in_hands,
 )
 from vctune.analysis.stability import FIRST_ANGLE, angles, makes_no_turn, unit_circle
+from vctune.design.nlp.working_set import Missed
 from vctune.design.prepared import Posed
-from vctune.design.search.working_set import Missed
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.loop.device_response import DeviceResponse, device_response

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
+from vctune.design.nlp.working_set import Missed, Start
 from vctune.design.prepared import Posed
 from vctune.design.search.grid import (
     Axes,
@@ -25,7 +26,6 @@ from vctune.design.search.grid import (
 )
 from vctune.design.search.samples import LoopFeasibility, Samples, loop_feasibility, samples_of
 from vctune.design.search.shapes import shape_of
-from vctune.design.search.working_set import Missed, Start
 from vctune.design.variables import point
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.loop.limits import lags

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import inf, pi, sqrt
 
-from vctune.design.verdict.infeasible import OPENINGS, Infeasibility
+from vctune.design.search.infeasible import OPENINGS, Infeasibility
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hands

@@ -30,9 +30,9 @@ from vctune.analysis.in_hands import (
     ratio_at,
     windows,
 )
+from vctune.design.judging.worst_devices import loudest, worst_inside
+from vctune.design.nlp.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
 from vctune.design.prepared import Posed
-from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
-from vctune.design.search.worst import loudest, worst_inside
 from vctune.design.variables import CORNER, Point, design_of
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem

@@ -16,12 +16,13 @@ from vctune.analysis.feel import feel
 from vctune.analysis.in_worlds import binding_world
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.analysis.sampled_loop import spectral_radius
+from vctune.design.felt_record import CONTACT, contact_record, in_hand_record
+from vctune.design.judging.judge import Judgement, Margin
+from vctune.design.nlp.solution import Polished
+from vctune.design.nlp.working_set import DEMANDS, ConstraintPoint, stacked
 from vctune.design.prepared import pose, problems_beside
-from vctune.design.result import Polished, Solved
-from vctune.design.search.working_set import DEMANDS, ConstraintPoint, stacked
+from vctune.design.result import Solved
 from vctune.design.variables import design_of, keys_for, near, point, ranges
-from vctune.design.verdict.felt_record import CONTACT, contact_record, in_hand_record
-from vctune.design.verdict.judge import Judgement, Margin
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import ProblemFile
 from vctune.document.records.certificate_json import (

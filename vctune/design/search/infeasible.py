@@ -8,10 +8,10 @@ from math import inf, pi
 from vctune.analysis.demands import demand_grid, response, sampled_span, sensitivity_maxima
 from vctune.analysis.extrema import local_minima
 from vctune.analysis.sampled_loop import spectral_radius
+from vctune.design.judging.judge import margin_on_band, margins_in_hands
 from vctune.design.prepared import Prepared
 from vctune.design.search.scan import ScanResult
 from vctune.design.variables import design_of, point
-from vctune.design.verdict.judge import margin_on_band, margins_in_hands
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import OF_KEYS, UNITS

@@ -13,14 +13,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from vctune.analysis.in_hands import least_ratios
+from vctune.design.advice.parameter_changes import ParameterChange
+from vctune.design.advice.repair import Found, Progress, edits, repairs_of_design
+from vctune.design.design_record import record_of, warnings
+from vctune.design.judging.judge import Judgement, Status, judge_all
+from vctune.design.judging.said import said_of
 from vctune.design.prepared import pose
 from vctune.design.result import Solved
 from vctune.design.variables import keys_for, ranges
-from vctune.design.verdict.design_record import record_of, warnings
-from vctune.design.verdict.judge import Judgement, Status, judge_all
-from vctune.design.verdict.parameter_changes import ParameterChange
-from vctune.design.verdict.repair import Found, Progress, edits, repairs_of_design
-from vctune.design.verdict.said import said_of
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import GainsFile, ProblemFile, require_gains_of
 from vctune.document.records.design_json import Repair

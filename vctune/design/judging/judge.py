@@ -27,8 +27,8 @@ from vctune.analysis.in_hands import (
 from vctune.analysis.in_worlds import corner_of
 from vctune.analysis.multiples import least_ratio_in_worlds, least_ratio_with_walls
 from vctune.analysis.responses import Loop
+from vctune.design.judging.worst_devices import loudest, worst_inside
 from vctune.design.prepared import Posed, pose, with_corner
-from vctune.design.search.worst import loudest, worst_inside
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.display import Display

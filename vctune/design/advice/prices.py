@@ -11,13 +11,14 @@ import numpy as np
 
 from vctune.analysis.demands import transparency_error
 from vctune.analysis.in_hands import least_ratios_near
+from vctune.design.judging.judge import Judgement, Status
 from vctune.design.nlp.nlp import lagrangian, stated
+from vctune.design.nlp.solution import Polished
 from vctune.design.prepared import Prepared, pose, prepare
-from vctune.design.result import Polished, Solved
+from vctune.design.result import Solved
 from vctune.design.search.along_limit import least_error
 from vctune.design.search.first_proved import Law, Seen
 from vctune.design.variables import coordinates, design_of
-from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.records.design_json import Price
 from vctune.model.device import Device
 from vctune.model.hands import Hand

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vctune.design.advice.parameter_changes import ParameterChange, change_of_gain, parameter_changes
+from vctune.design.advice.reserve import reserve
+from vctune.design.judging.judge import Judgement, Status, with_best_corner
 from vctune.design.prepared import pose as pose_devices
 from vctune.design.result import Solved
-from vctune.design.verdict.judge import Judgement, Status, with_best_corner
-from vctune.design.verdict.parameter_changes import ParameterChange, change_of_gain, parameter_changes
-from vctune.design.verdict.reserve import reserve
 from vctune.document.gains_file import design_numbers, design_tables
 from vctune.document.reading import ProblemFile, pose
 from vctune.document.records.design_json import Repair

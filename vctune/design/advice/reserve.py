@@ -11,8 +11,8 @@ from vctune.analysis.demands import sensitivity_maxima, unmodelled_maxima
 from vctune.analysis.in_hands import least_ratio_before_wall, least_ratios_in_any_hand
 from vctune.analysis.multiples import ratio_in_these
 from vctune.analysis.stability import clearly_stable
+from vctune.design.judging.judge import margin_on_band
 from vctune.design.prepared import pose
-from vctune.design.verdict.judge import margin_on_band
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand

@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import inf, pi
 
 from vctune.analysis.in_worlds import growth_near
-from vctune.design.verdict.judge import Judgement, MarginName, Status
+from vctune.design.judging.judge import Judgement, MarginName, Status
 from vctune.model.hands import passive_hand
 from vctune.model.numbers.units import UNITS, Units, hertz, in_full, narrowed
 from vctune.model.servo import numbers_to_state

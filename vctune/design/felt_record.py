@@ -10,8 +10,8 @@ import numpy as np
 
 from vctune.analysis.contact import drag_at_rest, greatest_drag, stiffest_contact
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, felt_impedance
+from vctune.design.judging.judge import Judgement, Status
 from vctune.design.prepared import pose
-from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.records.felt_json import ContactRecord, InHandRecord, LatencyPartRecord
 from vctune.model.design import Design
 from vctune.model.device import Device

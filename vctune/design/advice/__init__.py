@@ -1,0 +1,1 @@
+"""What to change: repairs, and the price of each of the device's parameters."""

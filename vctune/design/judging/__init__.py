@@ -1,0 +1,1 @@
+"""Judge given gains: error, margins, certificate, and what they say in words."""

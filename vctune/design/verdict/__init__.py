@@ -1,1 +1,0 @@
-"""The verdict on a design: its judgement, record, prices, repairs and check."""
