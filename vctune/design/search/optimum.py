@@ -15,10 +15,11 @@ import numpy as np
 from vctune.analysis.hardest_hands import tightest_at_wall
 from vctune.analysis.in_hands import RatioInHand, least_ratios_near
 from vctune.design.judging.judge import Judgement, Status, judge_posed
+from vctune.design.nlp.solution import Polished
 from vctune.design.nlp.working_set import ConstraintPoint, Start, WorkingSet
 from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.search.along_limit import best_along_limit, has_nothing_behind
-from vctune.design.search.exchange import TIGHTENING, Polished, polish
+from vctune.design.search.exchange import TIGHTENING, polish
 from vctune.design.search.scan import ScanResult, better_start_near, scan, start_at
 from vctune.design.search.theorems import impossible
 from vctune.design.search.wall import stiffest_wall
