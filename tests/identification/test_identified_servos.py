@@ -18,7 +18,7 @@ from vctune import check, identify, problem, solve
 from vctune.design.check import CheckVerdict
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.errors import ENDING, InputError
-from vctune.identification.responses import servo_response
+from vctune.identification.responses import response
 from vctune.identification.stepped import Drive, stepped
 
 SERVO = {"T": 4e-3, "late": 3.4, "order": 1, "bandwidth": 12.0, "command": "velocity", "jitter": 0.0}
@@ -91,7 +91,10 @@ def test_the_sampled_response_is_that_of_an_impulse(order, late):
     theta = np.array([0.01, 0.1, 1.0, 3.0])
     steps = np.diff(stepped_servo(T, 1.0 * (np.arange(n) == 1), late * T, 30.0, order), prepend=0.0) / T
     expected = [np.sum(steps * np.exp(-1j * each * (np.arange(n) - 1))) for each in theta]
-    assert servo_response(theta / T, T, late * T, 30.0, order) == pytest.approx(expected, abs=1e-12)
+    lag = {1: 1.0, 2: np.sqrt(2)}[order] / (2 * np.pi * 30.0)
+    numbers = {"gain": 1.0, "delay": late * T, "lag": lag}
+    made = response(Drive(T, np.zeros(1), servo=order), numbers, theta / (2 * np.pi * T))
+    assert made == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", [2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 9, 76))])

@@ -23,30 +23,23 @@ def unexplained(recording: Recording, message: str, key: str = "") -> InputError
     return InputError.of(recording.source, "log-unexplained", message, key=key)
 
 
-def pulled(recording: Recording, stiffness: float, mass: float) -> InputError:
-    """Return the refusal of a log in which something besides motor and hand pulls with the position."""
-    remedy = "which no device here has; record where it is balanced, or without it"
-    position = next(
-        recording.channels[role].header for role in ("position", "real", "gain") if role in recording.channels
+def left_to_the_hand(recording: Recording, stiffness: float, mass: float, *, held: bool) -> Note:
+    """Return the remark on a spring that stays outside the device, as a hand does; refuse any other pull."""
+    units = recording.units
+    text = (
+        f"the {units.force_name} follows the position by about {stiffness:.2g} {units.stiffness}: gravity, a return "
+        f"spring or a cable pulls; without it the {units.mass_name} is about {mass:.2g} {units.mass}"
     )
-    return unexplained(recording, f"{_pull(recording, stiffness, mass)}, {remedy}", position)
-
-
-def left_to_the_hand(recording: Recording, stiffness: float, mass: float) -> Note:
-    """Return the remark on a spring that stays outside the device, as a hand does."""
+    if not held or stiffness <= 0:
+        remedy = "which no device here has; record where it is balanced, or without it"
+        has = recording.channels
+        header = next(has[role].header for role in ("position", "real", "gain") if role in has)
+        raise unexplained(recording, f"{text}, {remedy}", header)
     where = (
         'the device in the file has no spring, because any passive hand may be one; for the criterion "hands", add it '
         "to operator.stiffness"
     )
-    return Note("remark-spring", f"{recording.name}: {_pull(recording, stiffness, mass)}; {where}")
-
-
-def _pull(recording: Recording, stiffness: float, mass: float) -> str:
-    units = recording.units
-    return (
-        f"the {units.force_name} follows the position by about {stiffness:.2g} {units.stiffness}: gravity, a return "
-        f"spring or a cable pulls; without it the {units.mass_name} is about {mass:.2g} {units.mass}"
-    )
+    return Note("remark-spring", f"{recording.name}: {text}; {where}")
 
 
 def joint_factor(count: int) -> float:

@@ -3,7 +3,7 @@ free (README, section 2)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -33,6 +33,7 @@ class Task:
     rows: int  # of a segment
     fixed: Numbers = field(default_factory=dict)  # numbers that are not fitted
     white: tuple[float, ...] = (1.0,)  # filter that makes the residual white
+    beside: Mapping[str, Floats] = field(default_factory=dict)  # motions (rows,) that a number adds to what is read
 
     def whitened(self, values: Floats) -> Floats:
         """Return values of shape (rows, readings, ..., segments) after the filter, without its first rows."""
@@ -47,7 +48,11 @@ class Task:
     def stepped(self, devices: Sequence[Numbers], first: Floats) -> Floats:
         """Return the readings of devices, in standard deviations of the noise."""
         known = [{**self.fixed, **each} for each in devices]
-        return stepped(self.drive, known, first, self.starts, self.rows) / self.unit[:, None, None]
+        read = stepped(self.drive, known, first, self.starts, self.rows)
+        for name, motion in self.beside.items():
+            times = np.array([each[name] for each in devices])
+            read[:, 0] += times[:, None] * motion[self.starts + np.arange(self.rows)[:, None]][:, None]
+        return read / self.unit[:, None, None]
 
     def typical(self, numbers: Numbers) -> dict[str, float]:
         """Return the step of a derivative by each number."""
@@ -61,6 +66,7 @@ class Task:
         known |= {"offset": 2e-3 * push, "coulomb": 2e-3 * push, "cosine": 0.1 * mass, "gain": 1e-3}
         known |= {key: 0.02 * abs(numbers.get(key, 0.0)) + 0.1 * mass for key in ("stiffness", "sine")}
         known |= {"mass": 3e-3, "handle_mass": 0.01, "frequency_hz": 3e-3, "damping_ratio": 0.05, "lag": 0.02}
+        known |= {key: float(self.unit[0] / (np.std(motion) + 1e-300)) for key, motion in self.beside.items()}
         return {key: known[key] for key in numbers}
 
 

@@ -21,8 +21,9 @@ from vctune.identification.box import DELAY_FLOOR, box, readable, unexplained
 from vctune.identification.checks import check, on_even_rows, remarks
 from vctune.identification.mechanism import mechanism_study
 from vctune.identification.response import response_study
+from vctune.identification.responses import distances, envelope
 from vctune.identification.servo import servo_study
-from vctune.identification.study import Study, distances, envelope
+from vctune.identification.study import Study
 from vctune.model.device import Device
 from vctune.model.loop.filters import sensor_response
 from vctune.model.numbers.arithmetic import FLOATS

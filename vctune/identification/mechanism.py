@@ -11,11 +11,11 @@ import numpy as np
 from vctune.document.recording import Recording
 from vctune.document.records.identification_json import Estimate, NumberRecord
 from vctune.document.text.errors import Note, coded
-from vctune.identification.box import COULOMB_SHARE, box, left_to_the_hand, pulled, unexplained
+from vctune.identification.box import COULOMB_SHARE, box, left_to_the_hand, unexplained
 from vctune.identification.checks import position_noise
 from vctune.identification.fit import SEGMENTS, Fit, Task, fitted, noise_is_all
 from vctune.identification.remainder import halves, motion_of, share_left, spectrum
-from vctune.identification.responses import compliance, held_compliance
+from vctune.identification.responses import Lines, response
 from vctune.identification.search import (
     LONGEST,
     SIGNIFICANT,
@@ -25,12 +25,9 @@ from vctune.identification.search import (
     starts_of,
     task_of,
 )
-from vctune.identification.stepped import Drive
-from vctune.identification.study import Complex, Curves, Lines, Study, number, record_of
-from vctune.model.device import Device
-from vctune.model.loop.device_response import mechanism
-from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.parts import Actuator, Structure
+from vctune.identification.stepped import Drive, linear
+from vctune.identification.study import KEYS, Study, number, record_of
+from vctune.model.parts import Actuator
 
 MAX_SHARE = 0.25  # Of the motion that is left, above which a log is refused
 AGAINST = 0.5  # Share of the force left by a regression below which a negative mass is a sign
@@ -45,9 +42,9 @@ def mechanism_study(
 ) -> Study:
     """Study the log of a mechanism. If `held`, a spring may pull, which stays outside the device as a hand does."""
     has = recording.channels
-    if "command" not in has:  # a stated delay ends at the measured force or before it
-        delays = {name: late for name, late in delays.items() if name != "delay"}
     fixed = dict(delays) | ({} if actuator is None else {"lag": 1 / (2 * pi * actuator.bandwidth_hz)})
+    if "command" not in has:  # a stated delay ends at the measured force or before it, and the lag is behind it
+        fixed = {name: each for name, each in fixed.items() if name == "sensor_delay"}
     if "hand" not in has:
         fixed.pop("sensor_delay", None)
     motor = motor_lag(recording, T) if {"command", "force"} <= set(has) and "lag" not in fixed else []
@@ -67,22 +64,20 @@ def mechanism_study(
         raise unexplained(recording, message, has["position" if "position" in has else "velocity"].header)
     remarks, numbers, sigma = list[Note](), fit.numbers, fit.sigmas()
     if (stiffness := pull_of(fit)) is not None:
-        if not held or stiffness <= 0:
-            raise pulled(recording, stiffness, numbers["mass"])
-        remarks.append(left_to_the_hand(recording, stiffness, numbers["mass"]))
-    lines = [lines_of(fit, T)] if not noise_is_all(fit) else []
+        remarks.append(left_to_the_hand(recording, stiffness, numbers["mass"], held=held))
+    lines = [lines_of(fit)] if not noise_is_all(fit) else []
     hand, coulomb = recording.values("hand"), numbers.get("coulomb", 0.0)
-    used, (measured, made) = fit.task.rows * fit.task.starts.size, motion_of(fit)
+    curves = motion_of(fit)
     record = record_of(
-        recording, T, kind=kind_of(fit), used=used, residual_share=share, chi2=fit.size**2,
+        recording, T, kind=kind_of(fit), used=curves.time.size, residual_share=share, chi2=fit.size**2,
         numbers=[number(name, value, sigma[name]) for name, value in numbers.items()],
         derived=derived(fit, recording),
     )  # fmt: skip
     return Study(
         recording, record,
-        [*estimates_of(recording.name, fit, found.others, moves=moves), *motor],
+        [*estimates_of(recording.name, fit, found.others), *motor],
         lines=lines,
-        curves=Curves(np.asarray((fit.task.starts[:, None] + np.arange(fit.task.rows)).ravel() * T), measured, made),
+        curves=curves,
         remarks=remarks,
         friction=coulomb if coulomb > SIGNIFICANT * sigma.get("coulomb", 0.0) > 0 else None,
         force_noise=None if hand is None else float(1.4826 * np.median(np.abs(np.diff(hand, 3))) / sqrt(20)),
@@ -138,7 +133,7 @@ def pull_of(fit: Fit) -> float | None:
     return stiffness if force > FELT * pushed and abs(stiffness) > SIGNIFICANT * unsure else None
 
 
-def estimates_of(source: str, fit: Fit, others: Sequence[Mapping[str, float]], *, moves: bool) -> list[Estimate]:
+def estimates_of(source: str, fit: Fit, others: Sequence[Mapping[str, float]]) -> list[Estimate]:
     """Return the estimates of the parameters that a problem file states.
 
     Each reaches as far as halves of the log differ, or fits with other weights or beside a lag do.
@@ -149,59 +144,39 @@ def estimates_of(source: str, fit: Fit, others: Sequence[Mapping[str, float]], *
         name: max(0.0, max(apart[name], *(abs(value - each[name]) for each in others)) - 2 * sigma[name])
         for name, value in numbers.items()
     }
-
-    def estimate(key: str, name: str) -> Estimate:
-        return Estimate(key, numbers[name], sigma[name], text, (excess[name], excess[name]))
-
+    found = [
+        Estimate(KEYS[name], numbers[name], sigma[name], text, (excess[name], excess[name]))
+        for name in KEYS
+        if name in numbers
+    ]
     rubbing = COULOMB_SHARE * numbers.get("coulomb", 0.0) / root_mean_square_speed(fit)
-    found = [estimate("mass", "mass"), estimate("damping", "damping")]
     if rubbing > excess["damping"]:
         found[1] = replace(found[1], excess=(rubbing, rubbing), reason=FRICTION)
-    if "delay" in numbers and moves:
-        found.append(estimate("delay", "delay"))
     if "lag" in numbers:
         lag, hertz = numbers["lag"], 1 / (2 * pi * numbers["lag"])
         ends = (hertz - 1 / (2 * pi * (lag + excess["lag"])), excess["lag"] / lag * hertz)
-        found.append(Estimate("actuator.bandwidth_hz", hertz, hertz * sigma["lag"] / lag, text, ends))
-    if "sensor_delay" in numbers:
-        found.append(estimate("force_sensor.delay", "sensor_delay"))
-    if "handle_mass" in numbers:
-        found += [estimate(f"structure.{key}", key) for key in ("handle_mass", "frequency_hz", "damping_ratio")]
+        place = [each.key for each in found].index(KEYS["lag"])
+        found[place] = Estimate(KEYS["lag"], hertz, hertz * sigma["lag"] / lag, text, ends)
     return found
 
 
 def root_mean_square_speed(fit: Fit) -> float:
     """Return the root mean square of the fitted speed, m/s."""
-    made = motion_of(fit)[1].reshape(fit.task.starts.size, -1)
+    made = motion_of(fit).fitted.reshape(fit.task.starts.size, -1)
     speeds = np.diff(made, axis=1) / fit.task.drive.T if fit.task.drive.reads[0] == 0 else made
     return float(np.sqrt(np.mean(speeds**2))) + 1e-300
 
 
-def device_of(fit: Fit, T: float) -> Device:
-    """Return the fitted device, without what pulls or rubs."""
-    numbers, structure = {**fit.task.fixed, **fit.numbers}, None
-    if "handle_mass" in numbers:
-        structure = Structure(numbers["handle_mass"], numbers["frequency_hz"], numbers["damping_ratio"])
-    actuator = Actuator(1 / (2 * pi * numbers["lag"])) if "lag" in numbers else None
-    return Device(numbers["mass"], numbers["damping"], T, numbers["delay"], actuator=actuator, structure=structure)
-
-
-def lines_of(fit: Fit, T: float) -> Lines:
+def lines_of(fit: Fit) -> Lines:
     """Return the measured response where the log shows it, without the effects of friction and springs."""
     hertz, ratio, spread = spectrum(fit)
-    omega, device = 2 * pi * hertz, device_of(fit, T)
-
-    def model(other: Device) -> Complex:
-        if not fit.task.drive.ramp:
-            return held_compliance(other, omega)
-        return np.asarray(compliance(other, omega) * np.exp(-1j * omega * other.delay))
-
-    fitted_response = model(device)
+    drive, numbers = fit.task.drive, {**fit.task.fixed, **fit.numbers, "stiffness": 0.0}
+    fitted_response = response(drive, numbers, hertz)
     free = 1 + fit.numbers.get("stiffness", 0.0) * fitted_response
     behind = None
-    if fit.task.drive.ramp and "delay" in fit.numbers:
-        behind = box([Estimate("delay", fit.numbers["delay"], fit.sigmas()["delay"], "")], T)[0]
-    return Lines(hertz, fitted_response * (1 + (ratio - 1) * free), spread, fitted_response, model, behind)
+    if drive.ramp and "delay" in fit.numbers:
+        behind = box([Estimate("delay", fit.numbers["delay"], fit.sigmas()["delay"], "")], drive.T)[0]
+    return Lines(hertz, fitted_response * (1 + (ratio - 1) * free), spread, fitted_response, drive, behind)
 
 
 def refuse_unexplained(recording: Recording, fit: Fit, share: float) -> None:
@@ -238,16 +213,17 @@ def refuse_unexplained(recording: Recording, fit: Fit, share: float) -> None:
 
 def derived(fit: Fit, recording: Recording) -> list[NumberRecord]:
     """Return the quantities that describe a structure, such as both masses, the stiffness and the antiresonance."""
-    device = device_of(fit, fit.task.drive.T)
-    if device.structure is None:
+    numbers = {**fit.task.fixed, **fit.numbers}
+    if "handle_mass" not in numbers:
         return []
-    parts = mechanism(device, device.structure, FLOATS)
+    A, _, motor = linear(fit.task.drive, numbers)
+    handle = numbers["handle_mass"]
     found = {
-        "motor mass": parts.motor,
-        "handle mass": parts.handle,
-        "stiffness of the spring": parts.stiffness,
-        "antiresonance, Hz": sqrt(parts.stiffness / device.structure.handle_mass) / (2 * pi),
-        "resonance, Hz": device.structure.frequency_hz,
-        f"damping between them, {recording.units.damping}": parts.viscosity,
+        "motor mass": motor,
+        "handle mass": handle,
+        "stiffness of the spring": A[3, 0] * handle,
+        "antiresonance, Hz": sqrt(A[3, 0]) / (2 * pi),
+        "resonance, Hz": numbers["frequency_hz"],
+        f"damping between them, {recording.units.damping}": A[3, 1] * handle,
     }
     return [number(name, value) for name, value in found.items()]

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
 from vctune.identification.fit import Fit
-from vctune.identification.study import Complex
+from vctune.identification.stepped import Complex
+from vctune.identification.study import Curves
 
 CLEAR = 0.02  # Greatest relative standard deviation of a frequency's ratio
 LOWEST, HIGHEST = 2, 0.45  # Lowest frequency, in steps of the spectrum, and highest, as a share of the sampling rate
@@ -20,10 +21,12 @@ def left(fit: Fit) -> Floats:
     return np.asarray(task.measured() - task.stepped([fit.numbers], fit.first[None])[:, :, 0])
 
 
-def motion_of(fit: Fit) -> tuple[Floats, Floats]:
+def motion_of(fit: Fit) -> Curves:
     """Return what was read in all segments, and its fit, SI units."""
-    measured, unit = fit.task.measured()[:, 0], fit.task.unit[0]
-    return np.asarray((measured.T * unit).ravel()), np.asarray(((measured - left(fit)[:, 0]).T * unit).ravel())
+    task, measured, unit = fit.task, fit.task.measured()[:, 0], fit.task.unit[0]
+    time = task.drive.T * (task.starts[:, None] + np.arange(task.rows))
+    columns = (time, measured.T * unit, (measured - left(fit)[:, 0]).T * unit)
+    return Curves(*(np.asarray(each.ravel(), dtype=float) for each in columns))
 
 
 def share_left(fit: Fit) -> float:

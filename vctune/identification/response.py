@@ -3,21 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from math import exp, log, pi
 
 import numpy as np
 
 from vctune.document.recording import Floats, Recording
-from vctune.document.records.identification_json import CandidateRecord, Estimate
-from vctune.document.text.errors import InputError, Note
-from vctune.identification.box import left_to_the_hand, pulled, unexplained
+from vctune.document.records.identification_json import Estimate
+from vctune.document.text.errors import InputError
+from vctune.identification.box import left_to_the_hand, unexplained
 from vctune.identification.fit import SCALED
-from vctune.identification.responses import LAGS, compliance
-from vctune.identification.stepped import Drive, Numbers, linear
-from vctune.identification.study import Complex, Lines, Study, number, record_of
-from vctune.model.device import Device
+from vctune.identification.responses import LAGS, Lines, response
+from vctune.identification.stepped import Complex, Drive, Numbers
+from vctune.identification.study import Study, number, of_orders, record_of
 
 LEAST_LINES = 10  # Least number of frequencies
 MAX_SHARE, GAINS = 0.25, (0.8, 1.25)  # Of the response that is left, and of a servo; beyond these it is refused
@@ -54,14 +53,6 @@ def measured_response(recording: Recording, highest: float) -> tuple[Floats, Com
     return hertz[order], np.asarray(values[order])
 
 
-def response_of(drive: Drive, numbers: Numbers, hertz: Floats) -> Complex:
-    """Return the response of what is read to a command that is a continuous signal."""
-    A, B, _ = linear(drive, numbers)
-    s = 2j * pi * hertz
-    states = np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, B[:, :1])[:, drive.reads[0], 0]
-    return np.asarray(states * np.exp(-s * numbers["delay"]))
-
-
 def matched(drive: Drive, hertz: Floats, measured: Complex, start: Numbers, fixed: Numbers) -> Match:
     """Return the nearest response from a start, by relative errors."""
     from scipy.optimize import least_squares
@@ -75,7 +66,7 @@ def matched(drive: Drive, hertz: Floats, measured: Complex, start: Numbers, fixe
         return {name: value * exp(by[name]) if name in SCALED else value + by[name] for name, value in start.items()}
 
     def left(change: Floats) -> Floats:
-        off = response_of(drive, {**fixed, **at(change)}, hertz) / measured - 1
+        off = response(drive, {**fixed, **at(change)}, hertz) / measured - 1
         return np.stack([off.real, off.imag], 1).ravel()
 
     found = least_squares(left, np.zeros(len(start)), loss="soft_l1", f_scale=FAR, x_scale=0.1, max_nfev=200)
@@ -88,7 +79,7 @@ def matched(drive: Drive, hertz: Floats, measured: Complex, start: Numbers, fixe
     numbers = {**fixed, **at(found.x)}
     sigmas = {name: float(each) * steps[name] for name, each in zip(start, sigma, strict=True)}
     cost = 2 * float(found.cost) + residual.size * ROUNDED**2
-    return Match(drive, numbers, sigmas, cost, response_of(drive, numbers, hertz))
+    return Match(drive, numbers, sigmas, cost, response(drive, numbers, hertz))
 
 
 def gain_of(less: Match, more: Match, lines: int) -> float:
@@ -102,7 +93,7 @@ def nearest(
     """Return the nearest response from several starts, whose delay is the slope of the phase that they leave."""
     found = list[Match]()
     for start in starts:
-        rest = measured / response_of(drive, {**start, **fixed, "delay": 0.0}, hertz)
+        rest = measured / response(drive, {**start, **fixed, "delay": 0.0}, hertz)
         delay = float(-np.polyfit(2 * pi * hertz, np.unwrap(np.angle(rest)), 1)[0])
         found.append(matched(drive, hertz, measured, start | ({} if "delay" in fixed else {"delay": delay}), fixed))
     return min(found, key=lambda each: each.cost)
@@ -112,13 +103,13 @@ def servo_matches(T: float, hertz: Floats, measured: Complex) -> list[Match]:
     """Return the matches of both orders, the nearer first."""
     lags = np.geomspace(0.1, 10.0 * hertz[-1] / hertz[0], LAGS_TRIED) / (2 * pi * hertz[-1])
     starts = [{"gain": float(np.abs(measured[0])), "lag": float(lag)} for lag in lags]
-    drives = [Drive(T, np.zeros(1), servo=order, reads=(1,)) for order in LAGS]
+    drives = [Drive(T, np.zeros(1), ramp=True, servo=order) for order in LAGS]
     return sorted((nearest(each, hertz, measured, starts, {}) for each in drives), key=lambda each: each.cost)
 
 
 def mechanism_match(T: float, hertz: Floats, measured: Complex, fixed: Numbers) -> Match:
     """Return the match with all parts that it needs: a lag, a spring, a second mass."""
-    drive, w, size = Drive(T, np.zeros(1)), 2 * pi * hertz, np.abs(measured)
+    drive, w, size = Drive(T, np.zeros(1), ramp=True), 2 * pi * hertz, np.abs(measured)
     high, low = hertz >= np.quantile(hertz, 0.7), hertz <= np.quantile(hertz, 0.3)
     start = {"mass": float(np.median(1 / (w**2 * size)[high])), "damping": float(np.median(1 / (w * size)[low]))}
     one = nearest(drive, hertz, measured, [start], fixed)
@@ -154,7 +145,7 @@ def response_study(
     recording: Recording, T: float, fixed: Mapping[str, float], *, servo: bool, held: bool = False
 ) -> Study:
     """Study a measured response; the commands of a servo and of a mechanism are those of its logs."""
-    name, remarks = recording.name, list[Note]()
+    name = recording.name
     hertz, measured = measured_response(recording, HIGHEST / T)
     header = recording.channels["real" if "real" in recording.channels else "gain"].header
     if (fault := _fault(hertz, measured)) is not None:
@@ -166,21 +157,11 @@ def response_study(
     )
     kind = f"a servo's response, order {one.drive.servo}" if servo else "a mechanism's response"
     _refuse(recording, one, share, header, kind)
-    if (stiffness := one.numbers.get("stiffness")) is not None:
-        if not held or stiffness <= 0:
-            raise pulled(recording, stiffness, one.numbers["mass"])
-        remarks.append(left_to_the_hand(recording, stiffness, one.numbers["mass"]))
     known = len(matches) == 1 or 2 * hertz.size * log(matches[1].cost / one.cost) > CLEAR_GAIN
-    if not known:
-        text = f"{name}: orders 1 and 2 explain it equally well: the box contains both, and unmodelled covers the rest"
-        remarks.append(Note("remark-order", text))
-    candidates = [
-        CandidateRecord(
-            structure=f"order {each.drive.servo}", chosen=each is one, chi2=each.cost / one.cost, model_error=[left]
-        )
-        for each, left in zip(matches, (share, *others), strict=True)
-        if servo
-    ]
+    fits = [(each.drive.servo, each.cost, left) for each, left in zip(matches, (share, *others), strict=True)]
+    candidates, remarks = of_orders(name, fits, known=known) if servo else ([], [])
+    if (stiffness := one.numbers.get("stiffness")) is not None:
+        remarks.append(left_to_the_hand(recording, stiffness, one.numbers["mass"], held=held))
     record = record_of(
         recording, T, kind=kind, used=hertz.size, residual_share=share, chi2=None,
         numbers=[number(key, value) for key, value in one.numbers.items()],
@@ -188,9 +169,8 @@ def response_study(
     )  # fmt: skip
     estimates = [each for match in (matches[:1] if known else matches) for each in _estimates(name, match)]
     free = 1 + one.numbers.get("stiffness", 0.0) * one.made
-    own = one if "stiffness" not in one.numbers else replace(one, numbers=one.numbers | {"stiffness": 0.0})
-    made = response_of(own.drive, own.numbers, hertz)
-    lines = Lines(hertz, made * (1 + (measured / one.made - 1) * free), np.full(hertz.size, share), made, _model(hertz))
+    made = response(one.drive, one.numbers | {"stiffness": 0.0}, hertz)
+    lines = Lines(hertz, made * (1 + (measured / one.made - 1) * free), np.full(hertz.size, share), made, one.drive)
     orders = {each.drive.servo: 2 * hertz.size * log(each.cost) for each in matches}
     return Study(recording, record, estimates, [lines], remarks=remarks, servo_orders=orders)
 
@@ -204,22 +184,6 @@ def _fault(hertz: Floats, measured: Complex) -> str | None:
     if np.any(measured == 0):
         return f"has a response of 0 at {hertz[np.argmax(measured == 0)]:g} Hz; leave out its row"
     return None
-
-
-def _model(hertz: Floats) -> Callable[[Device], Complex]:
-    s = 2j * pi * hertz
-
-    def model(device: Device) -> Complex:
-        if device.servo is not None:
-            servo = device.servo
-            assert servo.bandwidth_hz is not None
-            lag = LAGS[servo.order] / (2 * pi * servo.bandwidth_hz)
-            drive = Drive(device.sample_time, np.zeros(1), servo=servo.order, reads=(1,))
-            return response_of(drive, {"gain": 1.0, "delay": servo.delay, "lag": lag}, hertz)
-        lag = 0.0 if device.actuator is None else 1 / (2 * pi * device.actuator.bandwidth_hz)
-        return np.asarray(compliance(device, 2 * pi * hertz) * np.exp(-s * device.delay) / (1 + s * lag))
-
-    return model
 
 
 def _estimates(name: str, one: Match) -> Iterator[Estimate]:

@@ -1,57 +1,111 @@
-"""The sampled responses of a device to what a log contains: held commands, or a measured force (README, section 4)."""
+"""The response of a device to what a log contains, and the disc around the devices of the box (README, section 4)."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import ceil, pi, sqrt
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import pi, sqrt
 
 import numpy as np
 
-from vctune.analysis.sampled_loop import pulse_transfer
 from vctune.document.recording import Floats
-from vctune.identification.study import Complex
+from vctune.document.records.identification_json import Bounded
+from vctune.identification.stepped import Complex, Drive, Numbers, late_rows, linear, propagators
 from vctune.model.device import Device
-from vctune.model.loop.device_response import device_response
-from vctune.model.numbers.arithmetic import FLOATS
-
-
-def held_compliance(device: Device, omega: Floats) -> Complex:
-    """Return the exact response of the motor at the samples to a command that is held between them, m/N."""
-    T = device.sample_time
-    early = max(0, ceil(-float(device.delay) / T))
-    there = replace(device, delay=float(device.delay) + early * T, velocity=None)
-    return np.asarray(pulse_transfer(there, omega, position=True)[1] * np.exp(1j * omega * T * early))
-
-
-def compliance(device: Device, omega: Floats) -> Complex:
-    """Return the response of the motor to a force on it that is a continuous signal, m/N."""
-    at = device_response(replace(device, delay=0.0, actuator=None, velocity=None), omega, FLOATS)
-    s = 1j * omega
-    Z_1 = at.damping + s * at.mass
-    if at.spring is None:
-        return np.asarray(1 / (s * Z_1))
-    y = omega**2 * at.spring.y_c + 1j * omega * at.spring.y_k
-    Z_2 = (at.spring.damping or 0.0) + s * at.spring.mass
-    return np.asarray(1 / (s * (Z_1 + Z_2 / (1 + y * Z_2))))
-
 
 LAGS = {1: 1.0, 2: sqrt(2)}  # Lag of a low-pass, times its angular frequency, by its order
+TRIED = 600  # Number of devices of the box with which a line is compared
+KNOTS = 24  # Greatest number of frequencies at which the radius is stated
+LEAST = 1e-6  # Least radius, because the logarithmic axes have no 0
+MARGIN = 1 + 5e-6  # Relative allowance for the rounding of the numbers in the file
 
 
-def modes(bandwidth_hz: float, order: int) -> tuple[float, complex, complex]:
-    """Return the lag of a low-pass, a pole, and the weight of its decay in a step of the velocity."""
-    w = 2 * pi * bandwidth_hz
-    if order == 1:
-        return 1 / w, complex(-w), complex(1 / w)
-    pole = w * complex(-1, 1) / sqrt(2)
-    return sqrt(2) / w, pole, 2 * w**2 / (pole**2 * 2 * (pole + w / sqrt(2)))
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """A response at some frequencies, and that of a device there."""
+
+    hertz: Floats
+    ratio: Complex  # measured response without the effect of Coulomb friction
+    spread: Floats  # relative standard deviation
+    fitted: Complex
+    drive: Drive  # how the device was moved
+    delay: Bounded | None = None  # delay behind the recorded force, if the response is one to this force
 
 
-def servo_response(omega: Floats, T: float, delay: float, bandwidth_hz: float, order: int) -> Complex:
-    """Return the exact response from a held velocity to the velocity between two samples of the position."""
-    lag, pole, residue = modes(bandwidth_hz, order)
-    whole = np.ceil(delay / T)
-    since, w = whole * T - delay, np.exp(-1j * omega * T)
-    pairs = [(residue, pole)] if order == 1 else [(residue / 2, pole), (np.conj(residue) / 2, np.conj(pole))]
-    left = sum((1 - w) * r * np.exp(p * since) / (1 - np.exp(p * T) * w) for r, p in pairs)
-    return np.asarray(w**whole * (T * w + (1 - w) * (since - lag + left)) / T)
+def response(drive: Drive, numbers: Numbers, hertz: Floats) -> Complex:
+    """Return the response of the motor's position, of a servo's speed, to the input.
+
+    At the samples to a held input, or to a continuous signal if the drive is a ramp.
+    """
+    A, B, _ = linear(drive, numbers)
+    s, T = 2j * pi * hertz, drive.T
+    if drive.ramp:
+        at, rate, pushed = s, s, B[:, :1] * np.exp(-s * numbers["delay"])[:, None, None]
+    else:
+        whole, late = late_rows(np.array([numbers["delay"]]), T)
+        lengths = np.concatenate([late, T - late])
+        F, G = propagators(np.stack([A, A]), np.stack([B, B]), lengths)
+        at, rate, A = np.exp(s * T), (1 - np.exp(-s * T)) / T, F[1] @ F[0]
+        pushed = (G[1, :, :1] + F[1] @ G[0, :, :1] / at[:, None, None]) * (at**-whole)[:, None, None]
+    place = np.linalg.solve(at[:, None, None] * np.eye(len(A)) - A, pushed)[:, 0, 0]
+    return np.asarray(place * rate if drive.servo else place)
+
+
+def numbers_of(device: Device) -> dict[str, float]:
+    """Return the numbers of a fit that a device of a problem file has."""
+    if device.servo is not None:
+        assert device.servo.bandwidth_hz is not None
+        lag = LAGS[device.servo.order] / (2 * pi * device.servo.bandwidth_hz)
+        return {"gain": 1.0, "delay": device.servo.delay, "lag": lag}
+    numbers = {"mass": device.mass, "damping": device.damping, "delay": device.delay}
+    if device.actuator is not None:
+        numbers["lag"] = 1 / (2 * pi * device.actuator.bandwidth_hz)
+    if (spring := device.structure) is not None:
+        numbers |= {"handle_mass": spring.handle_mass, "frequency_hz": spring.frequency_hz}
+        numbers["damping_ratio"] = spring.damping_ratio
+    return numbers
+
+
+def responses(lines: Lines, device: Device, bounds: Sequence[Bounded]) -> Complex:
+    """Return the responses of `TRIED` devices of the box: its centre, corners at random and random devices."""
+    if lines.delay is not None:  # what lies before the recorded force is not in the lines
+        device = replace(device, delay=lines.delay.value, actuator=None)
+        bounds = [*(each for each in bounds if each.key not in ("delay", "actuator.bandwidth_hz")), lines.delay]
+    has = device.numbers()
+    varied = [each for each in bounds if each.key in has]
+    random = np.random.default_rng(1).uniform(-1, 1, (TRIED, len(varied)))
+    random[: TRIED // 2] = np.sign(random[: TRIED // 2])
+    random[0] = 0.0
+    tried = [
+        device.with_numbers({b.key: b.value * (1 + b.share * at) for b, at in zip(varied, row, strict=True)})
+        for row in random
+    ]
+    order = 0 if device.servo is None else device.servo.order
+    drive = replace(lines.drive, T=device.sample_time, servo=order)
+    return np.array([response(drive, numbers_of(each), lines.hertz) for each in tried])
+
+
+def distances(lines: Lines, device: Device, bounds: Sequence[Bounded]) -> Floats:
+    """Return the relative difference of each line from the nearest device of the box."""
+    return np.asarray(np.abs(lines.ratio / responses(lines, device, bounds) - 1).min(axis=0))
+
+
+def covered(
+    lines: Lines, device: Device, bounds: Sequence[Bounded], radii: Sequence[Sequence[float | None]]
+) -> tuple[Floats, Floats]:
+    """Return the least and the greatest magnitude over all responses that the file allows."""
+    x, y = np.log(np.array(radii, dtype=float)).T
+    radius = np.exp(np.interp(np.log(lines.hertz), x, y))
+    size = np.abs(responses(lines, device, bounds))
+    return size.min(axis=0) * np.maximum(1 - radius, 0.01), size.max(axis=0) * (1 + radius)
+
+
+def envelope(hertz: Floats, needed: Floats) -> list[list[float | None]]:
+    """Return a few points (Hz, radius) between which, on logarithmic axes, a line lies above all required radii."""
+    measured, spaced = np.unique(hertz), np.geomspace(hertz.min(), hertz.max(), min(KNOTS, hertz.size))
+    nearest = np.argmin(np.abs(np.log(measured[:, None] / spaced)), axis=0)
+    knots = np.unique(np.round(measured[nearest], 6))  # no knot lies where nothing was measured
+    segment = np.clip(np.searchsorted(knots, hertz, side="right") - 1, 0, knots.size - 2)
+    least = np.array([needed[segment == i].max(initial=LEAST) for i in range(knots.size - 1)])
+    around = np.maximum(np.append(least, LEAST), np.append(LEAST, least)) * MARGIN
+    return [[float(at), float(f"{radius:.6g}")] for at, radius in zip(knots, around * MARGIN, strict=True)]

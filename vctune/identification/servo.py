@@ -11,17 +11,16 @@ from math import ceil, exp, inf, log, pi, sqrt
 import numpy as np
 
 from vctune.document.recording import SERVO_COMMANDS, Floats, Recording
-from vctune.document.records.identification_json import CandidateRecord, Estimate, NumberRecord
+from vctune.document.records.identification_json import Estimate, NumberRecord
 from vctune.document.text.errors import Note, coded
 from vctune.identification.box import joint_factor, unexplained
 from vctune.identification.checks import position_noise, quantum_of
 from vctune.identification.fit import Fit, Task, fitted, whitening
 from vctune.identification.remainder import halves, left, motion_of, share_left, spectrum
-from vctune.identification.responses import LAGS, servo_response
+from vctune.identification.responses import LAGS, Lines, response
 from vctune.identification.search import FITTED, TRIED, WHITE, in_segments, starts_of
-from vctune.identification.stepped import SHORTEST, Drive, Numbers
-from vctune.identification.study import Complex, Curves, Lines, Study, number, record_of
-from vctune.model.device import Device
+from vctune.identification.stepped import SHORTEST, Complex, Drive, Numbers
+from vctune.identification.study import Study, number, of_orders, record_of
 
 SEGMENT = (inf, 1 / 16)  # Of the log: a slow motion shows its latency over seconds
 SHARES = (0.1, 0.4, 0.8)  # Of the latency that are the lag in the first starts
@@ -70,8 +69,7 @@ class ServoFit:
 
     def response(self, hertz: Floats) -> Complex:
         """Return the sampled response of the fitted servo, its gain aside."""
-        at, T = self.numbers, self.fit.task.drive.T
-        return servo_response(2 * pi * hertz, T, at["delay"], self.hertz(at["lag"]), self.order)
+        return response(self.fit.task.drive, self.numbers | {"gain": 1.0}, hertz)
 
 
 def smoothed(values: Floats, quantum: float) -> Floats:
@@ -225,7 +223,7 @@ def servo_task(recording: Recording, T: float) -> tuple[Task, dict[str, float]]:
 
 def servo_study(recording: Recording, T: float) -> Study:
     """Fit both orders of a servo to a recording and decide between them."""
-    name, channels, remarks = recording.name, recording.channels, list[Note]()
+    name, channels = recording.name, recording.channels
     command = next(role for role in SERVO_COMMANDS if role in channels)
     header, place = (channels[role].header for role in (command, "position" if "position" in channels else "velocity"))
     task, crawling = servo_task(recording, T)
@@ -253,9 +251,9 @@ def servo_study(recording: Recording, T: float) -> Study:
         number("jitter of the delay", jitter),
         number("noise of a reading", unit),
     ]
-    if not order_is_known:
-        text = f"{name}: orders 1 and 2 explain it equally well: the box contains both, and unmodelled covers the rest"
-        remarks.append(Note("remark-order", text))
+    candidates, remarks = of_orders(
+        name, [(one.order, one.fit.cost, one.share) for one in (fit, other)], known=order_is_known
+    )
     if jitter > 0.01 * T:
         text = f"{name}: the delay jitters by {jitter:.2g} s from command to command, which its interval includes; "
         remarks.append(Note("remark-jitter", f"{text}proofs assume a constant delay"))
@@ -269,26 +267,20 @@ def servo_study(recording: Recording, T: float) -> Study:
     if force is not None and np.ptp(force) > 0:
         yields, compliances = _yielding(recording, fit, force)
         said, remarks = [*said, *compliances], [*remarks, *yields]
-    measured, made = motion_of(fit.fit)
-    candidates = [
-        CandidateRecord(
-            structure=f"order {one.order}", chosen=one is fit, chi2=one.fit.cost / fit.fit.cost, model_error=[one.share]
-        )
-        for one in (fit, other)
-    ]
+    curves = motion_of(fit.fit)
     record = record_of(
-        recording, T, kind=f"a servo told its {command.partition('_')[0]}, order {fit.order}", used=measured.size,
+        recording, T, kind=f"a servo told its {command.partition('_')[0]}, order {fit.order}", used=curves.time.size,
         residual_share=fit.share, chi2=fit.fit.size**2, numbers=said,
         derived=[number("latency, hold aside", latency)], candidates=candidates,
     )  # fmt: skip
     estimates = [each for one in fits for each in _estimates(name, one, jitter)]
     hertz = np.geomspace(1e-3, 0.499, BEYOND) / T
-    lines = [] if crawls else [_lines(fit, *_measured(fit))]
+    lines = [] if crawls else [_lines(fit)]
     if not order_is_known:  # the disc must cover both
-        lines += [_lines(fit, hertz, one.response(hertz), np.zeros(BEYOND)) for one in fits]
-    time = T * np.asarray((fit.fit.task.starts[:, None] + np.arange(fit.fit.task.rows)).ravel(), dtype=float)
+        made = fit.response(hertz)
+        lines += [Lines(hertz, one.response(hertz), np.zeros(BEYOND), made, fit.fit.task.drive) for one in fits]
     orders = {one.order: one.likelihood / max(1.0, gap / DECISIVE_GAIN) for one in (fit, other)}
-    return Study(recording, record, estimates, lines, Curves(time, measured, made), remarks, servo_orders=orders)
+    return Study(recording, record, estimates, lines, curves, remarks, servo_orders=orders)
 
 
 def _estimates(source: str, one: ServoFit, jitter: float) -> Iterator[Estimate]:
@@ -335,30 +327,18 @@ def _refuse(recording: Recording, fit: ServoFit, agree: bool, header: str, place
 
 
 def _yielding(recording: Recording, fit: ServoFit, force: Floats) -> tuple[list[Note], list[NumberRecord]]:
-    """Return a warning if a part of the motion follows the force, and compliance and mobility, fitted beside the rest
-    to first order."""
-    one, units = fit.fit, recording.units
-    task, T = one.task, one.task.drive.T
-    pushed = force[task.starts + np.arange(task.rows)[:, None]]
-    ways = [pushed, np.cumsum(pushed, axis=0) * T]
-    if task.drive.reads == (1,):
-        ways = [np.gradient(pushed, T, axis=0), pushed]
-    motion = np.array([np.std(each - each.mean(axis=0)) for each in ways])
-    columns = task.whitened(np.stack(ways, 1) / task.unit[0]).transpose(2, 0, 1)
-    still = np.ones((columns.shape[1], 1)) if task.drive.reads == (0,) else np.zeros((columns.shape[1], 1))
-    white = [np.concatenate([columns, one.slopes], axis=2), one.residual[:, 0].T[:, :, None]]
-    tables, sought = [each - still * each.mean(axis=1, keepdims=True) for each in white]
-    size = np.sqrt(np.sum(tables**2, axis=(0, 1))) + 1e-300
-    inverse = np.linalg.pinv(np.einsum("sij,sik->jk", tables / size, tables / size), hermitian=True)
-    pulls = np.einsum("sij,sik->sj", tables / size, sought)
-    values = inverse @ pulls.sum(axis=0)
-    left = sought[:, :, 0] - tables / size @ values
-    scores = np.einsum("sij,si->sj", tables / size, left) @ inverse
-    sigma = np.sqrt(np.sum(scores**2, axis=0))[:2] / size[:2]
-    found = values[:2] / size[:2]
+    """Return a warning if a part of the motion follows the force, and compliance and mobility, fitted beside the
+    rest."""
+    one, units, T = fit.fit, recording.units, fit.fit.task.drive.T
+    task, names = one.task, (("compliance", units.compliance), ("mobility", units.mobility))
+    ways = (force, np.cumsum(force) * T) if task.drive.reads == (0,) else (np.gradient(force, T), force)
+    task = replace(task, beside=dict(zip(("compliance", "mobility"), ways, strict=True)))
+    yielding = fitted(task, one.numbers | {"compliance": 0.0, "mobility": 0.0}, one.first, TRIED)
+    found, sigma = (np.array([each[name] for name, _ in names]) for each in (yielding.numbers, yielding.sigmas()))
+    rows = task.starts + np.arange(task.rows)[:, None]
+    motion = np.array([np.std(each[rows] - each[rows].mean(axis=0)) for each in ways])
     share = np.abs(found) * motion / np.std(task.measured()[:, 0] * task.unit[0])
     significant = (np.abs(found) > SIGNIFICANT * sigma) & (share > LEAST_YIELDING)
-    names = (("compliance", units.compliance), ("mobility", units.mobility))
     texts = [f"{found[i]:.3g} {unit}" for i, (_, unit) in enumerate(names) if significant[i]]
     warning = (
         f"{recording.name}: the servo yields: {(share * significant).max():.1%} of its motion goes with the force, "
@@ -369,18 +349,8 @@ def _yielding(recording: Recording, fit: ServoFit, force: Floats) -> tuple[list[
     return [Note("warn-yields", warning)] if texts else [], records
 
 
-def _measured(fit: ServoFit) -> tuple[Floats, Complex, Floats]:
-    """Return frequencies, the measured response and its relative standard deviation."""
+def _lines(fit: ServoFit) -> Lines:
+    """Return the measured response where the log shows it."""
     hertz, ratio, spread = spectrum(fit.fit)
-    return hertz, ratio * fit.numbers["gain"] * fit.response(hertz), spread
-
-
-def _lines(fit: ServoFit, hertz: Floats, ratio: Complex, spread: Floats) -> Lines:
-    """Return lines that are compared with the servos of the box."""
-
-    def model(device: Device) -> Complex:
-        servo = device.servo
-        assert servo is not None and servo.bandwidth_hz is not None
-        return servo_response(2 * pi * hertz, device.sample_time, servo.delay, servo.bandwidth_hz, servo.order)
-
-    return Lines(hertz, ratio, spread, fit.response(hertz), model)
+    made = fit.response(hertz)
+    return Lines(hertz, ratio * fit.numbers["gain"] * made, spread, made, fit.fit.task.drive)

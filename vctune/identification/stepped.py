@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from vctune.document.recording import Floats
 
 Numbers = Mapping[str, float]
+Complex = NDArray[np.complex128]
 SHORTEST = 0.02  # Shortest lag of a servo, in rows
 INPUTS = 5  # Force of the motor, friction, hand, and the slopes of the first and of the third over a part of a row
 
@@ -78,7 +79,13 @@ def linear(drive: Drive, numbers: Numbers) -> tuple[Floats, Floats, float]:
     return A, B, motor
 
 
-def _propagators(A: Floats, B: Floats, time: Floats) -> tuple[Floats, Floats]:
+def late_rows(delay: Floats, T: float) -> tuple[NDArray[np.integer], Floats]:
+    """Return delays as whole rows and a part of a row, s."""
+    whole = np.floor(delay / T + 1e-9).astype(int)
+    return whole, np.clip(delay - whole * T, 0.0, T)
+
+
+def propagators(A: Floats, B: Floats, time: Floats) -> tuple[Floats, Floats]:
     """Return the exact factors of states and of `INPUTS` over a time for each device, with inputs that are lines."""
     from scipy.linalg import expm
 
@@ -151,8 +158,7 @@ def stepped(drive: Drive, devices: Sequence[Numbers], first: Floats, starts: NDA
     rubbing = Rubbing(of("coulomb"), of("sine"), of("cosine"), motor[:, None], A[:, 1:2] * motor[:, None, None])
     two = "handle_mass" in devices[0]
     lagging = "lag" in devices[0] or bool(drive.servo)
-    whole = np.floor(of("delay")[:, 0] / drive.T + 1e-9).astype(int)
-    late = np.clip(of("delay")[:, 0] - whole * drive.T, 0.0, drive.T)
+    whole, late = late_rows(of("delay")[:, 0], drive.T)
     lengths = np.stack([late, drive.T - late])
     A_held, B_held = A.copy(), B.copy()
     A_held[:, :2] = B_held[:, :2] = 0.0
@@ -161,9 +167,9 @@ def stepped(drive: Drive, devices: Sequence[Numbers], first: Floats, starts: NDA
     acting = _acting(drive, told, lengths, of("sensor_delay"), of("offset"), starts, rows)
     parts = []
     for length, each in zip(lengths, acting, strict=True):
-        F, G = _propagators(A, B, length)
+        F, G = propagators(A, B, length)
         rest = each[:, :, 1] + each[:, :, 0] * (not lagging) + each[:, :, 2] * (not two)
-        parts.append(Part(length[:, None], F, G, *_propagators(A_held, B_held, length), each, np.matmul(G, each), rest))
+        parts.append(Part(length[:, None], F, G, *propagators(A_held, B_held, length), each, np.matmul(G, each), rest))
     z = np.zeros((len(devices), A.shape[1], starts.size))
     known = slice(1 if drive.servo else 2 + 2 * two, A.shape[1])  # the states that follow the input alone
     for i in range(len(devices) if known.start < A.shape[1] else 0):
