@@ -13,7 +13,7 @@ from conftest import ROOT
 
 from vctune import identify
 from vctune.identification.box import joint_factor
-from vctune.identification.responses import distances
+from vctune.identification.study import distances
 
 DATA = Path(os.environ.get("VCTUNE_DATA", ""))
 pytestmark = pytest.mark.skipif(

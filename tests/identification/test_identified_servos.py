@@ -18,8 +18,7 @@ from vctune import check, identify, problem, solve
 from vctune.design.check import CheckVerdict
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.errors import ENDING, InputError
-from vctune.identification.responses import response
-from vctune.identification.stepped import Drive, stepped
+from vctune.identification.stepped import Drive, response, stepped
 
 SERVO = {"T": 4e-3, "late": 3.4, "order": 1, "bandwidth": 12.0, "command": "velocity", "jitter": 0.0}
 MANY = range(drawn(75))

@@ -64,8 +64,7 @@ def on_even_rows(recording: Recording, *, servo: bool) -> Recording:
         if role == "velocity_command":
             path = np.append(0.0, np.cumsum(channel.values[:-1] * steps))
             values = np.diff(np.interp(even, time, path), append=path[-1] + T * channel.values[-1]) / T
-        moves = np.abs(np.diff(channel.values))  # the resolution no longer shows between the rows
-        quantum = channel.quantum or (float(moves[moves > 0].min(initial=np.inf)) if smooth else None)
+        quantum = _step(channel) if smooth else channel.quantum  # which no longer shows between the rows
         channels[role] = replace(channel, values=even if role == "time" else values, quantum=quantum)
     return replace(recording, channels=channels)
 
@@ -175,7 +174,7 @@ def _faults_of_place(recording: Recording, channel: Channel, role: str, T: float
     """Yield the fault of a position: it contains counts, its motion is impossible, or it hardly moves."""
     raw, steps, units = channel.values / channel.scale, np.abs(np.diff(channel.values)), recording.units
     speed, span = float(steps.max()) / T, float(np.ptp(channel.values))
-    quantum = channel.quantum or float(steps[steps > 0].min())
+    quantum = _step(channel)
     if abs(channel.scale) >= 1e-3 and np.all(raw == np.round(raw)) and np.ptp(raw) > 2 * pi:
         counts = f"up to {np.abs(raw).max():g}: counts? write scale = {units.position} per count"
         yield f"has only whole numbers, {counts}"
@@ -200,13 +199,17 @@ def _jumps(steps: Floats, quantum: float) -> NDArray[np.integer]:
 
 def _faults_of_levels(channel: Channel) -> Iterator[str]:
     """Yield the fault of a command that was rounded to a few levels, unlike one that jumps between a few."""
-    moves = np.abs(np.diff(channel.values))
-    moves = moves[moves > 1e-9 * np.ptp(channel.values)]
-    step = float(moves.min(initial=np.inf)) if channel.quantum is None else channel.quantum
-    levels = float(np.ptp(channel.values)) / step
+    moves, step = np.abs(np.diff(channel.values)), _step(channel)
+    moves, levels = moves[moves > 0.5 * step], float(np.ptp(channel.values)) / step
     if 2.5 < levels < LEVELS and np.mean(moves < 1.5 * step) > 0.9:
         text = f"has too few levels, {levels + 1:.0f} in steps of {step:.3g}"
         yield f"{text}; log it before it is rounded, or move further"
+
+
+def _step(channel: Channel) -> float:
+    """Return the resolution of a column: the stated one, or its least step; inf if it has none."""
+    moves = np.abs(np.diff(channel.values))
+    return channel.quantum or float(moves[moves > 1e-9 * np.ptp(channel.values)].min(initial=np.inf))
 
 
 def quantum_of(channel: Channel) -> float | None:
@@ -248,13 +251,11 @@ def _at_limit(channel: Channel) -> float:
     return float(at.mean())
 
 
-def position_noise(position: Floats, quantum: float | None) -> float:
+def position_noise(channel: Channel) -> float:
     """Return the standard deviation of a position sample: the larger of its rounding and of the noise above three
     quarters of the Nyquist frequency."""
-    step = np.abs(np.diff(position))
-    least = float(step[step > 0].min(initial=np.inf)) if quantum is None else quantum
+    third, least = np.diff(channel.values, 3), _step(channel)
     rounding = least / sqrt(12) if np.isfinite(least) else 0.0
-    third = np.diff(position, 3)
     spectrum = np.abs(np.fft.rfft(third * np.hanning(third.size))) ** 2
     theta = np.linspace(0, np.pi, spectrum.size)
     top = spectrum[-spectrum.size // 4 :] / (2 * np.sin(theta[-spectrum.size // 4 :] / 2)) ** 6

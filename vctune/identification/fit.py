@@ -15,7 +15,7 @@ from vctune.identification.stepped import Drive, Numbers, stepped
 
 SCALED = ("mass", "handle_mass", "frequency_hz", "damping_ratio", "lag")  # Positive numbers, moved by their logarithms
 NOT_NEGATIVE = ("damping", "coulomb")
-STEPS, ENOUGH = 40, 1e-5  # Gauss-Newton steps, and the relative gain in one below which the search ends
+STEPS, TRIED, ENOUGH = 40, 10, 1e-5  # Gauss-Newton steps, those near an end, and the least relative gain of a step
 LONGEST_STEP, LONGEST_DELAY = 0.7, 2.0  # Greatest change in a step: of a logarithm, and of a delay in rows
 LEAST_DAMPED, MOST_DAMPED = 1e-7, 1e4  # Range of Marquardt's damping
 ORDER = 12  # Of the filter that makes a residual white
@@ -56,16 +56,17 @@ class Task:
 
     def typical(self, numbers: Numbers) -> dict[str, float]:
         """Return the step of a derivative by each number."""
-        T, mass = self.drive.T, numbers.get("mass", 1.0)
-        push = self.drive.greatest
-        known = {
-            "damping": 0.01 * numbers.get("damping", 0.0) + 1e-3 * mass,
+        T, mass, push = self.drive.T, numbers.get("mass", 1.0), self.drive.greatest
+        known = {"mass": 3e-3, "handle_mass": 0.01, "frequency_hz": 3e-3, "damping_ratio": 0.05, "lag": 0.02}
+        known |= {"damping": 0.01 * numbers.get("damping", 0.0) + 1e-3 * mass, "offset": 2e-3 * push}
+        known |= {
+            "coulomb": 2e-3 * push,
+            "cosine": 0.1 * mass,
+            "gain": 1e-3,
             "delay": 0.05 * T,
             "sensor_delay": 0.05 * T,
         }
-        known |= {"offset": 2e-3 * push, "coulomb": 2e-3 * push, "cosine": 0.1 * mass, "gain": 1e-3}
         known |= {key: 0.02 * abs(numbers.get(key, 0.0)) + 0.1 * mass for key in ("stiffness", "sine")}
-        known |= {"mass": 3e-3, "handle_mass": 0.01, "frequency_hz": 3e-3, "damping_ratio": 0.05, "lag": 0.02}
         known |= {key: float(self.unit[0] / (np.std(motion) + 1e-300)) for key, motion in self.beside.items()}
         return {key: known[key] for key in numbers}
 
@@ -80,6 +81,16 @@ class Fit:
     residual: Floats  # white, in standard deviations of the noise, shape (rows, readings, segments)
     slopes: Floats  # of the residual by the steps of the numbers, first states projected out, (segments, rows, numbers)
     steps: dict[str, float]
+
+    @property
+    def known(self) -> dict[str, float]:
+        """The numbers, fitted or not."""
+        return {**self.task.fixed, **self.numbers}
+
+    @cached_property
+    def left(self) -> Floats:
+        """The residual without its filter, in deviations of the noise, shape (rows, readings, segments)."""
+        return np.asarray(self.task.measured() - self.task.stepped([self.numbers], self.first[None])[:, :, 0])
 
     @property
     def cost(self) -> float:
@@ -107,19 +118,12 @@ class Fit:
         flat = self.residual.reshape(-1, self.residual.shape[-1]).T
         return np.asarray(np.einsum("sij,si->sj", self.slopes, flat) @ self.inverse)
 
-    def in_units(self, by: Floats) -> dict[str, float]:
-        """Return changes of the numbers, given in steps, in SI units."""
-        return {
-            name: float(change) * self.steps[name] * (self.numbers[name] if name in SCALED else 1.0)
-            for name, change in zip(self.numbers, by, strict=True)
-        }
-
     def sigmas(self) -> dict[str, float]:
         """Return the standard deviations: the sandwich over segments, at least that of a white residual."""
         count = len(self.scores)
         robust = np.sum(self.scores**2, axis=0) * count / max(count - 1, 1)
         plain = np.diag(self.inverse) * max(self.size, 1.0) ** 2
-        return self.in_units(np.sqrt(np.maximum(robust, plain)))
+        return in_units(self.numbers, self.steps, np.sqrt(np.maximum(robust, plain)))
 
     def inflation(self) -> float:
         """Return the factor by which correlation between the rows of a segment increases a variance."""
@@ -135,10 +139,18 @@ def noise_is_all(fit: Fit, deviations: float = 3.0) -> bool:
 
 def moved(numbers: Numbers, by: Numbers) -> dict[str, float]:
     """Return numbers after changes, logarithms of the positive ones."""
-    found = {
-        name: value * float(np.exp(by[name])) if name in SCALED else value + by[name] for name, value in numbers.items()
+    return {
+        name: value * float(np.exp(by[name])) if name in SCALED else float(value + by[name])
+        for name, value in numbers.items()
     }
-    return found | {name: max(found[name], 0.0) for name in NOT_NEGATIVE if name in found}
+
+
+def in_units(numbers: Numbers, steps: Numbers, by: Floats) -> dict[str, float]:
+    """Return changes of numbers, given in steps, in SI units."""
+    return {
+        name: float(change) * step * (numbers[name] if name in SCALED else 1.0)
+        for (name, step), change in zip(steps.items(), by, strict=True)
+    }
 
 
 def first_states(task: Task, numbers: Numbers) -> Floats:
@@ -199,6 +211,7 @@ def fitted(
         change = {name: float(each) * steps_of[name] for name, each in zip(at, by, strict=True)}
         short = min([1.0, *(_limit(name, T) / abs(each) for name, each in change.items() if each)])
         trial = moved(at, {name: short * each for name, each in change.items()})
+        trial |= {name: max(trial[name], 0.0) for name in NOT_NEGATIVE if name in trial}
         z_trial = z + (solved[:, :, -1] - short * solved[:, :, :-1] @ by).T * by_state[:, None]
         found = at_point(trial, z_trial)
         before, after = float(np.sum(left**2)), float(np.sum(found[0] ** 2))
@@ -220,20 +233,17 @@ def _limit(name: str, T: float) -> float:
     return LONGEST_DELAY * T if name.endswith("delay") else np.inf
 
 
-def whitening(fit: Fit) -> Task:
-    """Return the task with a filter after which the residual of a fit is white.
+def whitened(fit: Fit) -> Fit:
+    """Return the fit after a filter that makes its residual white.
 
     A taper shows the whole range of a link's noise, which drifts. The residual of a mechanism is an error of its model:
     without a taper, leakage keeps the weights of the frequencies within bounds.
     """
     from scipy.linalg import solve_toeplitz
 
-    plain = replace(fit.task, white=(1.0,))
-    left = plain.measured() - plain.stepped([fit.numbers], fit.first[None])[:, :, 0]
-    if fit.task.drive.servo:
-        left = left * np.hanning(len(left))[:, None, None]
+    left = fit.left * (np.hanning(fit.task.rows)[:, None, None] if fit.task.drive.servo else 1.0)
     size, rows = left / np.sqrt(np.mean(left**2)), len(left)
     lags = np.array([float(np.mean(size[k:] * size[: rows - k])) for k in range(ORDER + 1)])
     lags[0] *= 1 + 1e-6
     filtered = (1.0, *(-solve_toeplitz(lags[:-1], lags[1:])))
-    return replace(plain, white=tuple(map(float, filtered)))
+    return fitted(replace(fit.task, white=tuple(map(float, filtered))), fit.numbers, fit.first, TRIED)

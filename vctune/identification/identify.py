@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import pi
 from typing import Any, Literal
 
 import numpy as np
@@ -16,14 +17,13 @@ from vctune.document.schema.rules import MAX_DELAY_SAMPLES, impossible_parts
 from vctune.document.schema.statement import device_table
 from vctune.document.schema.validation import Fault, refusal
 from vctune.document.text import toml
-from vctune.document.text.errors import Code, InputError, Note
+from vctune.document.text.errors import InputError, Note
 from vctune.identification.box import DELAY_FLOOR, box, readable, unexplained
 from vctune.identification.checks import check, on_even_rows, remarks
 from vctune.identification.mechanism import mechanism_study
 from vctune.identification.response import response_study
-from vctune.identification.responses import distances, envelope
 from vctune.identification.servo import servo_study
-from vctune.identification.study import Study
+from vctune.identification.study import LEAST_RADII, Study, envelope
 from vctune.model.device import Device
 from vctune.model.loop.filters import sensor_response
 from vctune.model.numbers.arithmetic import FLOATS
@@ -39,7 +39,7 @@ class Known:
     """What the user states."""
 
     parts: dict[str, Any]  # by key; the velocity is a difference of positions unless the user states its source
-    delays: dict[str, float]  # "delay" and "sensor_delay", s, for which a fit does not search
+    fixed: dict[str, float]  # "delay", "lag" and "sensor_delay", s, for which a fit does not search
     velocity: bool  # whether the source of the velocity is stated
     display: Literal["admittance", "impedance"]
 
@@ -64,18 +64,19 @@ def known_of(log_map: LogMap, sample_time: float) -> Known:
     parts = {key: part for key in PARTS if (part := getattr(stated, key, None)) is not None}
     if not velocity:
         parts["velocity"] = replace(parts.get("velocity", VelocityEstimate()), source="difference")
-    delays = {} if stated.delay is None else {"delay": stated.delay}
+    fixed = {} if stated.delay is None else {"delay": stated.delay}
     if SENSOR in parts:
         through = sensor_response(parts[SENSOR], sample_time, 0.0, FLOATS)
-        delays["sensor_delay"] = 0.0 if through is None else float(through.lag)
-    return Known(parts, delays, velocity, stated.display)
+        fixed["sensor_delay"] = 0.0 if through is None else float(through.lag)
+    if stated.actuator is not None:
+        fixed["lag"] = 1 / (2 * pi * stated.actuator.bandwidth_hz)
+    return Known(parts, fixed, velocity, stated.display)
 
 
 SAME_SAMPLE_TIME = 1e-3  # Greatest relative difference between the sample times of recordings of one device
 POOR = 0.05  # Share of the motion that is left, above which there is a warning
 WEAK_SHARE = 0.5  # Relative half-width above which a remark calls a delay poorly determined
 FAST = 0.02  # Share of a command's power above half of the log's Nyquist frequency
-LEAST_RADII = 2  # Least number of frequencies between which the radii of unmodelled can be interpolated
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +121,6 @@ def identify(
     device = _device(bounds, log_map, loop_T, studies, known)
     progress("comparing the response with the box")
     lines = [each for study in studies for each in study.lines if each.hertz.size]
-    hertz = np.concatenate([np.zeros(0), *(each.hertz for each in lines)])
-    needed = np.concatenate([np.zeros(0), *(distances(each, device, bounds) for each in lines)])
     said += [note for study in studies for note in study.remarks] + _gaps(studies, bounds, log_map, known)
     friction = max((study.friction for study in studies if study.friction is not None), default=None)
     noise = next((study.force_noise for study in studies if study.force_noise), None)
@@ -133,7 +132,7 @@ def identify(
         device=device_table(device),
         assumed=[] if log_map.servo or known.velocity else ["velocity"],
         numbers=bounds,
-        unmodelled=envelope(hertz, needed) if hertz.size >= LEAST_RADII and not device.kind.inverse else [],
+        unmodelled=[] if device.kind.inverse else envelope(lines, device, bounds),
         friction=None if friction is None else FrictionRecord(coulomb=float(f"{friction:.6g}")),
         force_noise=None if noise is None else float(f"{noise:.6g}"),
         recordings=[study.record for study in studies],
@@ -146,21 +145,24 @@ def identify(
 
 def _study(recording: Recording, T: float, log_map: LogMap, known: Known) -> Study:
     """Fit a servo or a mechanism to a recording."""
-    held = known.display == "impedance"
+    has, held, left_out = recording.channels, known.display == "impedance", set[str]()
+    if "hand" not in has:
+        left_out.add("sensor_delay")
+    if not (recording.is_response or "command" in has):  # both end at the measured force or before it
+        left_out |= {"delay", "lag"}
+    fixed = {name: each for name, each in known.fixed.items() if name not in left_out}
     if recording.is_response:
-        fixed = {name: late for name, late in known.delays.items() if name == "delay"}
         return response_study(recording, T, fixed, servo=log_map.servo, held=held)
     if log_map.servo:
         return servo_study(recording, T)
-    force, actuator = recording.channels.get("force"), known.parts.get("actuator")
-    if force is not None and "command" not in recording.channels and "delay" not in known.delays:
+    if "force" in has and "command" not in has and "delay" not in known.fixed:
         message = (
             "a measured force says nothing of the delay from the command to it, and a design with too little delay "
             "may be unstable: log the command as well; name this column `command` under [columns] if it is what the "
             "firmware wrote; or write device.delay, of the whole path from the command to the motion, into log.toml"
         )
-        raise unexplained(recording, message, force.header)
-    return mechanism_study(recording, T, actuator, known.delays, held=held)
+        raise unexplained(recording, message, has["force"].header)
+    return mechanism_study(recording, T, fixed, held=held)
 
 
 def _with_remarks(study: Study) -> Study:
@@ -236,37 +238,32 @@ def _device(bounds: Sequence[Bounded], log_map: LogMap, T: float, studies: Seque
 def _gaps(studies: Sequence[Study], bounds: Sequence[Bounded], log_map: LogMap, known: Known) -> list[Note]:
     """Return remarks on properties of the device that no recording shows."""
     said, by_key = list[Note](), {each.key: each for each in bounds}
-
-    def add(code: Code, text: str) -> None:
-        said.append(Note(code, text))
-
     seen = np.concatenate([np.zeros(0), *(lines.hertz for study in studies for lines in study.lines[:1])])
     if seen.size >= LEAST_RADII:
         text = f"nothing was measured above {seen.max():.4g} Hz, where unmodelled keeps its last value"
-        add("remark-highest-line", text)
+        said.append(Note("remark-highest-line", text))
     if log_map.servo:
         if SENSOR not in known.parts:
             text = "no log shows how late the force is sensed: it is assumed to be sensed at once; write "
-            add("remark-assumed-sensor", f"{text}[device.{SENSOR}] in a log.toml")
+            said.append(Note("remark-assumed-sensor", f"{text}[device.{SENSOR}] in a log.toml"))
         if seen.size < LEAST_RADII:
-            add("remark-slow-motion", "no frequency shows clearly enough for unmodelled: record a sweep")
+            said.append(Note("remark-slow-motion", "no frequency shows clearly enough for unmodelled: record a sweep"))
         if not any(each.name.startswith("compliance") for study in studies for each in study.record.numbers):
             text = "no force was logged, so that it is not known whether the servo yields to one: log it as hand or "
-            add("remark-unpushed", f"{text}force")
+            said.append(Note("remark-unpushed", f"{text}force"))
         return said
     if not known.velocity:
         text = "no log shows how the firmware obtains its velocity: it is assumed to be the difference of the position;"
-        add("remark-assumed-velocity", f"{text} write [device.velocity] from in a log.toml")
+        said.append(Note("remark-assumed-velocity", f"{text} write [device.velocity] from in a log.toml"))
     # a fit of motion has one lag, which excludes the actuator and the delay if the user states them
-    lag_is_apart = "actuator" in known.parts or "delay" in known.delays or "actuator.bandwidth_hz" in by_key
-    if not lag_is_apart:
+    if not {"delay", "lag"} & set(known.fixed) and "actuator.bandwidth_hz" not in by_key:
         text = "no lag of the actuator is told from a delay: the delay includes both"
-        add("remark-actuator-lag", text)
+        said.append(Note("remark-actuator-lag", text))
     delay = by_key["delay"]
     if delay.share > WEAK_SHARE:
         text = f"the delay is poorly determined: anything from {delay.low:.2g} to {delay.high:.2g} s fits"
-        add("remark-weak-delay", text)
+        said.append(Note("remark-weak-delay", text))
     if "structure.handle_mass" not in by_key and not seen.size:
         text = "nothing but noise is left of the motion, which shows no dynamics above its own frequencies"
-        add("remark-slow-motion", f"{text}: excite up to a fifth of the sampling rate")
+        said.append(Note("remark-slow-motion", f"{text}: excite up to a fifth of the sampling rate"))
     return said

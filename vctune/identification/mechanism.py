@@ -15,7 +15,6 @@ from vctune.identification.box import COULOMB_SHARE, box, left_to_the_hand, unex
 from vctune.identification.checks import position_noise
 from vctune.identification.fit import SEGMENTS, Fit, Task, fitted, noise_is_all
 from vctune.identification.remainder import halves, motion_of, share_left, spectrum
-from vctune.identification.responses import Lines, response
 from vctune.identification.search import (
     LONGEST,
     SIGNIFICANT,
@@ -25,9 +24,8 @@ from vctune.identification.search import (
     starts_of,
     task_of,
 )
-from vctune.identification.stepped import Drive, linear
-from vctune.identification.study import KEYS, Study, number, record_of
-from vctune.model.parts import Actuator
+from vctune.identification.stepped import Drive, Numbers, linear, response
+from vctune.identification.study import KEYS, Lines, Study, number, record_of
 
 MAX_SHARE = 0.25  # Of the motion that is left, above which a log is refused
 AGAINST = 0.5  # Share of the force left by a regression below which a negative mass is a sign
@@ -37,22 +35,14 @@ MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}  # Masses of haptic devices, kg
 FRICTION = coded("friction is not quite Coulomb's", "limit-friction")
 
 
-def mechanism_study(
-    recording: Recording, T: float, actuator: Actuator | None, delays: Mapping[str, float], *, held: bool = False
-) -> Study:
+def mechanism_study(recording: Recording, T: float, fixed: Numbers, *, held: bool) -> Study:
     """Study the log of a mechanism. If `held`, a spring may pull, which stays outside the device as a hand does."""
     has = recording.channels
-    fixed = dict(delays) | ({} if actuator is None else {"lag": 1 / (2 * pi * actuator.bandwidth_hz)})
-    if "command" not in has:  # a stated delay ends at the measured force or before it, and the lag is behind it
-        fixed = {name: each for name, each in fixed.items() if name == "sensor_delay"}
-    if "hand" not in has:
-        fixed.pop("sensor_delay", None)
     motor = motor_lag(recording, T) if {"command", "force"} <= set(has) and "lag" not in fixed else []
     if motor:
-        fixed["lag"] = 1 / (2 * pi * motor[0].value)
+        fixed = {**fixed, "lag": 1 / (2 * pi * motor[0].value)}
     task = task_of(recording, T, fixed)
-    moves = bool(np.ptp(task.drive.input) > 0)
-    if not moves:
+    if not np.ptp(task.drive.input) > 0:
         task = replace(task, fixed={"delay": 0.0} | dict(task.fixed))
     found = mechanism_fit(task, recording.rotary)
     fit, share = found.fit, found.share
@@ -90,7 +80,7 @@ def motor_lag(recording: Recording, T: float) -> list[Estimate]:
     The lag is as uncertain as the share of the force that it leaves, because no motor is quite of first order.
     """
     told, force = recording.channels["command"].values[:LONGEST], recording.channels["force"].values[:LONGEST]
-    unit = np.array([position_noise(force, recording.channels["force"].quantum)])
+    unit = np.array([position_noise(recording.channels["force"])])
     task = Task(Drive(T, told, servo=1, reads=(1,)), force[:, None] / unit, unit, np.arange(1), 1)
     task = in_segments(task, (inf, 1 / SEGMENTS), SEGMENTS)
     starts = ({"gain": 1.0, "delay": rows * T, "lag": T / 2} for rows in (-1.0, 0.0, 1.0))
@@ -105,7 +95,7 @@ def motor_lag(recording: Recording, T: float) -> list[Estimate]:
 
 def kind_of(fit: Fit) -> str:
     """Return in words what was fitted."""
-    numbers = {**fit.task.fixed, **fit.numbers}
+    numbers = fit.known
     parts = ["two masses" if "handle_mass" in numbers else "one mass"]
     named = {
         "coulomb": "dry friction",
@@ -119,16 +109,12 @@ def kind_of(fit: Fit) -> str:
 def pull_of(fit: Fit) -> float | None:
     """Return the stiffness, at the mean position, of what pulls with the position; None if nothing is felt of it."""
     numbers, sigma, place = fit.numbers, fit.sigmas(), fit.task.read[:, 0] * fit.task.unit[0]
-    if "sine" in numbers:
-        at = float(np.mean(place))
-        stiffness = numbers["sine"] * cos(at) - numbers["cosine"] * sin(at)
-        unsure = hypot(sigma["sine"] * cos(at), sigma["cosine"] * sin(at))
-        force = float(np.std(numbers["sine"] * np.sin(place) + numbers["cosine"] * np.cos(place)))
-    elif "stiffness" in numbers:
-        stiffness, unsure = numbers["stiffness"], sigma["stiffness"]
-        force = abs(stiffness) * float(np.std(place))
-    else:
-        return None
+    at = float(np.mean(place))
+    terms = {"stiffness": (place, 1.0), "sine": (np.sin(place), cos(at)), "cosine": (np.cos(place), -sin(at))}
+    pulls = {name: term for name, term in terms.items() if name in numbers}
+    stiffness = sum(numbers[name] * slope for name, (_, slope) in pulls.items())
+    unsure = hypot(*(sigma[name] * slope for name, (_, slope) in pulls.items()))
+    force = float(np.std(sum(numbers[name] * value for name, (value, _) in pulls.items())))
     pushed = sum(float(np.std(each)) for each in (fit.task.drive.input, fit.task.drive.hand) if each is not None)
     return stiffness if force > FELT * pushed and abs(stiffness) > SIGNIFICANT * unsure else None
 
@@ -138,25 +124,19 @@ def estimates_of(source: str, fit: Fit, others: Sequence[Mapping[str, float]]) -
 
     Each reaches as far as halves of the log differ, or fits with other weights or beside a lag do.
     """
-    numbers, sigma, apart = fit.numbers, fit.sigmas(), halves(fit)
-    text = f"{source}: motion"
-    excess = {
-        name: max(0.0, max(apart[name], *(abs(value - each[name]) for each in others)) - 2 * sigma[name])
-        for name, value in numbers.items()
-    }
-    found = [
-        Estimate(KEYS[name], numbers[name], sigma[name], text, (excess[name], excess[name]))
-        for name in KEYS
-        if name in numbers
-    ]
-    rubbing = COULOMB_SHARE * numbers.get("coulomb", 0.0) / root_mean_square_speed(fit)
-    if rubbing > excess["damping"]:
-        found[1] = replace(found[1], excess=(rubbing, rubbing), reason=FRICTION)
-    if "lag" in numbers:
-        lag, hertz = numbers["lag"], 1 / (2 * pi * numbers["lag"])
-        ends = (hertz - 1 / (2 * pi * (lag + excess["lag"])), excess["lag"] / lag * hertz)
-        place = [each.key for each in found].index(KEYS["lag"])
-        found[place] = Estimate(KEYS["lag"], hertz, hertz * sigma["lag"] / lag, text, ends)
+    numbers, sigma, apart, found = fit.numbers, fit.sigmas(), halves(fit), list[Estimate]()
+    rubbing = COULOMB_SHARE * numbers.get("coulomb", 0.0) / (root_mean_square_speed(fit) + 1e-300)
+    for name in (name for name in KEYS if name in numbers):
+        value, unsure = numbers[name], sigma[name]
+        excess = max(0.0, max(apart[name], *(abs(value - each[name]) for each in others)) - 2 * unsure)
+        one = Estimate(KEYS[name], value, unsure, f"{source}: motion", (excess, excess))
+        if name == "damping" and rubbing > excess:
+            one = replace(one, excess=(rubbing, rubbing), reason=FRICTION)
+        elif name == "lag":
+            hertz = 1 / (2 * pi * value)
+            ends = (hertz - 1 / (2 * pi * (value + excess)), excess / value * hertz)
+            one = replace(one, value=hertz, sigma=hertz * unsure / value, excess=ends)
+        found.append(one)
     return found
 
 
@@ -164,13 +144,13 @@ def root_mean_square_speed(fit: Fit) -> float:
     """Return the root mean square of the fitted speed, m/s."""
     made = motion_of(fit).fitted.reshape(fit.task.starts.size, -1)
     speeds = np.diff(made, axis=1) / fit.task.drive.T if fit.task.drive.reads[0] == 0 else made
-    return float(np.sqrt(np.mean(speeds**2))) + 1e-300
+    return float(np.sqrt(np.mean(speeds**2)))
 
 
 def lines_of(fit: Fit) -> Lines:
     """Return the measured response where the log shows it, without the effects of friction and springs."""
     hertz, ratio, spread = spectrum(fit)
-    drive, numbers = fit.task.drive, {**fit.task.fixed, **fit.numbers, "stiffness": 0.0}
+    drive, numbers = fit.task.drive, fit.known | {"stiffness": 0.0}
     fitted_response = response(drive, numbers, hertz)
     free = 1 + fit.numbers.get("stiffness", 0.0) * fitted_response
     behind = None
@@ -185,35 +165,35 @@ def refuse_unexplained(recording: Recording, fit: Fit, share: float) -> None:
     headers = {role: channel.header for role, channel in recording.channels.items()}
     pushed = headers.get("command", headers.get("force", headers.get("hand", "")))
     place = headers.get("position", headers.get("velocity", ""))
-    if share > MAX_SHARE and task.drive.hand is None and task.drive.reads[0] == 0:
-        turned = replace(
+    least, most = MASSES[recording.rotary]
+    if share > MAX_SHARE:
+        best, turned = starts_of(task)[0], replace(
             task, drive=replace(task.drive, input=task.read[:, 0] * task.unit[0], reads=(0,)),
             read=task.drive.input[:, None], unit=np.ones(1),
         )  # fmt: skip
-        straight = starts_of(task)[0].share
-        if starts_of(turned)[0].share < 0.3 * straight:
+        may_be_turned = task.drive.hand is None and task.drive.reads[0] == 0
+        if may_be_turned and starts_of(turned)[0].share < 0.3 * best.share:
             text = f"{share:.0%} of the motion of {place} follows no {units.mass_name} and friction"
             message = f"{text}, and {pushed} would follow it: are the two columns swapped?"
-            raise unexplained(recording, message, pushed)
-    if share > MAX_SHARE:
-        best = starts_of(task)[0]
-        if best.numbers["mass"] < 0 and best.share < AGAINST:
+        elif best.numbers["mass"] < 0 and best.share < AGAINST:
             text = f"the {units.mass_name} comes out as {best.numbers['mass']:.3g} {units.mass}"
             message = f"{text}: {pushed} pushes against the motion; turn one sign by scale = -1"
-            raise unexplained(recording, message, pushed)
-        hint = f"is {units.translated('a force')} missing (a hand's), or is one of another axis or of another time?"
-        text = f"{share:.0%} of the motion of {place} is explained by no {units.mass_name} and friction"
-        message = f"{text} that {pushed} moves; {hint}"
-        raise unexplained(recording, message, pushed)
-    if not MASSES[recording.rotary][0] <= mass <= MASSES[recording.rotary][1]:
+        else:
+            hint = f"is {units.translated('a force')} missing (a hand's), or is one of another axis or of another time?"
+            text = f"{share:.0%} of the motion of {place} is explained by no {units.mass_name} and friction"
+            message = f"{text} that {pushed} moves; {hint}"
+    elif not least <= mass <= most:
         question = f"is {place} or {pushed} off by 1000? write its unit or scale"
         text = f"the {units.mass_name} comes out as {mass:.3g} {units.mass}, which is no haptic device"
-        raise unexplained(recording, f"{text}: {question}", pushed)
+        message = f"{text}: {question}"
+    else:
+        return
+    raise unexplained(recording, message, pushed)
 
 
 def derived(fit: Fit, recording: Recording) -> list[NumberRecord]:
     """Return the quantities that describe a structure, such as both masses, the stiffness and the antiresonance."""
-    numbers = {**fit.task.fixed, **fit.numbers}
+    numbers = fit.known
     if "handle_mass" not in numbers:
         return []
     A, _, motor = linear(fit.task.drive, numbers)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
-from vctune.identification.fit import Fit
+from vctune.identification.fit import Fit, in_units
 from vctune.identification.stepped import Complex
 from vctune.identification.study import Curves
 
@@ -15,17 +15,11 @@ LOWEST, HIGHEST = 2, 0.45  # Lowest frequency, in steps of the spectrum, and hig
 EXCITED = 2.5e-3  # Least power of the input at a frequency, as a share of the greatest
 
 
-def left(fit: Fit) -> Floats:
-    """Return the residual without its filter, in deviations of the noise, shape (rows, readings, segments)."""
-    task = fit.task
-    return np.asarray(task.measured() - task.stepped([fit.numbers], fit.first[None])[:, :, 0])
-
-
 def motion_of(fit: Fit) -> Curves:
     """Return what was read in all segments, and its fit, SI units."""
     task, measured, unit = fit.task, fit.task.measured()[:, 0], fit.task.unit[0]
     time = task.drive.T * (task.starts[:, None] + np.arange(task.rows))
-    columns = (time, measured.T * unit, (measured - left(fit)[:, 0]).T * unit)
+    columns = (time, measured.T * unit, (measured - fit.left[:, 0]).T * unit)
     return Curves(*(np.asarray(each.ravel(), dtype=float) for each in columns))
 
 
@@ -36,7 +30,7 @@ def share_left(fit: Fit) -> float:
     row = np.linspace(-1.0, 1.0, len(measured))
     table = np.stack([np.ones(len(row)), row], 1)[:, : 1 + (fit.task.drive.reads[0] == 0 and not fit.task.drive.servo)]
     moves = measured - table @ np.linalg.lstsq(table, measured, rcond=None)[0]
-    return float(np.linalg.norm(left(fit)[:, 0]) / (np.linalg.norm(moves) + 1e-300))
+    return float(np.linalg.norm(fit.left[:, 0]) / (np.linalg.norm(moves) + 1e-300))
 
 
 def spectrum(fit: Fit) -> tuple[Floats, Complex, Floats]:
@@ -46,7 +40,7 @@ def spectrum(fit: Fit) -> tuple[Floats, Complex, Floats]:
     """
     task, T = fit.task, fit.task.drive.T
     order = 2 - task.drive.reads[0]  # drifts less than what is read
-    beyond = np.diff(left(fit)[:, 0], order, axis=0)
+    beyond = np.diff(fit.left[:, 0], order, axis=0)
     made = np.diff(task.measured()[:, 0], order, axis=0) - beyond
     window, hertz = np.hanning(len(made))[:, None], np.fft.rfftfreq(len(made), T)
     M, E = np.fft.rfft(window * made, axis=0), np.fft.rfft(window * beyond, axis=0)
@@ -76,7 +70,7 @@ def halves(fit: Fit) -> dict[str, float]:
     W, R = np.fft.rfft(weights, axis=1), np.fft.rfft(flat, axis=1)
     in_band = np.einsum("sij,si->ij", np.conj(W), R).real, np.einsum("sij,sij->ij", np.conj(W), W).real
     found = np.maximum(_half(*in_time), _half(*in_band) / fit.residual.shape[0] * 2)
-    return {name: abs(each) for name, each in fit.in_units(found).items()}
+    return {name: abs(each) for name, each in in_units(fit.numbers, fit.steps, found).items()}
 
 
 def _half(scores: Floats, told: Floats) -> Floats:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import exp, log, pi
 
@@ -13,10 +13,9 @@ from vctune.document.recording import Floats, Recording
 from vctune.document.records.identification_json import Estimate
 from vctune.document.text.errors import InputError
 from vctune.identification.box import left_to_the_hand, unexplained
-from vctune.identification.fit import SCALED
-from vctune.identification.responses import LAGS, Lines, response
-from vctune.identification.stepped import Complex, Drive, Numbers
-from vctune.identification.study import Study, number, of_orders, record_of
+from vctune.identification.fit import SCALED, in_units, moved
+from vctune.identification.stepped import LAGS, Complex, Drive, Numbers, response
+from vctune.identification.study import KEYS, SERVO_KEYS, Lines, Study, number, of_orders, record_of
 
 LEAST_LINES = 10  # Least number of frequencies
 MAX_SHARE, GAINS = 0.25, (0.8, 1.25)  # Of the response that is left, and of a servo; beyond these it is refused
@@ -36,7 +35,7 @@ class Match:
 
     drive: Drive
     numbers: dict[str, float]
-    sigmas: dict[str, float]  # relative to a number that is positive
+    sigmas: dict[str, float]
     cost: float
     made: Complex
 
@@ -57,16 +56,15 @@ def matched(drive: Drive, hertz: Floats, measured: Complex, start: Numbers, fixe
     """Return the nearest response from a start, by relative errors."""
     from scipy.optimize import least_squares
 
-    unit = {"delay": drive.T, "damping": 2 * pi * float(np.median(hertz)) * start.get("mass", 1.0)}
-    unit |= {"stiffness": abs(start.get("stiffness", 1.0)) or 1.0}
-    steps = {name: 1.0 if name in SCALED else unit.get(name, 1.0) for name in start}
+    typical = {"delay": drive.T, "damping": 2 * pi * float(np.median(hertz)) * start.get("mass", 1.0)}
+    typical |= {"stiffness": abs(start.get("stiffness", 1.0)) or 1.0} | dict.fromkeys(SCALED, 1.0)
+    steps = {name: typical.get(name, 1.0) for name in start}
 
     def at(change: Floats) -> dict[str, float]:
-        by = {name: float(each) * steps[name] for name, each in zip(start, change, strict=True)}
-        return {name: value * exp(by[name]) if name in SCALED else value + by[name] for name, value in start.items()}
+        return {**fixed, **moved(start, dict(zip(start, change * list(steps.values()), strict=True)))}
 
     def left(change: Floats) -> Floats:
-        off = response(drive, {**fixed, **at(change)}, hertz) / measured - 1
+        off = response(drive, at(change), hertz) / measured - 1
         return np.stack([off.real, off.imag], 1).ravel()
 
     found = least_squares(left, np.zeros(len(start)), loss="soft_l1", f_scale=FAR, x_scale=0.1, max_nfev=200)
@@ -76,8 +74,8 @@ def matched(drive: Drive, hertz: Floats, measured: Complex, start: Numbers, fixe
     scores = np.add.reduceat(slopes * residual[:, None], blocks) @ inverse
     plain = np.diag(inverse) * max(float(np.mean(residual**2)), ROUNDED**2)
     sigma = np.sqrt(np.maximum(np.sum(scores**2, axis=0), plain * residual.size / max(residual.size - len(start), 1)))
-    numbers = {**fixed, **at(found.x)}
-    sigmas = {name: float(each) * steps[name] for name, each in zip(start, sigma, strict=True)}
+    numbers = at(found.x)
+    sigmas = in_units(numbers, steps, sigma)
     cost = 2 * float(found.cost) + residual.size * ROUNDED**2
     return Match(drive, numbers, sigmas, cost, response(drive, numbers, hertz))
 
@@ -123,9 +121,8 @@ def mechanism_match(T: float, hertz: Floats, measured: Complex, fixed: Numbers) 
 
 def _clear(one: Match) -> bool:
     """Return whether the parts of a mechanism are there, and not only possible."""
-    sizes = {"stiffness": abs(one.numbers.get("stiffness", 0.0))}
-    parts = ("lag", "handle_mass", "frequency_hz", "stiffness")
-    return all(one.sigmas[name] < sizes.get(name, 1.0) / SIGNIFICANT for name in parts if name in one.sigmas)
+    parts = {"lag", "handle_mass", "frequency_hz", "stiffness"} & set(one.sigmas)
+    return all(SIGNIFICANT * one.sigmas[name] < abs(one.numbers[name]) for name in parts)
 
 
 def _more_parts(one: Match, hertz: Floats, measured: Complex, fixed: Numbers) -> Iterator[list[dict[str, float]]]:
@@ -141,9 +138,7 @@ def _more_parts(one: Match, hertz: Floats, measured: Complex, fixed: Numbers) ->
         yield [numbers | spring | {"frequency_hz": float(place)} for place in places]
 
 
-def response_study(
-    recording: Recording, T: float, fixed: Mapping[str, float], *, servo: bool, held: bool = False
-) -> Study:
+def response_study(recording: Recording, T: float, fixed: Numbers, *, servo: bool, held: bool) -> Study:
     """Study a measured response; the commands of a servo and of a mechanism are those of its logs."""
     name = recording.name
     hertz, measured = measured_response(recording, HIGHEST / T)
@@ -186,21 +181,17 @@ def _fault(hertz: Floats, measured: Complex) -> str | None:
     return None
 
 
-def _estimates(name: str, one: Match) -> Iterator[Estimate]:
+def _estimates(source: str, one: Match) -> Iterator[Estimate]:
     """Yield the estimates of the keys that a problem file states."""
-    servo, text = bool(one.drive.servo), f"{name}: response"
-    for key, value in one.numbers.items():
-        sigma = one.sigmas.get(key, 0.0)
-        if key == "lag":
-            hertz = LAGS[one.drive.servo or 1] / (2 * pi * value)
-            low, high = (hertz * exp(2 * side * min(sigma, 2.0)) for side in (-1, 1))
-            sigma = min(sigma, 0.2) * hertz
-            beyond = max(hertz - low - 2 * sigma, 0.0), max(high - hertz - 2 * sigma, 0.0)
-            yield Estimate("servo.bandwidth_hz" if servo else "actuator.bandwidth_hz", hertz, sigma, text, beyond)
-        elif key in ("mass", "damping", "delay") and key in one.sigmas:
-            yield Estimate(f"servo.{key}" if servo else key, value, sigma * (value if key in SCALED else 1.0), text)
-        elif key in ("handle_mass", "frequency_hz", "damping_ratio"):
-            yield Estimate(f"structure.{key}", value, sigma * value, text)
+    order = one.drive.servo
+    for name in (name for name in KEYS if name in one.sigmas):
+        value, sigma, beyond = one.numbers[name], one.sigmas[name], (0.0, 0.0)
+        if name == "lag":
+            share, value = sigma / value, LAGS[order or 1] / (2 * pi * value)
+            low, high = (value * exp(2 * side * min(share, 2.0)) for side in (-1, 1))
+            sigma = min(share, 0.2) * value
+            beyond = max(value - low - 2 * sigma, 0.0), max(high - value - 2 * sigma, 0.0)
+        yield Estimate(SERVO_KEYS[name] if order else KEYS[name], value, sigma, f"{source}: response", beyond)
 
 
 def _refuse(recording: Recording, one: Match, share: float, header: str, kind: str) -> None:

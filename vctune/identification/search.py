@@ -12,8 +12,8 @@ from vctune.document.recording import Floats, Recording
 from vctune.document.schema.rules import FASTEST, MAX_DELAY_SAMPLES
 from vctune.identification.box import DELAY_FLOOR
 from vctune.identification.checks import position_noise
-from vctune.identification.fit import SEGMENTS, Fit, Task, fitted, noise_is_all, whitening
-from vctune.identification.remainder import left, share_left
+from vctune.identification.fit import SEGMENTS, TRIED, Fit, Task, fitted, noise_is_all, whitened
+from vctune.identification.remainder import share_left
 from vctune.identification.stepped import Drive
 
 # Length of a segment in the search for the parts, and in the last fit: in seconds, and at most as a share of the log
@@ -25,7 +25,7 @@ DELAYS = np.concatenate([np.arange(0.0, 12.0, 0.5), np.arange(12.0, 100.0, 4.0)]
 LATE = np.arange(100.0, MAX_DELAY_SAMPLES, 8.0)  # More of them for a servo
 FRICTIONS = (1e-3, 0.1, 0.02)  # Coulomb friction of the first starts at least, as a share of the greatest command
 RUBS = 5e-3  # Share of the greatest force below which a first friction is none
-GLANCED, TRIED = 3, 10  # Gauss-Newton steps from each start of a part on trial, and from the best of them
+GLANCED = 3  # Gauss-Newton steps from each start of a part on trial
 CLEAR_GAIN = 15.0  # Least gain of a part that stays
 SIGNIFICANT = 4.0  # Deviations from which a lag and a second mass are there
 # Of a second mass: greatest resonance, as a share of the sampling rate, and range of its damping ratio
@@ -46,19 +46,18 @@ class Start:
 
 def task_of(recording: Recording, T: float, fixed: Mapping[str, float]) -> Task:
     """Return a log in the long segments of the last fit."""
-    has, rows = recording.channels, slice(0, LONGEST)
-    read = {role: has[role].values[rows] for role in ("position", "velocity", "handle") if role in has}
-    if "position" in read:
-        read.pop("velocity", None)
-    states = {"position": 0, "velocity": 1, "handle": 2}
-    unit = np.array([position_noise(read[role], has[role].quantum) for role in read])
-    if {"handle", "position"} <= set(read):  # a spring is relaxed in the mean
-        read["handle"] = read["handle"] - float(np.mean(read["handle"] - read["position"]))
-    pushed = has.get("command", has.get("force"))
-    values = np.zeros(min(len(recording), LONGEST)) if pushed is None else pushed.values[rows]
-    hand = has["hand"].values[rows] if "hand" in has else None
-    drive = Drive(T, values, hand, "command" not in has, 0, tuple(states[role] for role in read))
-    task = Task(drive, np.stack(list(read.values()), 1) / unit, unit, np.arange(1), 1, fixed)
+    has = {role: replace(each, values=each.values[:LONGEST]) for role, each in recording.channels.items()}
+    states = {"position": 0} if "position" in has else {"velocity": 1}
+    states |= {"handle": 2} if "handle" in has else {}
+    unit, read = np.array([position_noise(has[role]) for role in states]), [has[role].values for role in states]
+    if {"handle", "position"} <= set(has):  # a spring is relaxed in the mean
+        read[1] = read[1] - float(np.mean(read[1] - read[0]))
+    pushed, hand = has.get("command", has.get("force")), has.get("hand")
+    drive = Drive(
+        T, np.zeros(len(read[0])) if pushed is None else pushed.values, None if hand is None else hand.values,
+        ramp="command" not in has, reads=tuple(states.values()),
+    )  # fmt: skip
+    task = Task(drive, np.stack(read, 1) / unit, unit, np.arange(1), 1, fixed)
     return in_segments(task, LONG, FITTED)
 
 
@@ -133,7 +132,7 @@ def parts_on_trial(fit: Fit, rotary: bool) -> Iterator[list[dict[str, float]]]:
     """Yield the parts that a device may have more than a fit has, each as starts, the cheapest first."""
     numbers, task = fit.numbers, fit.task
     T, push = task.drive.T, task.drive.greatest
-    if "lag" not in {**numbers, **task.fixed} and not task.drive.ramp and "delay" in numbers:
+    if "lag" not in fit.known and not task.drive.ramp and "delay" in numbers:
         lags = [max(share * numbers["delay"], T / 4) for share in (0.2, 0.5, 0.8)]
         yield [numbers | {"lag": lag, "delay": numbers["delay"] - lag} for lag in lags]
     if "coulomb" not in numbers:
@@ -149,7 +148,7 @@ def parts_on_trial(fit: Fit, rotary: bool) -> Iterator[list[dict[str, float]]]:
 def resonances(fit: Fit) -> list[float]:
     """Return frequencies at which a second mass may resonate, Hz: where the residual is greatest, and some others."""
     T, rows = fit.task.drive.T, fit.task.rows
-    beyond = np.diff(left(fit)[:, 0], 2, axis=0)
+    beyond = np.diff(fit.left[:, 0], 2, axis=0)
     hertz = np.fft.rfftfreq(len(beyond), T)
     power = np.mean(np.abs(np.fft.rfft(beyond * np.hanning(len(beyond))[:, None], axis=0)) ** 2, axis=1)
     inside = (hertz > 2 / (rows * T)) & (hertz < FASTEST_SPRING / T)
@@ -226,9 +225,7 @@ def last(task: Task, numbers: Mapping[str, float]) -> tuple[Fit, float]:
         return found, share_left(found)
     found = fitted(in_segments(task, SHORT, FITTED), numbers)
     share = share_left(found)
-    for _ in range(2):
-        found = fitted(whitening(found), found.numbers, found.first, TRIED)
-    return found, share
+    return whitened(whitened(found)), share
 
 
 def without_idle(fit: Fit) -> Fit:

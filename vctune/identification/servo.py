@@ -15,12 +15,11 @@ from vctune.document.records.identification_json import Estimate, NumberRecord
 from vctune.document.text.errors import Note, coded
 from vctune.identification.box import joint_factor, unexplained
 from vctune.identification.checks import position_noise, quantum_of
-from vctune.identification.fit import Fit, Task, fitted, whitening
-from vctune.identification.remainder import halves, left, motion_of, share_left, spectrum
-from vctune.identification.responses import LAGS, Lines, response
-from vctune.identification.search import FITTED, TRIED, WHITE, in_segments, starts_of
-from vctune.identification.stepped import SHORTEST, Complex, Drive, Numbers
-from vctune.identification.study import Study, number, of_orders, record_of
+from vctune.identification.fit import TRIED, Fit, Task, fitted, whitened
+from vctune.identification.remainder import halves, motion_of, share_left, spectrum
+from vctune.identification.search import FITTED, WHITE, in_segments, starts_of
+from vctune.identification.stepped import LAGS, SHORTEST, Complex, Drive, Numbers, response
+from vctune.identification.study import SERVO_KEYS, Lines, Study, number, of_orders, record_of
 
 SEGMENT = (inf, 1 / 16)  # Of the log: a slow motion shows its latency over seconds
 SHARES = (0.1, 0.4, 0.8)  # Of the latency that are the lag in the first starts
@@ -47,11 +46,15 @@ class ServoFit:
     """The servo of one order that is nearest to a log, and those that the log does not reject."""
 
     fit: Fit
-    numbers: dict[str, float]  # gain, delay and lag; no delay is negative
     ends: list[dict[str, float]]  # of the servos that the log does not reject
     most: float  # cost below which it rejects none
     share: float  # of the motion that is left
     latest: float  # latency that the motion permits at most, s
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Gain, delay and lag; no delay is negative."""
+        return self.fit.known
 
     @property
     def order(self) -> int:
@@ -114,8 +117,8 @@ def servo_fits(task: Task, crawls: bool) -> tuple[list[ServoFit], bool]:
     settled = max(_settled(each.numbers, T, n) for each in best)
     best = [fitted(in_segments(each.task, SEGMENT, FITTED, settled), each.numbers) for each in best]
     shares = [share_left(each) for each in best]
-    for _ in range(2 if max(each.size for each in best) > WHITE else 0):
-        best = [fitted(whitening(each), each.numbers, each.first, TRIED) for each in best]
+    if max(each.size for each in best) > WHITE:
+        best = [whitened(whitened(each)) for each in best]
     fits = [_bounded(each, share, crawls) for each, share in zip(best, shares, strict=True)]
     return sorted(fits, key=lambda each: each.likelihood), agree
 
@@ -138,49 +141,47 @@ def _bounded(fit: Fit, share: float, crawls: bool) -> ServoFit:
     by = {"delay": 1.0, "lag": fit.numbers["lag"]}
     steps = np.array([fit.steps[name] * by.get(name, 0.0) for name in fit.numbers])
     unsure = max(fit.size, 1.0) * sqrt(fit.inflation() * float(steps @ fit.inverse @ steps))
-    latest = fit.numbers["delay"] + fit.numbers["lag"] + joint_factor(2) * unsure
+    latency = _latency(fit.numbers)
+    latest = latency + joint_factor(2) * unsure
     if fit.numbers["delay"] < 0:
-        numbers = {"gain": fit.numbers["gain"], "lag": max(fit.numbers["delay"] + fit.numbers["lag"], fit.task.drive.T)}
+        numbers = {"gain": fit.numbers["gain"], "lag": max(latency, fit.task.drive.T)}
         fit = fitted(replace(fit.task, fixed={"delay": 0.0}), numbers, fit.first)
-    numbers = {"delay": 0.0} | fit.numbers
     most = fit.cost + (joint_factor(2) * max(fit.size, 1.0)) ** 2 * fit.inflation()
     if crawls:
         most = max(most, fit.residual.size * (1 + ROUNDED / sqrt(2 * fit.residual.size)) ** 2)
-    step = min(max(fit.sigmas()["lag"] / numbers["lag"], 0.02), 0.7)
-    ends = [_end(fit, numbers, most, side * step) for side in (-1, 1)]
-    return ServoFit(fit, numbers, ends, most, share, latest)
+    step = min(max(fit.sigmas()["lag"] / fit.numbers["lag"], 0.02), 0.7)
+    return ServoFit(fit, [_end(fit, most, side * step) for side in (-1, 1)], most, share, latest)
 
 
-def _at_lag(fit: Fit, numbers: Numbers, lag: float) -> tuple[dict[str, float], float]:
-    """Return the best servo with another lag, and its cost."""
-    known = {"gain": numbers["gain"], "delay": numbers["delay"] + numbers["lag"] - lag}
-    for free in (("gain", "delay"), ("gain",)):
-        fixed = {"lag": lag} | ({} if "delay" in free else {"delay": 0.0})
-        found = fitted(replace(fit.task, fixed=fixed), {name: known[name] for name in free}, fit.first, TRIED, 1e-4)
-        if found.numbers.get("delay", 0.0) >= 0:
-            break
-    return fixed | found.numbers, found.cost
+def _at_lag(fit: Fit, lag: float) -> Fit:
+    """Return the best servo with another lag."""
+    start = {"gain": fit.numbers["gain"], "delay": _latency(fit.known) - lag}
+    found = fitted(replace(fit.task, fixed={"lag": lag}), start, fit.first, TRIED, 1e-4)
+    if found.numbers["delay"] >= 0:
+        return found
+    fixed = {"lag": lag, "delay": 0.0}
+    return fitted(replace(fit.task, fixed=fixed), {"gain": start["gain"]}, fit.first, TRIED, 1e-4)
 
 
-def _end(fit: Fit, numbers: Numbers, most: float, step: float) -> dict[str, float]:
+def _end(fit: Fit, most: float, step: float) -> dict[str, float]:
     """Return the servo at an end of the lags, where the cost is `most`; the sign of the first step says which end."""
     from scipy.optimize import brentq
 
-    inside, end = log(numbers["lag"]), log((SHORTEST if step < 0 else LONGEST_LAG) * fit.task.drive.T)
+    inside, end = log(fit.numbers["lag"]), log((SHORTEST if step < 0 else LONGEST_LAG) * fit.task.drive.T)
     while True:
         further = inside + step if (inside + step - end) * step < 0 else end
-        found, cost = _at_lag(fit, numbers, exp(further))
-        if cost > most:
+        found = _at_lag(fit, exp(further))
+        if found.cost > most:
             break
         if further == end:
-            return found
+            return found.known
         inside, step = further, 2 * step
 
     def beyond(logarithm: float) -> float:
-        return _at_lag(fit, numbers, exp(logarithm))[1] - most if logarithm != inside else -most
+        return _at_lag(fit, exp(logarithm)).cost - most if logarithm != inside else -most
 
     at = brentq(beyond, inside, further, xtol=0.05 * abs(further - inside))
-    return _at_lag(fit, numbers, exp(float(at)))[0]
+    return _at_lag(fit, exp(float(at))).known
 
 
 def _jitter(fit: Fit, interpolated: bool) -> float:
@@ -190,7 +191,7 @@ def _jitter(fit: Fit, interpolated: bool) -> float:
     rows = (task.rows - 1) // window * window
     if task.drive.reads != (0,) or rows * task.starts.size < WINDOWS * window:
         return 0.0
-    moves, noise = left(fit)[: rows + 1, 0] * task.unit[0], task.unit[0] ** 2
+    moves, noise = fit.left[: rows + 1, 0] * task.unit[0], task.unit[0] ** 2
     speed = task.drive.input[task.starts + np.arange(rows + 1)[:, None]]
     # a late position command shifts the motion once, by its speed; a velocity command for good, by its jump
     by = speed[1:] if interpolated else np.diff(speed, axis=0)
@@ -201,11 +202,9 @@ def _jitter(fit: Fit, interpolated: bool) -> float:
     return sqrt(total / float(np.sum(by**2))) if total > 3 * unsure > 0 else 0.0
 
 
-def servo_task(recording: Recording, T: float) -> tuple[Task, dict[str, float]]:
+def servo_task(recording: Recording, T: float, command: str, read: str) -> tuple[Task, dict[str, float]]:
     """Return a log as one segment, its command without its rounding, and the quanta of the positions that crawl."""
     has, crawling = recording.channels, dict[str, float]()
-    command = next(role for role in SERVO_COMMANDS if role in has)
-    read = "position" if "position" in has else "velocity"
     told = has[command].values
     for role in (command, read):
         quantum, moves = quantum_of(has[role]), np.abs(np.diff(has[role].values))
@@ -216,7 +215,7 @@ def servo_task(recording: Recording, T: float) -> tuple[Task, dict[str, float]]:
     if command == "position_command":  # which the servo interpolates over the next row
         told = np.diff(told, prepend=told[0]) / T
     y = has[read].values
-    unit = max(position_noise(y, has[read].quantum), 1e-9 * float(np.ptp(y)))
+    unit = max(position_noise(has[read]), 1e-9 * float(np.ptp(y)))
     drive = Drive(T, told, None, False, 1, (0 if read == "position" else 1,))
     return Task(drive, y[:, None] / unit, np.array([unit]), np.arange(1), 1), crawling
 
@@ -225,8 +224,9 @@ def servo_study(recording: Recording, T: float) -> Study:
     """Fit both orders of a servo to a recording and decide between them."""
     name, channels = recording.name, recording.channels
     command = next(role for role in SERVO_COMMANDS if role in channels)
-    header, place = (channels[role].header for role in (command, "position" if "position" in channels else "velocity"))
-    task, crawling = servo_task(recording, T)
+    read = "position" if "position" in channels else "velocity"
+    header, place = channels[command].header, channels[read].header
+    task, crawling = servo_task(recording, T, command, read)
     crawls = bool(crawling)
     try:
         with np.errstate(all="ignore"):
@@ -286,20 +286,16 @@ def servo_study(recording: Recording, T: float) -> Study:
 def _estimates(source: str, one: ServoFit, jitter: float) -> Iterator[Estimate]:
     """Yield the delay and the bandwidth of one order, each as far as the log rejects none, or its halves differ."""
     sigma, apart, factor = one.fit.sigmas(), halves(one.fit), joint_factor(2)
-    servos = [*one.ends, one.numbers]
-    in_hertz = one.hertz(one.numbers["lag"]) / one.numbers["lag"]
     is_told = one.ends[1]["lag"] < TOLD * one.ends[0]["lag"]
-
-    def estimate(key: str, values: list[float], name: str, scale: float, jitter: float) -> Estimate:
-        value, low, high = values[-1], min(values), max(values)
-        more = max(scale * (apart.get(name, 0.0) - 2 * sigma.get(name, 0.0)), 0.0) * is_told + jitter
+    for name, key in SERVO_KEYS.items():
+        *ends, value = (one.hertz(each["lag"]) if name == "lag" else each[name] for each in [*one.ends, one.numbers])
+        low, high = min(*ends, value), max(*ends, value)
+        scale, late = (value / one.numbers["lag"], 0.0) if name == "lag" else (1.0, jitter)
+        more = max(scale * (apart.get(name, 0.0) - 2 * sigma.get(name, 0.0)), 0.0) * is_told + late
         unsure = min(scale * sigma.get(name, 0.0), min(value - low, high - value) / factor)
         beyond = value - low - factor * unsure + more, high - value - factor * unsure + more
-        reason = JITTER if jitter > 0.5 * max(beyond) else LATENCY
-        return Estimate(key, value, unsure, f"{source}: order {one.order}", beyond, reason)
-
-    yield estimate("servo.delay", [each["delay"] for each in servos], "delay", 1.0, jitter)
-    yield estimate("servo.bandwidth_hz", [one.hertz(each["lag"]) for each in servos], "lag", in_hertz, 0.0)
+        reason = JITTER if late > 0.5 * max(beyond) else LATENCY
+        yield Estimate(key, value, unsure, f"{source}: order {one.order}", beyond, reason)
 
 
 def _refuse(recording: Recording, fit: ServoFit, agree: bool, header: str, place: str) -> None:

@@ -1,19 +1,22 @@
-"""Step a device from the recorded commands, many segments of a log and many devices at once (README, section 2)."""
+"""The response of a device, and its steps from the recorded commands, many segments of a log and many devices at once
+(README, section 2)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import pi
+from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
+from vctune.model.device import Device
 
 Numbers = Mapping[str, float]
 Complex = NDArray[np.complex128]
 SHORTEST = 0.02  # Shortest lag of a servo, in rows
+LAGS = {1: 1.0, 2: sqrt(2)}  # Lag of a servo's low-pass, times its angular frequency, by its order
 INPUTS = 5  # Force of the motor, friction, hand, and the slopes of the first and of the third over a part of a row
 
 
@@ -51,7 +54,7 @@ def linear(drive: Drive, numbers: Numbers) -> tuple[Floats, Floats, float]:
         w = 1 / max(numbers["lag"], SHORTEST * drive.T)
         if drive.servo == 1:
             return np.array([[0, 1.0], [0, -w]]), np.array([[0.0, 0, 0], [numbers["gain"] * w, 0, 0]]), 1.0
-        w *= np.sqrt(2)  # the lag of a Butterworth low-pass of order 2 is sqrt(2)/w
+        w *= LAGS[2]
         A = np.array([[0, 1.0, 0], [0, 0, 1.0], [0, -w * w, -np.sqrt(2) * w]])
         return A, np.array([[0.0, 0, 0], [0, 0, 0], [numbers["gain"] * w * w, 0, 0]]), 1.0
     two, lag, mass = "handle_mass" in numbers, "lag" in numbers, numbers["mass"]
@@ -95,6 +98,40 @@ def propagators(A: Floats, B: Floats, time: Floats) -> tuple[Floats, Floats]:
     rate[:, size, size + 3] = rate[:, size + 2, size + 4] = 1.0
     over = expm(rate * time[:, None, None])
     return np.ascontiguousarray(over[:, :size, :size]), np.ascontiguousarray(over[:, :size, size:])
+
+
+def response(drive: Drive, numbers: Numbers, hertz: Floats) -> Complex:
+    """Return the response of the motor's position, of a servo's speed, to the input.
+
+    At the samples to a held input, or to a continuous signal if the drive is a ramp.
+    """
+    A, B, _ = linear(drive, numbers)
+    s, T = 2j * pi * hertz, drive.T
+    if drive.ramp:
+        at, rate, pushed = s, s, B[:, :1] * np.exp(-s * numbers["delay"])[:, None, None]
+    else:
+        whole, late = late_rows(np.array([numbers["delay"]]), T)
+        lengths = np.concatenate([late, T - late])
+        F, G = propagators(np.stack([A, A]), np.stack([B, B]), lengths)
+        at, rate, A = np.exp(s * T), (1 - np.exp(-s * T)) / T, F[1] @ F[0]
+        pushed = (G[1, :, :1] + F[1] @ G[0, :, :1] / at[:, None, None]) * (at**-whole)[:, None, None]
+    place = np.linalg.solve(at[:, None, None] * np.eye(len(A)) - A, pushed)[:, 0, 0]
+    return np.asarray(place * rate if drive.servo else place)
+
+
+def numbers_of(device: Device) -> dict[str, float]:
+    """Return the numbers of a fit that a device of a problem file has."""
+    if device.servo is not None:
+        assert device.servo.bandwidth_hz is not None
+        lag = LAGS[device.servo.order] / (2 * pi * device.servo.bandwidth_hz)
+        return {"gain": 1.0, "delay": device.servo.delay, "lag": lag}
+    numbers = {"mass": device.mass, "damping": device.damping, "delay": device.delay}
+    if device.actuator is not None:
+        numbers["lag"] = 1 / (2 * pi * device.actuator.bandwidth_hz)
+    if (spring := device.structure) is not None:
+        numbers |= {"handle_mass": spring.handle_mass, "frequency_hz": spring.frequency_hz}
+        numbers["damping_ratio"] = spring.damping_ratio
+    return numbers
 
 
 def _from_the_input(A: Floats, B: Floats, parts: Sequence[tuple[Floats, Floats]], acts: Floats, T: float) -> Floats:
@@ -156,8 +193,6 @@ def stepped(drive: Drive, devices: Sequence[Numbers], first: Floats, starts: NDA
         return np.array([each.get(name, 0.0) for each in devices])[:, None]
 
     rubbing = Rubbing(of("coulomb"), of("sine"), of("cosine"), motor[:, None], A[:, 1:2] * motor[:, None, None])
-    two = "handle_mass" in devices[0]
-    lagging = "lag" in devices[0] or bool(drive.servo)
     whole, late = late_rows(of("delay")[:, 0], drive.T)
     lengths = np.stack([late, drive.T - late])
     A_held, B_held = A.copy(), B.copy()
@@ -168,10 +203,12 @@ def stepped(drive: Drive, devices: Sequence[Numbers], first: Floats, starts: NDA
     parts = []
     for length, each in zip(lengths, acting, strict=True):
         F, G = propagators(A, B, length)
-        rest = each[:, :, 1] + each[:, :, 0] * (not lagging) + each[:, :, 2] * (not two)
+        rest = np.matmul((B[:, 1:2] * motor[:, None, None]), each[:, :, :3])[:, :, 0]
         parts.append(Part(length[:, None], F, G, *propagators(A_held, B_held, length), each, np.matmul(G, each), rest))
     z = np.zeros((len(devices), A.shape[1], starts.size))
-    known = slice(1 if drive.servo else 2 + 2 * two, A.shape[1])  # the states that follow the input alone
+    known = slice(
+        1 if drive.servo else 4 if "handle_mass" in devices[0] else 2, A.shape[1]
+    )  # the states that follow the input alone
     for i in range(len(devices) if known.start < A.shape[1] else 0):
         pair = [(part.F[i, known, known], part.G[i, known, 0]) for part in parts]
         acts = np.stack([drive.input[np.clip(np.arange(last + 1) - whole[i] - 1 + j, 0, last)] for j in (0, 1)], 1)

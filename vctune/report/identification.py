@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from vctune.document.records.identification_json import Bounded, IdentificationRecord, device_text
 from vctune.identification.identify import Identified
-from vctune.identification.responses import Lines, covered
-from vctune.identification.study import Study
+from vctune.identification.study import Lines, Study, covered
 from vctune.report.paths import IDENTIFICATION_FIGURES
 from vctune.report.style import (
     BLUE,
