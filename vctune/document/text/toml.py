@@ -108,13 +108,7 @@ class Lines:
 
     def _has(self, count: int, path: KeyPath) -> bool:
         """Return whether the first lines of the text have a key."""
-        node: Any = self._beginning(count)
-        for step in path:
-            try:
-                node = node[step]
-            except (KeyError, IndexError, TypeError):
-                return False
-        return True
+        return value_at(self._beginning(count), path) is not None
 
     def _parsable_between(self, without: int, having: int) -> int | None:
         """Return a count of first lines that parse, as near the middle of two counts as possible; None if none does."""
@@ -123,15 +117,23 @@ class Lines:
         return next((n for n in outwards if n > without and self._beginning(n) is not None), None)
 
 
-def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
-    """Return the number at a path; None if there is none, or if its magnitude is 1e300 or more, as for inf."""
+def value_at(raw: Any, path: KeyPath) -> Any:
+    """Return the value at a path; None if there is none."""
     node: Any = raw
     for step in path:
         try:
             node = node[step]
         except (KeyError, IndexError, TypeError):
             return None
-    return float(node) if isinstance(node, int | float) and not isinstance(node, bool) and abs(node) < 1e300 else None
+    return node
+
+
+def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
+    """Return the number at a path; None if there is none, or if its magnitude is 1e300 or more, as for inf."""
+    value = value_at(raw, path)
+    return (
+        float(value) if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300 else None
+    )
 
 
 def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
