@@ -88,7 +88,7 @@ class Device(devices.Device):
         return Loop(self, gains, coupling, hand)
 
     def __post_init__(self) -> None:
-        _, faults = examined(ProblemDocument, {"device": plain(self)}, lambda raw: list(impossible_parts(raw)))
+        _, faults = examined(ProblemDocument, {"device": plain(self)}, impossible_parts)
         if faults:
             raise refusal([fault._replace(path=fault.path[1:]) for fault in faults], None, "Device")
 
@@ -121,7 +121,9 @@ def problem(source: ProblemSource) -> ProblemFile:
     if not isinstance(source, Mapping | Problem):
         message = f"{shown(source)} states none; give the path of a problem file, or its tables as a dict"
         raise InputError.of("problem", "bad-option", message)
-    document = statement(source) if isinstance(source, Problem) else _tables(source)
+    document = statement(source) if isinstance(source, Problem) else plain(source)
+    if isinstance(source, Mapping) and (operator := getattr(source.get("device"), "operator", None)) is not None:
+        document["operator"] = plain(operator)  # that of a `Device` has a table of its own
     posed, faults = pose(document, "problem")
     if posed is None:
         raise refusal(faults, None, "problem")
@@ -146,7 +148,7 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
             message = f"{key}: {called(kind.name)} has none; leave it at 0"
             raise InputError.of("design", "contradiction", message)
     raw = {table: numbers for table, numbers in stated.items() if numbers}
-    _, faults = examined(GAINS_DOCUMENTS[kind.name], raw, lambda _raw: [])
+    _, faults = examined(GAINS_DOCUMENTS[kind.name], raw)
     if faults:
         raise refusal(faults, None, "design")
     gains = Gains(**{"velocity": 0.0, "position": 0.0, **raw.get("gains", {})})
@@ -169,11 +171,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
     return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
-
-
-def _tables(source: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tables of a document. The operator in a `Device` becomes the table [operator]."""
-    document: dict[str, Any] = plain(source)
-    if isinstance(device := source.get("device"), devices.Device) and device.operator is not None:
-        document["operator"] = plain(device.operator)
-    return document

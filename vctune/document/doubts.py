@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import inf
 
 from vctune.document.reading import ProblemFile
 from vctune.document.schema.validation import dotted
@@ -11,6 +12,7 @@ from vctune.document.text.errors import Note
 from vctune.document.text.hints import LONGEST_SAMPLE, seconds_meant
 from vctune.document.text.output_files import RESERVED, folder_name
 from vctune.model.experiment import Environment
+from vctune.model.hands import Hand
 from vctune.model.problem import Problem
 
 # Stiffness of a hand, N/m or N m/rad, from which vctune asks whether it is in SI units: ten times the stiffness of a
@@ -39,20 +41,15 @@ def doubts(problem: Problem) -> Iterator[Note]:
         text = f"the latency of {1e3 * problem.device.stated_delay:g} ms is divided into delay and lag in any way"
         known = "a bandwidth_hz that is known gives a better design"
         yield Note("warn-latency", f"device.servo: {text}, with a lag of half a sample at least: {known}")
-    if problem.units.mass == "kg" and GRAMS[0] <= (mass := problem.device.mass) <= GRAMS[1]:
-        yield Note("warn-mass", f"device.mass is {mass:g} kg; is it in grams? Then write {mass / 1e3:g}")
-    heaviest = problem.hands_met.high.mass if problem.hands_met is not None else 0.0
-    if problem.units.mass == "kg" and heaviest >= GRAMS[0]:
-        text = f"operator.mass.max is {heaviest:g} kg; is it in grams? Then write {heaviest / 1e3:g}"
-        yield Note("warn-mass", text)
-    stiffness = problem.hands_met.high.stiffness if problem.hands_met is not None else 0.0
-    if stiffness >= STIFFEST:
-        unit = problem.units.stiffness
-        text = f"operator.stiffness.max is {stiffness:g} {unit}; is it in {unit}? A firm grip has {FIRM:g} N/m"
-        yield Note("warn-stiffness", text)
+    greatest = Hand(0.0, 0.0, 0.0) if problem.hands_met is None else problem.hands_met.high
+    for key, mass, most in (("device.mass", problem.device.mass, GRAMS[1]), ("operator.mass.max", greatest.mass, inf)):
+        if problem.units.mass == "kg" and GRAMS[0] <= mass <= most:
+            yield Note("warn-mass", f"{key} is {mass:g} kg; is it in grams? Then write {mass / 1e3:g}")
+    if greatest.stiffness >= STIFFEST:
+        said = f"{greatest.stiffness:g} {problem.units.stiffness}; is it in {problem.units.stiffness}?"
+        yield Note("warn-stiffness", f"operator.stiffness.max is {said} A firm grip has {FIRM:g} N/m")
     for number, experiment in enumerate(problem.experiments):
-        if outside := _outside(experiment.environment, problem):
-            what, key = outside
+        for what, key in [*_outside(experiment.environment, problem)][:1]:
             text = f"experiment {experiment.name!r} renders {what}, which is not in [environment]: "
             path = ("experiment", number, "environment", key)
             yield Note("warn-environment", f"{text}no claim covers what it shows", path)
@@ -61,31 +58,26 @@ def doubts(problem: Problem) -> Iterator[Note]:
         yield Note("warn-name", text)
 
 
-def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return a phrase about what takes an environment out of a problem's box, and the key of it."""
-    worlds, units = problem.worlds, problem.units
+def _outside(environment: Environment, problem: Problem) -> Iterator[tuple[str, str]]:
+    """Yield phrases about what takes an environment out of a problem's box, each with its key."""
+    worlds, units, rule = problem.worlds, problem.units, environment.rule
     if worlds is None:
-        moves = problem.rigid and not environment.rigid
-        return ("an environment that moves", "stiffness") if moves else None
-    if environment.wall and not (worlds.walls and environment.damping == 0):
-        damped = "a wall with a damper, which acts on one side,", "damping"
-        return damped if worlds.walls else ("a wall that comes and goes", "wall")
+        if problem.rigid and not environment.rigid:
+            yield "an environment that moves", "stiffness"
+        return
+    if environment.wall and not worlds.walls:
+        yield "a wall that comes and goes", "wall"
+    if environment.wall and worlds.walls and environment.damping > 0:
+        yield "a wall with a damper, which acts on one side,", "damping"
     if environment.late:
-        return f"a force {environment.late} samples late", "late"
-    if not _stepped_alike(environment):
-        return f"{'a mass' if environment.mass > 0 else 'a spring'} by {_RULES[environment.rule]}", "rule"
+        yield f"a force {environment.late} samples late", "late"
+    # a spring by backward Euler behaves as one by the trapezoidal rule does, and so does a damper alone
+    if (environment.mass > 0 and rule != "trapezoid") or (environment.stiffness > 0 and rule == "explicit"):
+        yield f"{'a mass' if environment.mass > 0 else 'a spring'} by {_RULES[rule]}", "rule"
     for name, unit in (("mass", units.mass), ("damping", units.damping), ("stiffness", units.stiffness)):
         value = getattr(environment, name)
         if not getattr(worlds.low, name) <= value <= getattr(worlds.high, name):
-            return f"a {name} of {value:g} {unit}", name
-    return None
+            yield f"a {name} of {value:g} {unit}", name
 
 
-_RULES = {"backward": "backward Euler", "trapezoid": "the trapezoidal rule", "explicit": "explicit Euler"}
-
-
-def _stepped_alike(environment: Environment) -> bool:
-    """Return whether an environment behaves as one by the trapezoidal rule does."""
-    if environment.rule == "trapezoid":
-        return True
-    return environment.mass == 0 and (environment.stiffness == 0 or environment.rule == "backward")
+_RULES = {"backward": "backward Euler", "explicit": "explicit Euler"}

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import astuple
 
-from vctune.document.text.toml import quoted
+from vctune.document.text.toml import placed, quoted
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import UNITS, UnitSystem, labelled
@@ -20,11 +20,8 @@ def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[s
 
 def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, float]]:
     """Return the tables [gains] and [coupling] of a design; a servo has only [coupling]."""
-    tables: dict[str, dict[str, float]] = {}
-    for key, number in design_numbers(kind, gains, coupling).items():
-        table, name = key.split(".")
-        tables.setdefault(table, {})[name] = number
-    return tables
+    numbers = design_numbers(kind, gains, coupling)
+    return placed({}, ((key.split("."), number) for key, number in numbers.items()))
 
 
 def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:

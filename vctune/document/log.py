@@ -170,7 +170,7 @@ def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
             faults.append((("columns", role), message))
         if isinstance(entry, dict) and "unit" in entry and "scale" in entry:
             faults.append((("columns", role, "scale"), "says the same as unit; leave one of them out"))
-    device = raw.get("device")
-    if isinstance(device, dict) and device.get("delay_uncertainty") and "delay" not in device:
+    uncertain, stated = (toml.value_at(raw, ("device", key)) for key in ("delay_uncertainty", "delay"))
+    if uncertain and stated is None:
         faults.append((("device", "delay_uncertainty"), "there is no device.delay that is known; write it, or neither"))
     return faults

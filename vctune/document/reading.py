@@ -26,7 +26,7 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.json import problem_digest
 from vctune.model.display import ADMITTANCE, DISPLAYS, IMPEDANCE, SERVO, Display, DisplayName, stated_display
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.units import UNITS, Units, UnitSystem
+from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.model.problem import Problem
 
 
@@ -109,29 +109,30 @@ def pose(raw: dict[str, Any], default_name: str) -> tuple[Problem | None, list[F
     """Return the problem that parsed TOML states and no faults, or None and all faults."""
     document, faults = examined(ProblemDocument, raw, contradictions)
     if document is None or faults:
-        return None, [_told(fault, units_stated(raw)) for fault in faults]
+        units = units_stated(raw)  # the text about a missing key is written for a linear device
+        return None, [
+            fault._replace(message=units.translated(fault.message)) if fault.code == "missing-key" else fault
+            for fault in faults
+        ]
     problem = resolve(document, default_name)
-    if problem.stability.band.min >= problem.stability.band.max:
-        return None, [_empty_default_band(problem)]
-    return problem, []
+    low, high = problem.transparency.band.min / (2 * pi), problem.stability.band.max / (2 * pi)
+    if problem.stability.band.min < problem.stability.band.max:
+        return problem, []
+    message = (
+        f"with the lower edge {low:g} Hz the default stability band, from there to 0.05/tau with tau = "
+        f"sample_time/2 + delay ({high:g} Hz), is empty; set stability.band_hz"
+    )
+    return None, [Fault(("transparency", "band_hz"), message, "contradiction")]
 
 
 def on_yardstick(document: dict[str, Any], base: Problem) -> dict[str, Any]:
     """Return the tables of a problem in which the bands and Z_0 of another one apply where they state none."""
     stated = statement(base)
-    keys = [
-        ("transparency", "band_hz"),
-        ("transparency", "reference_impedance"),
-        *[("stability", "band_hz")] * base.passive,
-    ]
+    keys = [("transparency", "band_hz"), ("transparency", "reference_impedance")]
+    keys += [("stability", "band_hz")] * base.passive
     return toml.placed(
-        document, ((key, stated[key[0]][key[1]]) for key in keys if key[1] not in document.get(key[0], {}))
+        document, ((key, toml.value_at(stated, key)) for key in keys if not toml.value_at(document, key))
     )
-
-
-def _told(fault: Fault, units: Units) -> Fault:
-    """Return a fault in the units of a device. The text about a missing key is written for a linear device."""
-    return fault._replace(message=units.translated(fault.message)) if fault.code == "missing-key" else fault
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,12 +160,11 @@ def gains_file(text: str, path: Path) -> GainsFile:
     path = toml.called(path)
     kind = _kind_of(toml.parse(text, str(path)))
     document = validated(GAINS_DOCUMENTS[kind.name], text, str(path), _other_display)
-    stated = getattr(document, "gains", None)
+    stated, origin = getattr(document, "gains", None), document.design
     gains = Gains(getattr(stated, "velocity", 0.0), getattr(stated, "position", 0.0))
-    coupling, origin = document.coupling, document.design
     solved = numbers_in(origin.numbers or "", kind)
     corner = None if origin.corner_hz is None else 2 * pi * origin.corner_hz
-    return GainsFile(kind, gains, coupling, origin.sha256, origin.units, text, str(path), solved, corner)
+    return GainsFile(kind, gains, document.coupling, origin.sha256, origin.units, text, str(path), solved, corner)
 
 
 # Schema of a gains file for each kind of display
@@ -177,17 +177,15 @@ GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | Se
 
 def _kind_of(raw: dict[str, Any]) -> Display:
     """Return the kind of display of a gains file."""
-    coupling, origin = raw.get("coupling"), raw.get("design")
-    if isinstance(coupling, dict) and "stiffness" in coupling:
+    if toml.value_at(raw, ("coupling", "stiffness")) is not None:
         return IMPEDANCE
-    stated = origin.get("display") if isinstance(origin, dict) else None
+    stated = toml.value_at(raw, ("design", "display"))
     return SERVO if "gains" not in raw and stated in (None, "servo") else ADMITTANCE
 
 
 def _other_display(raw: dict[str, Any]) -> list[Contradiction]:
     """Return the fault of a gains file whose numbers contradict the display that it states."""
-    kind, origin = _kind_of(raw), raw.get("design")
-    stated = origin.get("display") if isinstance(origin, dict) else None
+    kind, stated = _kind_of(raw), toml.value_at(raw, ("design", "display"))
     if stated not in DISPLAYS or stated == kind.name:
         return []
     if kind is ADMITTANCE and stated == "servo":
@@ -195,16 +193,6 @@ def _other_display(raw: dict[str, Any]) -> list[Contradiction]:
     key, other = ("stiffness", "impedance") if kind is IMPEDANCE else ("mass", "admittance")
     message = f'"{stated}" contradicts [coupling], in which {key} makes it that of an {other} display; correct one'
     return [(("design", "display"), message)]
-
-
-def _empty_default_band(problem: Problem) -> Fault:
-    """Return the fault of a stated transparency band that leaves the default stability band empty."""
-    low, high = problem.transparency.band.min / (2 * pi), problem.stability.band.max / (2 * pi)
-    message = (
-        f"with the lower edge {low:g} Hz the default stability band, from there to 0.05/tau with tau = "
-        f"sample_time/2 + delay ({high:g} Hz), is empty; set stability.band_hz"
-    )
-    return Fault(("transparency", "band_hz"), message, "contradiction")
 
 
 def called(display: DisplayName) -> str:
@@ -239,9 +227,8 @@ def digest_mistakes(record: ProblemRecord, file: ProblemFile) -> list[Mistake]:
 
 def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, what: str) -> None:
     """Check that a record is for the same kind of device as a problem."""
-    table: Any = toml.parse(record.text, source).get("device")
-    device = table if isinstance(table, dict) else {}
-    differ = _differences(file, stated_display(device).name, record.units, what)
+    device = toml.parse(record.text, source).get("device")
+    differ = _differences(file, stated_display(device if isinstance(device, dict) else {}).name, record.units, what)
     if differ:
         keys = {"display": "problem.text", "units": "problem.units"}
         raise InputError(source, [Mistake("other-kind", keys[which], message) for which, message in differ])

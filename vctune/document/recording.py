@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from vctune.document.schema.validation import MAX_MISTAKES, shown
 from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.toml import decoded
 from vctune.model.numbers.units import UNITS, Units
 
 Floats = NDArray[np.float64]
@@ -112,13 +113,13 @@ def read_table(path: Path) -> LogTable:
         headers, separator, first_line = _headers(path, data)
         numbers = _numbers(path, data, separator, headers, first_line)
     except UnicodeDecodeError:
-        line, byte = next(_undecodable(data))
-        raise _unreadable(path, f"is not UTF-8 text (byte 0x{byte:02x}); export the log as CSV", line) from None
+        decoded(data, str(path), "export the log as CSV")
+        raise
     return LogTable(headers, numbers, first_line, sha256(packed).hexdigest())
 
 
-def _unreadable(path: Path, message: str, line: int | None = None) -> InputError:
-    return InputError.of(str(path), "unreadable-file", message, line=line)
+def _unreadable(path: Path, message: str) -> InputError:
+    return InputError.of(str(path), "unreadable-file", message)
 
 
 def _text_of(path: Path, data: bytes) -> bytes:
@@ -164,14 +165,6 @@ def _headers(path: Path, data: bytes) -> tuple[list[str], str, int]:
         message = "two columns have this header; rename one"
         raise InputError.of(str(path), "log-text", message, key=twice[0], line=number)
     return headers, separator, number + 1
-
-
-def _undecodable(data: bytes) -> Iterator[tuple[int, int]]:
-    """Yield line and value of the first byte that is not UTF-8."""
-    try:
-        data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        yield data.count(b"\n", 0, error.start) + 1, data[error.start]
 
 
 def _numbers(path: Path, data: bytes, separator: str, headers: list[str], first_line: int) -> Floats:

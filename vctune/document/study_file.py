@@ -21,7 +21,7 @@ from vctune.document.schema.study_schema import RangeTable, Sample, StudyDocumen
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, dotted, examined, refusal
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError
-from vctune.document.text.toml import placed
+from vctune.document.text.toml import placed, value_at
 from vctune.model.problem import Problem, Transparency
 
 # Written form that the problem must use for a key so that one of its elements or ends can vary
@@ -113,7 +113,7 @@ def build_study(
 
 def _planned(raw: dict[str, Any], text: str | None, source: str) -> tuple[tuple[Axis, ...], StudyDocument]:
     """Return the axes and the document of a study, or refuse it."""
-    document, faults = examined(StudyDocument, raw, lambda _raw: [])
+    document, faults = examined(StudyDocument, raw)
     stated = raw.get("axes")
     paths = {key: number_keys().get("".join(key.split())) for key in stated} if isinstance(stated, dict) else {}
     unknown = {("axes", key): _unknown(key, raw["axes"][key]) for key, path in paths.items() if path is None}
@@ -187,7 +187,7 @@ def _check_places(problem: dict[str, Any], axes: Sequence[Axis], text: str | Non
     faults = []
     for axis in axes:
         for i, step in enumerate(axis.path[1:], 1):
-            node, pair = _at(problem, axis.path[:i]), isinstance(step, int)
+            node, pair = value_at(problem, axis.path[:i]), isinstance(step, int)
             if node is not None and (not isinstance(node, list if pair else dict) or (pair and len(node) != 2)):
                 message = f"{dotted(axis.path[:i])} in the problem is not {FORM_OF.get(step, 'a table')}"
                 faults.append(Fault(("axes", axis.key), message, "contradiction"))
@@ -202,24 +202,16 @@ def _posed(document: dict[str, Any], axes: Sequence[Axis], values: Iterable[floa
     default at the point.
     """
     varied = dict(zip((axis.path for axis in axes), values, strict=True))
-    owners = [path[:-1] for path in varied if path[-1] in FORM_OF and _at(document, path[:-1]) is None]
+    owners = [path[:-1] for path in varied if path[-1] in FORM_OF and value_at(document, path[:-1]) is None]
     defaults = {owner for owner in owners if owners.count(owner) == 1}
     others = placed(document, ((path, value) for path, value in varied.items() if path[:-1] not in defaults))
     problem, _ = pose(others, "study") if defaults else (None, [])
     if problem is not None:
         stated = statement(problem)
-        others = placed(others, ((path, _at(stated, path)) for path in defaults))
+        others = placed(others, ((path, value_at(stated, path)) for path in defaults))
     elif defaults:
         return others
     return placed(others, ((path, value) for path, value in varied.items() if path[:-1] in defaults))
-
-
-def _at(document: dict[str, Any], path: KeyPath) -> Any:
-    """Return the value at a path of keys; None if there is no value."""
-    node: Any = document
-    for step in path:
-        node = node.get(step) if isinstance(node, dict) else None
-    return node
 
 
 def _varied(path: KeyPath, axes: Sequence[Axis]) -> bool:

@@ -14,9 +14,7 @@ from vctune.document.schema.problem_schema import (
     ServoDeviceTable,
     StabilityTable,
     UncertaintyTable,
-    WorldMassTable,
     WorldsTable,
-    WorldStiffnessTable,
 )
 from vctune.document.schema.rules import FASTEST
 from vctune.model.device import Device
@@ -65,9 +63,9 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     objective = document.transparency
     f1, f2 = objective.band_hz or (share / lag for share in device.kind.band)
     middle_omega = 2 * pi * sqrt(f1 * f2)
-    Z_0 = objective.reference_impedance or (
-        _resistance_of_hands(hands, lag) if device.servo else device.mass * middle_omega
-    )
+    greatest = hands.high
+    resistance = max(greatest.stiffness * lag, greatest.damping, greatest.mass / lag) or 1.0
+    Z_0 = objective.reference_impedance or (resistance if device.servo else device.mass * middle_omega)
     transparency = Transparency(Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, objective.weights)
     stability = _stability(document.stability, criterion, device, lag, transparency.band.min)
     return Problem(
@@ -87,48 +85,33 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
 
 def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, middle_omega: float) -> Bounds:
     """Return the ranges of the design variables."""
-    gains, coupling = document.gains, document.coupling
-    if device.kind.inverse:
-        return Bounds(
-            velocity=_range(gains.velocity, 0.0, 0.0),
-            damping=_range(coupling.damping, 0.0, 1e6 * Z_0),
-            stiffness=_range(coupling.stiffness, 1e-6 * Z_0 * middle_omega, 1e6 * Z_0 * middle_omega),
-            position=ABSENT,
-            mass=ABSENT,
-            drag=ABSENT,
-        )
-    behind = _worlds(document.environment)
-    alone = behind is not None and behind.nothing  # a damper in series with nothing holds nothing
-    damping = _range(coupling.damping, *((inf, inf) if alone else (1e-6 * Z_0, 1e6 * Z_0)))
-    if device.servo is not None:
-        return Bounds(
-            velocity=ABSENT,
-            position=ABSENT,
-            damping=damping,
-            mass=_range(coupling.mass, 1e-6 * Z_0 / middle_omega, 1e6 * Z_0 / middle_omega),
-            drag=_range(coupling.drag, 0.0, 1e3 * Z_0),
-        )
-    loop_impedance = device.mass / lag + device.damping
-    least = min(1e-8 * device.mass / device.sample_time, 1e-5 * loop_impedance)
-    stated = (gains.velocity, gains.position, coupling.damping, coupling.mass)
-    with_drag = alone or document.stability.criterion != "passive"
-    drag_is_free = with_drag and not all(isinstance(number, float) for number in stated)
-    return Bounds(
-        velocity=_range(gains.velocity, least, 2 * loop_impedance),
-        position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
-        damping=damping,
-        mass=_range(coupling.mass, 1e-6 * Z_0 / middle_omega, 1e6 * Z_0 / middle_omega),
-        drag=_range(coupling.drag, 0.0, Z_0 if drag_is_free else 0.0),
-    )
+    kind, worlds = device.kind, _worlds(document.environment)
+    alone = worlds is not None and worlds.nothing  # a damper in series with nothing holds nothing
+    usual = {
+        "velocity": (0.0, 0.0),
+        "damping": (inf, inf) if alone else (0.0 if kind.inverse else 1e-6 * Z_0, 1e6 * Z_0),
+        "mass": (1e-6 * Z_0 / middle_omega, 1e6 * Z_0 / middle_omega),
+        "drag": (0.0, 1e3 * Z_0),
+        "stiffness": (1e-6 * Z_0 * middle_omega, 1e6 * Z_0 * middle_omega),
+    }
+    stated = {key: getattr(getattr(document, table), key) for table, key in (key.split(".") for key in kind.stated)}
+    if kind.banded:
+        loop_impedance = device.mass / lag + device.damping
+        least = min(1e-8 * device.mass / device.sample_time, 1e-5 * loop_impedance)
+        fixed = all(isinstance(stated[key], float) for key in ("velocity", "position", "damping", "mass"))
+        drag_is_free = not fixed and (alone or document.stability.criterion != "passive")
+        usual["velocity"] = least, 2 * loop_impedance
+        usual["position"] = 0.0, 2 * loop_impedance / lag
+        usual["drag"] = 0.0, Z_0 if drag_is_free else 0.0
+    absent = dict.fromkeys(("velocity", "position", "damping", "mass", "drag"), ABSENT)
+    return Bounds(**absent | {key: _range(value, *usual[key]) for key, value in stated.items()})
 
 
 def _hands(table: OperatorTable, units: UnitSystem) -> Hands:
     """Return the hands of a table."""
-    ranges = {}
-    for name, high in HUMAN_HANDS.high.numbers.items():
-        ranges[name] = _range(getattr(table, name), 0.0, high if units == "linear" else 0.0)
-    ends = ({name: getattr(range_, end) for name, range_ in ranges.items()} for end in ("min", "max"))
-    return Hands(*(Hand(**end_of_ranges) for end_of_ranges in ends))
+    greatest = HUMAN_HANDS.high.numbers if units == "linear" else dict.fromkeys(HUMAN_HANDS.high.numbers, 0.0)
+    ranges = {name: _range(getattr(table, name), 0.0, high) for name, high in greatest.items()}
+    return Hands(*(Hand(**{name: getattr(each, end) for name, each in ranges.items()}) for end in ("min", "max")))
 
 
 def _worlds(table: WorldsTable | None) -> Worlds | None:
@@ -136,23 +119,10 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
     default."""
     if table is None:
         return None
-    masses, springs = table.mass, table.stiffness
-    if isinstance(masses, float):
-        masses = WorldMassTable(min=masses, max=masses)
-    if isinstance(springs, float):
-        springs = WorldStiffnessTable(min=springs, max=springs)
-    low = World(masses.min, table.damping.min, springs.min)
-    heaviest, stiffest = (inf if bounds.max is None else bounds.max for bounds in (masses, springs))
-    high = World(heaviest, inf, stiffest)
-    corner = None if table.corner_hz is None else 2 * pi * table.corner_hz
-    worlds = Worlds(low, high, table.walls, corner)
+    mass, stiffness = (_range(stated, 0.0, inf) for stated in (table.mass, table.stiffness))
+    low, high = World(mass.min, table.damping.min, stiffness.min), World(mass.max, inf, stiffness.max)
+    worlds = Worlds(low, high, table.walls, None if table.corner_hz is None else 2 * pi * table.corner_hz)
     return None if worlds == EVERY_WORLD else worlds
-
-
-def _resistance_of_hands(hands: Hands, lag: float) -> float:
-    """Return the default Z_0 of a servo, N s/m: the greatest of K lag, B and M/lag of the greatest hand."""
-    greatest = hands.high
-    return max(greatest.stiffness * lag, greatest.damping, greatest.mass / lag) or 1.0
 
 
 def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag: float, slowest: float) -> Stability:
@@ -200,13 +170,13 @@ def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
     return uncertainty if uncertainty.unmodelled or any(device.number(key) for key, _ in moving) else None
 
 
-def _range(value: object, low: float, high: float) -> Range:
+def _range(value: Any, low: float, high: float) -> Range:
     """Return the range of a variable: [low, high] if the file states nothing, a fixed value, or the stated range."""
     if value is None:
         return Range(low, high)
     if isinstance(value, float):
         return Range(value, value)
-    return Range(value.min, value.max)  # type: ignore[attr-defined]
+    return Range(value.min, inf if value.max is None else value.max)
 
 
 def _experiment(table: ExperimentTable, device: Device, worlds: Worlds | None) -> Experiment:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, Discriminator, Field, GetPydanticSchema, Tag
+from pydantic_core.core_schema import literal_schema
 
 from vctune.document.schema.problem_schema import Table
 from vctune.model.fields import MOST, Flag, NotNegative, Positive, Text
@@ -18,10 +19,7 @@ UNITS: dict[str, float] = {
     "N": 1.0, "mN": 1e-3, "kN": 1e3, "Nm": 1.0, "mNm": 1e-3,
     "Hz": 1.0, "dB": 1.0,
 }  # fmt: skip
-Unit = Literal[
-    "s", "ms", "us", "m", "mm", "um", "rad", "mrad", "deg", "m/s", "mm/s", "rad/s", "deg/s", "N", "mN", "kN",
-    "Nm", "mNm", "Hz", "dB",
-]  # fmt: skip
+Unit = Annotated[str, GetPydanticSchema(lambda *_: literal_schema([*UNITS]))]
 
 
 def _not_zero(value: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model
 
@@ -119,15 +119,12 @@ def _form(value: Any) -> str:
     return "<range>" if isinstance(value, dict | Table) else "<number>"
 
 
-PositiveVariable = Annotated[
-    Annotated[Positive, Tag("<number>")] | Annotated[PositiveRange, Tag("<range>")], Discriminator(_form)
-]
-Variable = Annotated[
-    Annotated[NotNegative, Tag("<number>")] | Annotated[NotNegativeRange, Tag("<range>")], Discriminator(_form)
-]
-Damping = Annotated[
-    Annotated[NotNegativeOrInf, Tag("<number>")] | Annotated[NotNegativeRange, Tag("<range>")], Discriminator(_form)
-]
+A = TypeVar("A")
+B = TypeVar("B")
+NumberOrRange = Annotated[Annotated[A, Tag("<number>")] | Annotated[B, Tag("<range>")], Discriminator(_form)]
+PositiveVariable = NumberOrRange[Positive, PositiveRange]
+Variable = NumberOrRange[NotNegative, NotNegativeRange]
+Damping = NumberOrRange[NotNegativeOrInf, NotNegativeRange]
 
 
 class OperatorTable(Table):
@@ -152,11 +149,6 @@ class WorldMassTable(Table):
     max: NotNegativeOrInf | None = Field(None, description="Greatest mass, kg. Default inf, no limit.")
 
 
-WorldMass = Annotated[
-    Annotated[NotNegative, Tag("<number>")] | Annotated[WorldMassTable, Tag("<range>")], Discriminator(_form)
-]
-
-
 class WorldDampingTable(Table):
     """Damping of the environments, N s/m."""
 
@@ -170,11 +162,6 @@ class WorldStiffnessTable(Table):
     max: NotNegativeOrInf | None = Field(None, description="Greatest stiffness, N/m. Default inf, no limit.")
 
 
-WorldStiffness = Annotated[
-    Annotated[NotNegativeOrInf, Tag("<number>")] | Annotated[WorldStiffnessTable, Tag("<range>")], Discriminator(_form)
-]
-
-
 class WorldsTable(Table):
     """The environments that the device renders, mass s + damping + stiffness/s.
 
@@ -185,11 +172,11 @@ class WorldsTable(Table):
     For an impedance display the only environment is `stiffness = inf`, a rigid world: the coupling is then a wall.
     """
 
-    mass: WorldMass = Field(
+    mass: NumberOrRange[NotNegative, WorldMassTable] = Field(
         default_factory=WorldMassTable, description="Mass of the environments, kg. A number is that number."
     )
     damping: WorldDampingTable = Field(default_factory=WorldDampingTable)
-    stiffness: WorldStiffness = Field(
+    stiffness: NumberOrRange[NotNegativeOrInf, WorldStiffnessTable] = Field(
         default_factory=WorldStiffnessTable,
         description="Stiffness of the environments, N/m. A number is that number; inf makes the coupling of an "
         "impedance display a wall of coupling.stiffness and coupling.damping.",

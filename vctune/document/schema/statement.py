@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 from math import inf, pi
 from typing import Any
 
+from vctune.document.text.toml import placed
 from vctune.model.device import Device
 from vctune.model.experiment import Experiment
 from vctune.model.fields import table_of
@@ -21,9 +22,7 @@ def statement(problem: Problem) -> dict[str, Any]:
     operator = None if device.operator is None else asdict(device.operator)
     if problem.hands_met is not None:
         operator = {name: {"min": low, "max": high} for name, (low, high) in problem.hands.ranges.items()}
-    variables: dict[str, dict[str, Any]] = {}
-    for table, name in (key.split(".") for key in device.kind.stated):
-        variables.setdefault(table, {})[name] = _range(getattr(problem.bounds, name))
+    variables = [key.split(".") for key in device.kind.stated]
     constraints = {"safety_factor": stability.safety_factor, "criterion": stability.criterion}
     constraints |= {"max_sensitivity": stability.max_sensitivity} if device.kind.own_loop else {}
     uncertainty: dict[str, Any] = {}
@@ -40,7 +39,7 @@ def statement(problem: Problem) -> dict[str, Any]:
         "device": device_table(device),
         "operator": operator,
         "environment": {"stiffness": inf} if problem.rigid else problem.worlds and _worlds(problem.worlds),
-        **variables,
+        **placed({}, ((key, _range(getattr(problem.bounds, key[1]))) for key in variables)),
         "transparency": {
             "band_hz": _hz(transparency.band),
             "reference_impedance": transparency.reference_impedance,

@@ -53,9 +53,11 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
     return document
 
 
-def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[Document | None, list[Fault]]:
+def examined(
+    model: type[Document], raw: dict[str, Any], check: Check | None = None
+) -> tuple[Document | None, list[Fault]]:
     """Return the document that parsed TOML states, and all faults."""
-    between = [Fault(path, message, "contradiction") for path, message in check(raw)]
+    between = [Fault(path, message, "contradiction") for path, message in check(raw)] if check else []
     try:
         return model.model_validate(raw), between
     except ValidationError as error:
@@ -129,7 +131,7 @@ WRONG_TYPE: dict[str, str] = {
 def _fault(model: type[BaseModel], details: Any) -> Fault:
     """Return an error of pydantic as a fault: the path, what is wrong, and what to write instead."""
     path, value, kind = untagged(details["loc"]), details["input"], details["type"]
-    schema = document_schema(model)
+    schema = schema_of(model, model.__name__)
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         return Fault(path, _unknown(schema, details["loc"]), "unknown-key")
     if isinstance(value, float) and isnan(value):
@@ -158,8 +160,9 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
 Schema = dict[str, Any]
 
 
+@cache
 def schema_of(document: type[BaseModel], title: str) -> Schema:
-    """Return the JSON Schema of a document, without null forms and defaults of optional keys."""
+    """Return the JSON Schema of a document, without null forms and defaults of optional keys; not to be changed."""
     schema = document.model_json_schema()
     definitions = schema.pop("$defs", {})
     for table in (schema, *definitions.values()):
@@ -168,12 +171,6 @@ def schema_of(document: type[BaseModel], title: str) -> Schema:
                 del key["default"]
                 key.update(next(form for form in key.pop("anyOf") if form.get("type") != "null"))
     return {"$schema": DIALECT, **schema, "title": title, "$defs": definitions}
-
-
-@cache
-def document_schema(document: type[BaseModel]) -> Schema:
-    """Return the JSON Schema that messages quote; not to be changed."""
-    return schema_of(document, document.__name__)
 
 
 def _forms(schema: Schema, entry: Schema | None) -> list[Schema]:

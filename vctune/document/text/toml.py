@@ -39,22 +39,22 @@ def read_text(path: Path) -> str:
         raise InputError.of(source, "unreadable-file", "is no path: it contains a null character") from None
     if len(data) > MAX_BYTES:
         raise InputError.of(source, "unreadable-file", f"is longer than {MAX_BYTES} bytes; this is not a vctune file")
+    return decoded(data, source, "save it as UTF-8")
+
+
+def decoded(data: bytes, source: str, remedy: str) -> str:
+    """Return the text of a file in UTF-8."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        message = f"is not UTF-8 text (byte 0x{data[error.start]:02x}); save it as UTF-8"
+        message = f"is not UTF-8 text (byte 0x{data[error.start]:02x}); {remedy}"
         raise InputError.of(source, "unreadable-file", message, line=line) from None
 
 
 def called(path: Path) -> Path:
     """Return the name of a file for messages: its path, or "stdin"."""
     return Path("stdin") if path == STDIN else path
-
-
-def _is_json(text: str) -> bool:
-    """Return whether a text that is not TOML begins like a JSON object."""
-    return text.lstrip().startswith("{")
 
 
 def parse(text: str, source: str) -> dict[str, Any]:
@@ -66,7 +66,8 @@ def parse(text: str, source: str) -> dict[str, Any]:
         line = int(match[1]) if match and match[1] else text.count("\n") + 1
         message = re.sub(r"\s*\(at .*\)$", "", str(error))
         hint = hint_on_line(text.splitlines()[line - 1]) if line <= len(text.splitlines()) else ""
-        hint = "; this is JSON: the gains of a design.json are in the gains.toml beside it" if _is_json(text) else hint
+        if text.lstrip().startswith("{"):
+            hint = "; this is JSON: the gains of a design.json are in the gains.toml beside it"
         raise InputError.of(source, "not-toml", f"not valid TOML: {message[:200]}{hint}", line=line) from None
     except RecursionError:
         raise InputError.of(source, "not-toml", "not valid TOML: nested too deeply") from None
@@ -136,7 +137,7 @@ def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
     )
 
 
-def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
+def placed(document: dict[str, Any], numbers: Iterable[tuple[KeyPath, Any]]) -> dict[str, Any]:
     """Return a copy of a document with numbers set at their paths. The function creates missing tables and pairs."""
     copy = deepcopy(document)
     for path, number in numbers:
