@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,12 +35,8 @@ KINDS = {
     "gain": ("dB",),
     "phase": ("deg", "rad"),
 }
-BARE = {
-    "hertz": "frequency",
-    "real": "real",
-    "imag": "imag",
-    "gain_db": "gain",
-}  # Headers of a response that are a role without a unit
+# Headers of a response that are a role without a unit
+BARE = {"hertz": "frequency", "real": "real", "imag": "imag", "gain_db": "gain"}
 # Units of angles, torques and angular velocities, which only the log of a rotary device has
 ANGLES = ("rad", "mrad", "deg", "Nm", "mNm", "rad/s", "deg/s")
 
@@ -77,9 +74,10 @@ def read_log(path: Path, log_map: LogMap) -> Recording:
 def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, ColumnTable]:
     """Return the column of each role: the one in the map, or the first whose header states role and unit."""
     roles = (*(SERVO_ROLES if log_map.servo else ROLES), *RESPONSE_ROLES)
-    entries = {role: entry for role in roles if (entry := getattr(log_map.document.columns, role)) is not None}
     stated = {
-        role: entry if isinstance(entry, ColumnTable) else ColumnTable(column=entry) for role, entry in entries.items()
+        role: ColumnTable(column=entry) if isinstance(entry, str) else entry
+        for role in roles
+        if (entry := getattr(log_map.document.columns, role)) is not None
     }
     used, here = {table.column for table in stated.values()}, ", ".join(headers)
     faults = [
@@ -108,30 +106,27 @@ def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, Colum
     return columns
 
 
-def _missing(columns: dict[str, ColumnTable], log_map: LogMap) -> list[tuple[str, str]]:
-    """Return what a log lacks: a motion, times and sample time, or what moves the device."""
-    missing, sent = [], [columns[role].column for role in SERVO_COMMANDS if role in columns]
-    if "frequency" in columns:
-        if not ({"real", "imag"} <= set(columns) or {"gain", "phase"} <= set(columns)):
-            missing.append(("columns.real", "a response has real and imag, or gain_dB and phase_deg; name its columns"))
-        if log_map.document.sample_time is None:
-            missing.append(("sample_time", "a response does not show the sample time of the loop; write sample_time"))
-        return missing
-    if not {"position", "velocity"} & set(columns):
-        text = "without a position or a velocity nothing can be identified; name its column"
-        missing.append(("columns.position", text))
+def _missing(columns: dict[str, ColumnTable], log_map: LogMap) -> Iterator[tuple[str, str]]:
+    """Yield what a log lacks: a motion, times and sample time, or what moves the device."""
+    has, sent = set(columns), [columns[role].column for role in SERVO_COMMANDS if role in columns]
+    untimed = log_map.document.sample_time is None
+    if "frequency" in has:
+        if not ({"real", "imag"} <= has or {"gain", "phase"} <= has):
+            yield "columns.real", "a response has real and imag, or gain_dB and phase_deg; name its columns"
+        if untimed:
+            yield "sample_time", "a response does not show the sample time of the loop; write sample_time"
+        return
+    if not {"position", "velocity"} & has:
+        yield "columns.position", "without a position or a velocity nothing can be identified; name its column"
     if log_map.servo and len(sent) == 2:
-        text = (
-            f"a servo is sent a velocity or a position, and {' and '.join(sent)} are there; name the one that is sent"
-        )
-        missing.append(("columns", text))
+        both = f"a servo is sent a velocity or a position, and {' and '.join(sent)} are there"
+        yield "columns", f"{both}; name the one that is sent"
     elif log_map.servo and not sent:
-        missing.append(("columns.velocity_command", "without a command nothing can be identified; name its column"))
-    elif not log_map.servo and not {"command", "force", "hand"} & set(columns):
-        missing.append(("columns.command", "without a force nothing can be identified; name the column of the command"))
-    if "time" not in columns and log_map.document.sample_time is None:
-        missing.append(("sample_time", "there is no column time; name it in [columns], or write sample_time"))
-    return missing
+        yield "columns.velocity_command", "without a command nothing can be identified; name its column"
+    elif not log_map.servo and not {"command", "force", "hand"} & has:
+        yield "columns.command", "without a force nothing can be identified; name the column of the command"
+    if "time" not in has and untimed:
+        yield "sample_time", "there is no column time; name it in [columns], or write sample_time"
 
 
 def _channel(path: Path, values: Floats, stated: ColumnTable, log_map: LogMap, role: str) -> Channel:
@@ -159,18 +154,16 @@ def _unit(path: Path, stated: ColumnTable, log_map: LogMap, role: str) -> str:
     raise InputError.of(log_map.source, "log-columns", message, key=f"columns.{role}")
 
 
-def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return the faults: a column with two roles, a column with both unit and scale, a delay without its value."""
-    faults: list[Contradiction] = []
+def _contradictions(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the faults: a column with two roles, a column with both unit and scale, a delay without its value."""
     columns, roles = raw.get("columns"), dict[str, str]()
     for role, entry in columns.items() if isinstance(columns, dict) else ():
         header = entry.get("column") if isinstance(entry, dict) else entry
         if isinstance(header, str) and (other := roles.setdefault(header, role)) != role:
             message = f"is column {shown(header)}, as columns.{other} is; a column has one role: leave one of them out"
-            faults.append((("columns", role), message))
+            yield ("columns", role), message
         if isinstance(entry, dict) and "unit" in entry and "scale" in entry:
-            faults.append((("columns", role, "scale"), "says the same as unit; leave one of them out"))
+            yield ("columns", role, "scale"), "says the same as unit; leave one of them out"
     uncertain, stated = (toml.value_at(raw, ("device", key)) for key in ("delay_uncertainty", "delay"))
     if uncertain and stated is None:
-        faults.append((("device", "delay_uncertainty"), "there is no device.delay that is known; write it, or neither"))
-    return faults
+        yield ("device", "delay_uncertainty"), "there is no device.delay that is known; write it, or neither"

@@ -160,13 +160,10 @@ def _nodes(value: Any, place: tuple[str, ...], table: str) -> Iterator[tuple[tup
 def _manager(value: Any, name: str) -> tuple[tuple[str, ...], Mapping[str, Any]] | None:
     """Return the place and the parameters of the controller_manager that runs a controller; None if there is none."""
     running = [(place, given) for place, given in _nodes(value, (), name) if isinstance(given[name], Mapping)]
-    named = [each for each in _nodes(value, (), "update_rate") if each[0][-2:-1] and _is_manager(each[0][-2])]
-    return next(iter([*running, *named]), None)
-
-
-def _is_manager(name: str) -> bool:
-    """Return whether a node has the name of a controller_manager, in any namespace."""
-    return name.rpartition("/")[2] == "controller_manager"
+    for place, given in _nodes(value, (), "update_rate"):
+        if place[-2:-1] and place[-2].rpartition("/")[2] == "controller_manager":  # in any namespace
+            running.append((place, given))
+    return next(iter(running), None)
 
 
 def _require_type(reader: _Reader, manager: tuple[tuple[str, ...], Mapping[str, Any]] | None, name: str) -> None:

@@ -389,9 +389,8 @@ def _names(file: Stated) -> Found:
 
 def _motion(file: Stated) -> Found:
     """Yield a hand that is not connected or does not move, and strokes that are too short or too long."""
-    start, end, speed, cycles, damping, stiffness = (
-        file(f"experiment.operator.{key}", default) for key, default in _defaults(Operator).items() if key in MOTION
-    )
+    usual = _defaults(Operator)
+    start, end, speed, cycles, damping, stiffness = (file(f"experiment.operator.{key}", usual[key]) for key in MOTION)
     samples = abs(end - start) / (speed if speed > 0 else nan) / file.T
     if damping == 0 and stiffness == 0:
         message = "damping and stiffness are both 0: the hand does not move the handle; give it one of them"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from functools import cache
 from math import isnan
@@ -27,7 +27,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 KeyPath = tuple[str | int, ...]
 Contradiction = tuple[KeyPath, str]  # Path of a key, and a message on how its value contradicts other values
 # Function that finds contradictions between values in the valid parts of a document
-Check = Callable[[dict[str, Any]], list[Contradiction]]
+Check = Callable[[dict[str, Any]], Iterable[Contradiction]]
 Document = TypeVar("Document", bound=BaseModel)
 
 
