@@ -343,6 +343,8 @@ def _unmodelled(file: Stated) -> Found:
 
 def _display(file: Stated) -> Found:
     """Yield the keys without a meaning for the display, and the values that it does not permit."""
+    if not isinstance(file.value("device"), dict):
+        return
     kind = "servo" if file.servo else "impedance"
     display = "[device.servo]" if file.servo else 'device.display = "impedance"'
     for key, reason in MEANINGLESS[kind].items() if file.servo or file.impedance else ():
@@ -407,7 +409,9 @@ def _motion(file: Stated) -> Found:
 
 def _rendering(file: Stated) -> Found:
     """Yield the environments and baselines that the simulation does not allow."""
-    stated, world = file.table("experiment.environment"), "experiment.environment"
+    stated, world = file.raw["experiment"].get("environment", {}), "experiment.environment"
+    if not isinstance(stated, dict):
+        return
     wall, late, rule = stated.get("wall") is True, stated.get("late"), stated.get("rule")
     if wall and file(f"{world}.stiffness", 0.0) == 0:
         yield f"{world}.wall", "a wall needs a stiffness"
