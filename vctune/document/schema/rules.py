@@ -107,13 +107,12 @@ MEANINGLESS_IN_EXPERIMENT = {
 def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     """Return the contradictions in the valid parts of a problem's tables."""
     file = Stated(raw)
-    rules = (_ranges, _bands, _constraints, _environments, _long_delays, _parts, _display, _names)
+    rules = (_ranges, _bands, _constraints, _environments, _long_delays, _parts, _display, _names, _rotary_hands)
     found = [(_path(key), message) for rule in rules for key, message in rule(file)]
     for index, table in enumerate(file.tables("experiment")):
         one = Stated(raw | {"experiment": table})
         for rule in (_motion, _rendering, _hardware, _rotary_defaults):
             found += [(("experiment", index, *_path(key)[1:]), message) for key, message in rule(one)]
-    found += [(_path(key), message) for key, message in _rotary_hands(file)]
     if found and file.T >= LONGEST_SAMPLE:  # the others may follow from it
         return [(("device", "sample_time"), f"is {file.T:g} s; {seconds_meant(file.T)}")]
     return found
