@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 from math import inf, pi
 from typing import NamedTuple
 
@@ -19,6 +18,7 @@ from vctune.analysis.extrema import Floats, with_resonance
 from vctune.analysis.hardest_hands import needs_in_hands, rooms_at_walls
 from vctune.analysis.in_hands import RatioInHand
 from vctune.analysis.loops_in_hands import loops_in_hands
+from vctune.analysis.worst_hand import ANGLES, WORST, Place, first_hands, zoomed
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.hands import Hand, Hands, stacked
@@ -27,7 +27,6 @@ from vctune.model.sampled.hand_loop import loop_in_hand, met_in_hand, seen_in_ha
 from vctune.model.sampled.loop_in_worlds import offered_at, real_at_nyquist
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import Worlds, WorldsMet
-from vctune.proof.claims.crossing import ANGLES, BESIDE, COARSE, SHARES, WORST, ZOOMS, hands_around
 from vctune.running import check_time
 
 ENDLESS = 1e100  # in place of an infinite multiple
@@ -45,35 +44,22 @@ class _Failing(NamedTuple):
     theta: Floats  # angle of the high end, rad
 
 
-class _Limit(NamedTuple):
-    """The multiple up to which something fails, 0 if nothing does, with its angle, rad, and hand."""
-
-    multiple: float
-    theta: float
-    hand: Hand
-
-
 def least_ratio_in_worlds(
     device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, worlds: Worlds
 ) -> RatioInHand:
     """Return the number by which the coupling may be divided before something fails; below 1, the one by which it must
     be divided so that nothing does."""
-    ends = (sorted({low + share * (high - low) for share in SHARES}) for low, high in hands.ranges.values())
-    tried, every = [Hand(*numbers) for numbers in product(*ends)], angles_of(device)
+    tried, every = first_hands(hands), angles_of(device)
+
+    def worst_of(near: list[Hand], angles: Floats, best: Place) -> Place:
+        return _limit(LoopsInWorlds.of(device, gains, near, worlds, angles).failing(coupling), near, best)
+
     first = LoopsInWorlds.of(device, gains, tried, worlds, every).failing(coupling)
-    found = _limit(first, tried, _Limit(0.0, 0.0, tried[0]))
-    reached = np.max(np.where(first.high <= max(found.multiple, 1.0), first.high, 0.0), axis=1)
-    others = [_Limit(float(reached[n]), 0.0, tried[n]) for n in np.argsort(-reached)[:WORST]]
-    for start in (found, *others):
-        best, width, angles = start, 0.5, every
-        for zoom in range(ZOOMS):
-            near, width = hands_around(hands, best.hand, width), width / 2
-            best = _limit(LoopsInWorlds.of(device, gains, near, worlds, angles).failing(coupling), near, best)
-            if zoom >= COARSE:
-                angles = np.minimum(best.theta * BESIDE, pi)
-        found = max(found, best, key=lambda limit: limit.multiple)
-    ratio = 1 / found.multiple if found.multiple > 0 else inf
-    return RatioInHand(ratio, found.theta / device.sample_time, found.hand)
+    found = _limit(first, tried, Place(0.0, 0.0, tried[0]))
+    reached = np.max(np.where(first.high <= max(found.value, 1.0), first.high, 0.0), axis=1)
+    starts = [found, *(Place(float(reached[n]), 0.0, tried[n]) for n in np.argsort(-reached)[:WORST])]
+    found = max([found, *(zoomed(worst_of, hands, start, every) for start in starts)], key=lambda limit: limit.value)
+    return RatioInHand(1 / found.value if found.value > 0 else inf, found.theta / device.sample_time, found.hand)
 
 
 def ratio_in_these(
@@ -146,8 +132,8 @@ class LoopsInWorlds:
 
     def ratio(self, coupling: AnyCoupling) -> float:
         """Return the number by which a coupling may be divided in these hands, as `least_ratio_in_worlds` does."""
-        found = _limit(self.failing(coupling), self.hands, _Limit(0.0, 0.0, self.hands[0]))
-        return 1 / found.multiple if found.multiple > 0 else inf
+        found = _limit(self.failing(coupling), self.hands, Place(0.0, 0.0, self.hands[0]))
+        return 1 / found.value if found.value > 0 else inf
 
 
 def _between(above: Floats, below: Floats, resistive: Floats, angles: Floats) -> _Failing:
@@ -169,12 +155,12 @@ def _between(above: Floats, below: Floats, resistive: Floats, angles: Floats) ->
     return _Failing(low, high, theta)
 
 
-def _limit(failing: _Failing, hands: Sequence[Hand], known: _Limit) -> _Limit:
-    """Return the end of the failing multiples that include 1, or else the greatest failing one below 1; a known limit
-    above 1 is joined to what fails."""
+def _limit(failing: _Failing, hands: Sequence[Hand], known: Place) -> Place:
+    """Return the end of the failing multiples that include 1, or else the greatest failing one below 1, 0 if nothing
+    fails; a known limit above 1 is joined to what fails."""
     order = np.argsort(failing.low, axis=None)
     low, high = (each.ravel()[order] for each in (failing.low, failing.high))
-    level = max(known.multiple, 1.0)
+    level = max(known.value, 1.0)
     end, reach = int(np.searchsorted(low, level * (1 + ROUNDING), side="right")), np.maximum.accumulate(high)
     if end == 0:
         return known
@@ -182,10 +168,10 @@ def _limit(failing: _Failing, hands: Sequence[Hand], known: _Limit) -> _Limit:
         gaps = np.flatnonzero(low[end:] > np.maximum(reach[end - 1 : -1], level) * (1 + ROUNDING))
         end += int(gaps[0]) if gaps.size else low.size - end
     at = int(np.argmax(high[:end]))
-    if high[at] <= known.multiple:
+    if high[at] <= known.value:
         return known
     hand, step = np.unravel_index(order[at], failing.low.shape)
-    return _Limit(float(high[at]), float(failing.theta[hand, step]), hands[hand])
+    return Place(float(high[at]), float(failing.theta[hand, step]), hands[hand])
 
 
 @np.errstate(all="ignore")

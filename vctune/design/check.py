@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from vctune.analysis.in_hands import least_ratios
+from vctune.analysis.worst_hand import suspects
 from vctune.design.advice.parameter_changes import ParameterChange
 from vctune.design.advice.repair import Found, Progress, edits, repairs_of_design
 from vctune.design.design_record import record_of, warnings
@@ -248,7 +249,7 @@ def _holds_up_to(problem: Problem, judgement: Judgement, name: str, value: float
     assert problem.worlds is not None
     posed = pose(replace(problem, worlds=_with_end(problem.worlds, name, value)))
     design = Design(posed.demands.device, judgement.gains, judgement.coupling)
-    return prove_hands(design, posed.demands, posed.box).verdict is Verdict.PROVED
+    return prove_hands(design, posed.demands, posed.box, suspects).verdict is Verdict.PROVED
 
 
 def _rounded(value: float, *, up: bool) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from vctune.analysis.contact import drag_at_rest, greatest_drag, stiffest_contact
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, felt_impedance
-from vctune.design.judging.judge import Judgement, Status
+from vctune.design.judging.judge import Judgement, Status, certified
 from vctune.design.prepared import pose
 from vctune.document.records.felt_json import ContactRecord, InHandRecord, LatencyPartRecord
 from vctune.model.design import Design
@@ -22,7 +22,6 @@ from vctune.model.numbers.units import finite_hertz
 from vctune.model.problem import Problem
 from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.model.worlds import World
-from vctune.proof.certificate import certify
 from vctune.proof.outcome import Verdict
 
 CONTACT = "the stiffest contact"  # Name of a part that a time limit may leave out
@@ -84,7 +83,7 @@ def _stiffest(
     softer = Hands(hands.low, replace(hands.high, stiffness=stiffest))
     design = Design(posed.demands.device, judgement.gains, judgement.coupling)
     worlds = judgement.certificate.demands.worlds
-    found = certify(design, replace(posed.demands, hands=softer, worlds=worlds), posed.box)
+    found = certified(design, replace(posed.demands, hands=softer, worlds=worlds), posed.box)
     return stiffest, "proved" if found.verdict is Verdict.PROVED else "undecided"
 
 

@@ -12,6 +12,7 @@ from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.parts import DELAYS, LATENCY
 from vctune.model.problem import Demands
+from vctune.proof.claims.crossing import Suspects, no_suspects
 from vctune.proof.claims.delays import beside_whole_sample, may_jump
 from vctune.proof.claims.every_hand import (
     prove_any_hand,
@@ -97,6 +98,7 @@ class Question:
     design: Design  # design with plain numbers
     demands: Demands  # the constraints on the design
     box: DeviceBox | None = None  # box of devices for which the claim is to be proved; None for the design's own device
+    suspects: Suspects = no_suspects  # says where to look for a failure in hands
 
     @property
     def covered(self) -> DeviceBox | None:
@@ -127,8 +129,8 @@ def _unmodelled(question: Question, known: Outcomes) -> Outcome:
 
 
 def _hands(question: Question, _known: Outcomes) -> Outcome:
-    demands = question.demands
-    return prove_hands(question.design, replace(demands, worlds=demands.worlds and demands.worlds.linear), question.box)
+    demands = replace(question.demands, worlds=question.demands.worlds and question.demands.worlds.linear)
+    return prove_hands(question.design, demands, question.box, question.suspects)
 
 
 def _walls(question: Question, known: Outcomes) -> Outcome:
@@ -154,14 +156,19 @@ PROVERS: dict[ClaimId, Prover] = {
     "worlds": _hands,
     "walls": _walls,
     "wall_in_any_hand": lambda question, _: prove_wall_in_any_hand(question.design, question.demands, question.box),
-    "wall_in_hands": lambda question, _: prove_wall_in_hands(question.design, question.demands, question.box),
+    "wall_in_hands": lambda question, _: prove_wall_in_hands(
+        question.design, question.demands, question.box, question.suspects
+    ),
 }
 
 
-def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> Certificate:
+def certify(
+    design: Design, demands: Demands, box: DeviceBox | None = None, suspects: Suspects = no_suspects
+) -> Certificate:
     """Prove that a design meets its constraints (proof/README.md).
 
     A float stands for the decimal that it prints as: 0.4 means 2/5.
+
 
     Parameters
     ----------
@@ -172,6 +179,9 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     box : DeviceBox, optional
         Box of devices around the design's own device; the prover proves each claim for all of them; None for
         the design's own device.
+    suspects : Suspects
+        Function that says where to look for a failure in hands (`vctune.analysis.worst_hand.suspects`). A claim
+        that it shows to fail is refuted by a proof; without it such a claim may stay undecided.
 
     Returns
     -------
@@ -180,7 +190,7 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
         whole number of samples of delay the sensed force may jump. A claim is then proved only if it also holds on both
         sides of that number.
     """
-    question = Question(design, demands, box)
+    question = Question(design, demands, box, suspects)
     own, beside = _certificate(question), _beside(question)
     return _holding_beside(own, [_certificate(each) for each in beside]) if beside else own
 
@@ -211,7 +221,7 @@ def _beside(question: Question) -> list[Question]:
         delays = {key: device.number(key) for key in keys if device.number(key) is not None}
         there = box and DeviceBox(*(each.with_numbers(delays) for each in (box.nominal, box.low, box.high)))
         at = replace(demands, device=demands.device.with_numbers(delays))
-        found.append(Question(replace(design, device=device), at, there))
+        found.append(replace(question, design=replace(design, device=device), demands=at, box=there))
     return found
 
 

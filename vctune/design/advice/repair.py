@@ -14,7 +14,7 @@ import numpy as np
 
 from vctune.design.advice.parameter_changes import ParameterChange, change_of_gain, parameter_changes
 from vctune.design.advice.reserve import reserve
-from vctune.design.judging.judge import Judgement, Status, with_best_corner
+from vctune.design.judging.judge import Judgement, Status, certified, with_best_corner
 from vctune.design.prepared import pose as pose_devices
 from vctune.design.result import Solved
 from vctune.document.gains_file import design_numbers, design_tables
@@ -25,7 +25,6 @@ from vctune.model.design import Design
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import SYMBOLS
 from vctune.model.problem import Problem
-from vctune.proof.certificate import certify
 from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, boxes_at_most, check_time, out_of_time
 
@@ -129,7 +128,7 @@ def _proved(problem: Problem | None) -> _Proof:
             return _Proof(None if found is None else found.transparency.error)
         law = problem.fixed_design
         posed = with_best_corner(pose_devices(problem), *law)
-        certificate = certify(Design(posed.demands.device, *law), posed.demands, posed.box)
+        certificate = certified(Design(posed.demands.device, *law), posed.demands, posed.box)
     check_time()  # at the time limit the proof may be incomplete
     if certificate.verdict is Verdict.PROVED:
         return _Proof(posed.error(*law), certificate.boxes)

@@ -11,13 +11,13 @@ from vctune.analysis.demands import sensitivity_maxima, unmodelled_maxima
 from vctune.analysis.in_hands import least_ratio_before_wall, least_ratios_in_any_hand
 from vctune.analysis.multiples import ratio_in_these
 from vctune.analysis.stability import clearly_stable
+from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
 from vctune.design.judging.judge import margin_on_band
 from vctune.design.prepared import pose
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand
 from vctune.model.problem import Demands, Problem
-from vctune.proof.claims.crossing import ANGLES, LoopsBeforeWall
 
 MOST_DEVICES = 16  # Greatest number of devices of a box on which a design is estimated
 SLACK = 1e-5  # Share by which more than the safety factor is asked for, so that the proof succeeds

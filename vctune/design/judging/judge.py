@@ -27,6 +27,7 @@ from vctune.analysis.in_hands import (
 from vctune.analysis.in_worlds import corner_of
 from vctune.analysis.multiples import least_ratio_in_worlds, least_ratio_with_walls
 from vctune.analysis.responses import Loop
+from vctune.analysis.worst_hand import suspects, worst_before_wall
 from vctune.design.judging.worst_devices import loudest, worst_inside
 from vctune.design.prepared import Posed, pose, with_corner
 from vctune.model.design import Design
@@ -39,7 +40,7 @@ from vctune.model.numbers.units import hertz
 from vctune.model.problem import Demands, Problem
 from vctune.model.worlds import OVER_LIMIT
 from vctune.proof.certificate import Certificate, certify
-from vctune.proof.claims.crossing import worst_before_wall
+from vctune.proof.device_box import DeviceBox
 from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, check_time, seconds_left, time_limit, unlimited
 
@@ -240,7 +241,7 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     """Judge given gains against the constraints of a problem."""
     posed = with_best_corner(posed, gains, coupling)
     with time_limit(PROVING * seconds_left()):
-        certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
+        certificate = certified(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
     return judgement_of(posed, gains, coupling, certificate)
 
 
@@ -254,10 +255,15 @@ def judge_all(
         each = zip(designs, corners or [None] * len(designs), strict=True)
         return [judge_posed(posed if known is None else with_corner(posed, known), *law) for law, known in each]
     with time_limit(PROVING * seconds_left()):
-        certificates = [certify(Design(problem.device, *design), posed.demands, posed.box) for design in designs]
+        certificates = [certified(Design(problem.device, *design), posed.demands, posed.box) for design in designs]
     return [
         judgement_of(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)
     ]
+
+
+def certified(design: Design, demands: Demands, box: DeviceBox | None = None) -> Certificate:
+    """Prove a design, with an estimate of where it may fail in hands."""
+    return certify(design, demands, box, suspects)
 
 
 def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed:
@@ -373,4 +379,4 @@ def _before_wall(device: Device, hands: Hands | None, coupling: AnyCoupling) -> 
         at = least_ratio_before_wall(device, coupling)
         return Margin(at.ratio, at.omega, device, of="wall")
     worst = worst_before_wall(device, coupling, hands)
-    return Margin(worst.ratio, worst.omega, device, worst.hand, "wall")
+    return Margin(worst.value, worst.theta / device.sample_time, device, worst.hand, "wall")

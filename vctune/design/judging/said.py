@@ -7,11 +7,11 @@ from dataclasses import replace
 from math import inf, pi
 
 from vctune.analysis.in_worlds import growth_near
-from vctune.design.judging.judge import Judgement, MarginName, Status
+from vctune.design.judging.judge import Judgement, MarginName, Status, certified
 from vctune.model.hands import passive_hand
 from vctune.model.numbers.units import UNITS, Units, hertz, in_full, narrowed
 from vctune.model.servo import numbers_to_state
-from vctune.proof.certificate import RATIOS, certify
+from vctune.proof.certificate import RATIOS
 from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.running import OutOfTimeError, boxes_at_most
@@ -108,7 +108,7 @@ def _misses_only_the_factor(judgement: Judgement) -> bool:
         return False
     with boxes_at_most(MOST_BOXES), suppress(OutOfTimeError):
         demands = replace(certificate.demands, factor=1.0)
-        return certify(certificate.design, demands, certificate.box).verdict is Verdict.PROVED
+        return certified(certificate.design, demands, certificate.box).verdict is Verdict.PROVED
     return False
 
 

@@ -19,6 +19,7 @@ from scipy.optimize import minimize
 from vctune.analysis.demands import demand_grid, response, sensitivity_maxima
 from vctune.analysis.extrema import Floats
 from vctune.analysis.multiples import LoopsInWorlds, angles_of
+from vctune.analysis.worst_hand import ANGLES
 from vctune.design.judging.judge import Status
 from vctune.design.prepared import Posed
 from vctune.design.search.exchange import stable
@@ -28,7 +29,6 @@ from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_co
 from vctune.model.loop.llewellyn import passive_alone
 from vctune.model.loop.loop import LoopResponse
 from vctune.model.problem import Problem, Range
-from vctune.proof.claims.crossing import ANGLES
 from vctune.running import check_time
 
 MOST_DEVICES = 16  # of a box, at first

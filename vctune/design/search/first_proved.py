@@ -10,14 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.design.judging.judge import PROVING, Judgement, judgement_of
+from vctune.analysis.worst_hand import BESIDE
+from vctune.design.judging.judge import PROVING, Judgement, certified, judgement_of
 from vctune.design.prepared import Posed
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
-from vctune.proof.certificate import Certificate, certify
-from vctune.proof.claims.crossing import BESIDE
+from vctune.proof.certificate import Certificate
 from vctune.proof.claims.registry import claims_about
 from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, boxes_at_most, seconds_left, time_limit
@@ -76,7 +76,7 @@ def first_proved(posed: Posed, seen: Seen, best: Callable[[Seen, Law | None], La
         if law is None:
             break
         with boxes_at_most(MOST_BOXES), time_limit(PROVING * seconds_left()):
-            tried = certify(Design(posed.demands.device, *law), posed.demands, posed.box), seen
+            tried = certified(Design(posed.demands.device, *law), posed.demands, posed.box), seen
         claims = [claim for claim in tried[0].outcomes if claim in OF_COUPLING or not given]
         if all(tried[0].outcomes[claim].verdict is Verdict.PROVED for claim in claims):
             break  # certified, or given gains fail

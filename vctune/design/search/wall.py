@@ -13,13 +13,13 @@ import numpy as np
 
 from vctune.analysis.in_hands import least_multiples
 from vctune.analysis.loops_in_hands import loops_in_any_hand
+from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
 from vctune.design.prepared import Posed
 from vctune.design.search.first_proved import Law, Proved, Seen, first_proved
 from vctune.design.variables import design_of, point, rounded
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.proof.claims.crossing import ANGLES, LoopsBeforeWall
 from vctune.running import check_time
 
 PER_DECADE = 120  # angles for any passive hand

@@ -10,7 +10,7 @@ from math import inf, isnan, nextafter, pi
 import numpy as np
 
 from vctune.model.design import Design
-from vctune.model.gains import SpringDamper
+from vctune.model.device import Device
 from vctune.model.hands import MASS, STIFFNESS, Hand, Hands, stacked
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import keys_of
@@ -19,7 +19,7 @@ from vctune.model.sampled.loop_in_worlds import LEADS, Disjuncts, posed, real_at
 from vctune.proof.box_tests import Margin, beside_zero, either, misses_zero, positive, sufficient
 from vctune.proof.boxes import HALF_TURN, SAMPLES_BEFORE, Boxes, Values, band_of, over_band
 from vctune.proof.claims.cases import COUPLING_SHARE, Case, exact_case, over
-from vctune.proof.claims.crossing import refuted_by_one, worst_before_wall
+from vctune.proof.claims.crossing import Suspects, crossing, no_suspects
 from vctune.proof.claims.delays import DELAY_ROWS, NEXT_TO, Ends, Part, parts_of, row_of
 from vctune.proof.claims.loop_claims import in_rad_per_s, of_design
 from vctune.proof.claims.margins_of_claims import (
@@ -55,17 +55,25 @@ Tests = list[tuple[Test, Test | None]]  # tests that all must hold, each with th
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 
 
-def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
+def prove_hands(
+    design: Design, demands: Demands, box: DeviceBox | None = None, suspects: Suspects = no_suspects
+) -> Outcome:
     """Prove Re Z_c > factor R in every hand, or that the loop is stable in every hand with every environment of a
     box."""
-    assert demands.hands is not None
-    at_once = box is not None and len(box.modelled.uncertain) <= MOST_AT_ONCE
-    refuted = refuted_by_one(design, demands, box.modelled.devices() if box and at_once else [design.device])
-    if refuted is not None:
-        return refuted
+    devices = _devices(design, box)
+    for suspect in suspects(design, demands, devices) if demands.worlds and demands.worlds.corner is None else ():
+        if (theta := crossing(design, demands, suspect)) is not None:
+            device = suspect.device if len(devices) > 1 else None
+            return Outcome(Verdict.REFUTED, 0, theta / suspect.device.sample_time, device, suspect.hand)
     asked = Asked(design, demands, box)
     found = no_pole_crosses(asked, asked.ends(), asked.tests)
     return _and_without_reserve(found, prove_hands, design, demands, box)
+
+
+def _devices(design: Design, box: DeviceBox | None) -> list[Device]:
+    """Return the devices of a box that are examined one by one."""
+    at_once = box is not None and len(box.modelled.uncertain) <= MOST_AT_ONCE
+    return [*box.modelled.devices()] if box is not None and at_once else [design.device]
 
 
 def no_pole_crosses(asked: Asked, ends: Ends, tests: Callable[[Part, Values], Tests]) -> Outcome:
@@ -238,14 +246,14 @@ def prove_wall_in_any_hand(design: Design, demands: Demands, box: DeviceBox | No
     return _decided(Asked(design, demands, box), ends, tests)
 
 
-def prove_wall_in_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
+def prove_wall_in_hands(
+    design: Design, demands: Demands, box: DeviceBox | None = None, suspects: Suspects = no_suspects
+) -> Outcome:
     """Prove the coupling as a wall in every hand of a box: no pole reaches the unit circle from within."""
-    assert demands.hands is not None and isinstance(design.coupling, SpringDamper)
     uncertain = box.modelled.uncertain if box is not None else ()
-    for device in box.modelled.devices() if box is not None and len(uncertain) <= MOST_AT_ONCE else [design.device]:
-        worst = worst_before_wall(device, design.coupling, demands.hands)
-        if worst.ratio < demands.factor and _unstable_before_wall(replace(design, device=device), demands, worst.hand):
-            return Outcome(Verdict.REFUTED, 0, worst.omega, device if uncertain else None, worst.hand)
+    for device, hand, (theta, _) in suspects(design, demands, _devices(design, box)):
+        if _unstable_before_wall(replace(design, device=device), demands, hand):
+            return Outcome(Verdict.REFUTED, 0, theta / device.sample_time, device if uncertain else None, hand)
     ends = _ends(demands.hands, box, uncertain, reserve=demands.factor if demands.factor > 1 else None)
 
     def tests(part: Part, fixed: Values) -> Tests:
