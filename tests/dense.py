@@ -13,7 +13,7 @@ from scipy.integrate import simpson
 from scipy.linalg import expm
 
 from vctune.bench.evaluator import (
-    Case,
+    Scene,
     cases,
     coupling_impedance,
     impedances,
@@ -39,13 +39,13 @@ FINEST = 512
 NAMES = ("velocity", "position", "damping", "mass", "drag")
 
 
-def part(case: Case, index: Any) -> Case:
+def part(case: Scene, index: Any) -> Scene:
     """Return some of the cases, by a NumPy index."""
     arrays = {f.name: getattr(case, f.name) for f in fields(case)}
     return replace(case, **{name: x[index] for name, x in arrays.items() if np.ndim(x)})
 
 
-def error(problem: Problem, case: Case, points: int = 20_001) -> Any:
+def error(problem: Problem, case: Scene, points: int = 20_001) -> Any:
     """Return the transparency error of each case on a dense grid (model/README.md, section 8)."""
     band = problem.transparency.band
     square = squared_error(problem, case, np.geomspace(band.min, band.max, points))
@@ -54,7 +54,7 @@ def error(problem: Problem, case: Case, points: int = 20_001) -> Any:
     return np.sqrt(simpson(square, dx=1 / (points - 1), axis=-1))
 
 
-def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
+def squared_error(problem: Problem, case: Scene, omega: Any) -> Any:
     """Return the square of the transparency error at frequencies (paper eq. 21), without the least operator."""
     objective, (Z_d, C) = problem.transparency, impedances(case, 1j * omega)
     D, Z_0, weights = Z_d + C, objective.reference_impedance, objective.weights
@@ -62,19 +62,19 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
     return square + (weights.coupling * np.abs(coupling_impedance(case, 1j * omega)) / Z_0) ** 2
 
 
-def loops(case: Case) -> tuple[Case, ...]:
+def loops(case: Scene) -> tuple[Scene, ...]:
     """Return the loops that must be stable on their own: without a hand, and with the least operator."""
     bare = replace(case, m_h=0.0, b_h=0.0)
     held = replace(bare, mass=case.mass + case.m_h, damping=case.damping + case.b_h)
     return (bare,) if case.m_h == case.b_h == 0 else (bare, held)
 
 
-def spectral_radius(case: Case) -> np.ndarray | float:
+def spectral_radius(case: Scene) -> np.ndarray | float:
     """Return the spectral radius of each sampled loop without a hand: one number, or shape (n,) for n cases."""
     return by_kind(case, lambda some: np.abs(np.linalg.eigvals(loop_matrices(some))).max(axis=1))
 
 
-def by_kind(case: Case, evaluate: Callable[[Case], np.ndarray]) -> np.ndarray | float:
+def by_kind(case: Scene, evaluate: Callable[[Scene], np.ndarray]) -> np.ndarray | float:
     """Evaluate a function of loops without a hand and a coupling, on groups of loops with the same number of states."""
     names = ("mass", "damping", "delay", "K_v", "K_p")
     arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(getattr(case, name), float)) for name in names))
@@ -87,7 +87,7 @@ def by_kind(case: Case, evaluate: Callable[[Case], np.ndarray]) -> np.ndarray | 
     return results if any(np.ndim(getattr(case, name)) for name in names) else float(results[0])
 
 
-def loop_matrices(case: Case) -> np.ndarray:
+def loop_matrices(case: Scene) -> np.ndarray:
     """Return the matrices that advance v, x and the earlier commands by one sample, of shape (n, size, size)."""
     order, whole = 2 if case.K_p[0] > 0 else 1, int(samples(case)[0][0])
     A, full = _motion(case, np.full(len(case.K_v), case.sample_time), order)
@@ -105,7 +105,7 @@ def loop_matrices(case: Case) -> np.ndarray:
     return matrices
 
 
-def _motion(case: Case, t: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
+def _motion(case: Scene, t: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the matrix of the motion over a time t, and the effect of a constant unit force."""
     rates = np.zeros((len(t), order + 1, order + 1))
     rates[:, 0, 0], rates[:, 0, order], rates[:, 1:order, 0] = -case.damping / case.mass, 1 / case.mass, 1.0
@@ -140,7 +140,7 @@ def least(f: Callable, low: float, high: float, count: int) -> np.ndarray:
     return best
 
 
-def surpluses(problem: Problem, case: Case) -> np.ndarray:
+def surpluses(problem: Problem, case: Scene) -> np.ndarray:
     """Return by how much each case meets each demand, >= 0 where it does; shape (4, n).
 
     Rows are the least Re Z_c/(factor R) - 1 on the band, at most 1; 1 - max |S|/limit; 1 - spectral radius; and 0.5
@@ -157,19 +157,19 @@ def surpluses(problem: Problem, case: Case) -> np.ndarray:
     return found
 
 
-def conditions_surplus(problem: Problem, case: Case) -> np.ndarray:
+def conditions_surplus(problem: Problem, case: Scene) -> np.ndarray:
     factor, count = problem.stability.safety_factor, np.broadcast(case.mass, case.K_v).size
     return least(lambda omega: np.minimum(stability_ratio(case, omega) / factor - 1, 1.0), *band(problem), count)
 
 
-def sensitivity_surplus(problem: Problem, case: Case) -> np.ndarray:
+def sensitivity_surplus(problem: Problem, case: Scene) -> np.ndarray:
     limit, nyquist = problem.stability.max_sensitivity, problem.nyquist
     ringing = np.sqrt(case.K_p / case.mass) + np.zeros(np.broadcast(case.mass, case.K_v).size)
     low = 0.1 * np.clip(ringing[ringing > 0], nyquist * 1e-8, nyquist * 1e-3).min(initial=nyquist * 1e-3)
     return least(lambda omega: 1 - sensitivity(case, omega) / limit, low, nyquist, ringing.size)
 
 
-def sampled_surplus(problem: Problem, case: Case) -> np.ndarray:
+def sampled_surplus(problem: Problem, case: Scene) -> np.ndarray:
     rows = np.array([1 - np.atleast_1d(spectral_radius(loop)) for loop in loops(case)])
     for k, i in np.argwhere(np.abs(rows) < NEXT_TO_1):
         one = part(loops(case)[k], i)
@@ -181,20 +181,20 @@ def sampled_surplus(problem: Problem, case: Case) -> np.ndarray:
     return rows.min(axis=0)
 
 
-def unstable_model_poles(case: Case) -> np.ndarray:
+def unstable_model_poles(case: Scene) -> np.ndarray:
     """Return how many zeros Z_d + C has in the right half plane; nan where it comes too close to 0 to say.
 
     s D/(m (s + a)^2), or D/(m (s + a)) without K_p, is real at 0 and at infinity and turns by -2 pi for each of them.
     """
 
-    def counted(some: Case) -> np.ndarray:
+    def counted(some: Scene) -> np.ndarray:
         parts = range(0, len(some.K_v), TOGETHER // 10)
         return np.concatenate([_turns(part(some, slice(i, i + TOGETHER // 10)), 1) for i in parts])
 
     return by_kind(case, counted)
 
 
-def _turns(case: Case, density: int) -> np.ndarray:
+def _turns(case: Scene, density: int) -> np.ndarray:
     a = np.maximum(np.maximum(case.K_v, case.damping) / case.mass, np.sqrt(case.K_p / case.mass))
     with np.errstate(divide="ignore"):
         creeping = case.K_p / (case.K_v + case.damping)

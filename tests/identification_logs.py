@@ -12,7 +12,7 @@ from math import pi
 import numpy as np
 
 from vctune.model.device import Device
-from vctune.model.experiment import Environment, Friction, Operator
+from vctune.model.experiment import Environment, Friction, MovingHand
 from vctune.model.loop.filters import low_pass_coefficients
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, Structure, VelocityEstimate
@@ -59,7 +59,7 @@ def driven(device: Device, friction: Friction | None, excitation, *, gains=None,
     device, friction : what is identified
     excitation : shape (n,)
     gains : K_v and K_p of a closed loop; None for an open one
-    hand : an `Operator`; None for nobody
+    hand : an `MovingHand`; None for nobody
     """
     K_v, K_p = gains or (OPEN, 0.0)
     damping = 1.0 if gains else OPEN
@@ -72,7 +72,7 @@ def driven(device: Device, friction: Friction | None, excitation, *, gains=None,
         smoothing=float(low_pass_coefficients(estimate.filter_hz, device.sample_time, FLOATS)[0]) if smooth else None,
         low_passes=estimate.filter_order if smooth else 0, limit=None,
     )  # fmt: skip
-    nobody = Operator("reciprocate", 0.0, 1.0, 1.0, 1, 0.0, 0.0, 0.0)
+    nobody = MovingHand("reciprocate", 0.0, 1.0, 1.0, 1, 0.0, 0.0, 0.0)
     scene = Scene(device, hand or nobody, friction, law, 1.0, 0)
     step = build(scene)
     chunk, state, blocks = step.chunk(), step.start, []

@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from vctune.model.device import Device
-from vctune.model.experiment import Friction, Operator
+from vctune.model.experiment import Friction, MovingHand
 from vctune.simulation.controller import FLOATS, Measurement, at_rest, control, controller_of
 from vctune.simulation.scene import Scene, equilibrium, intended_motion
 
@@ -33,7 +33,7 @@ class Body:
     """Device, hand and friction."""
 
     device: Device
-    hand: Operator
+    hand: MovingHand
     friction: Friction | None
 
     def rates(self, y: np.ndarray, command: float, push: float) -> tuple[np.ndarray, float, float]:
@@ -149,7 +149,7 @@ class Pushed:
     """The force of the hand's spring and damper if the handle stood still at 0, and its derivatives, N."""
 
     wanted: CubicHermiteSpline
-    hand: Operator
+    hand: MovingHand
 
     def __call__(self, time: float, order: int = 0) -> float:
         """Return a derivative at a time; at a node that of the piece that begins there."""

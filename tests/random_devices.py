@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vctune.bench import stress
-from vctune.document.reading import pose
+from vctune.document.reading import problem_at
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
@@ -77,7 +77,7 @@ def far_apart(seed: int, number: int) -> tuple[Device, Gains, Coupling]:
     document = {"device": ideal | parts(rng, ideal, (-5.5, 2.5), 0.6)}
     if hand := operator(rng, ideal, 0.4):
         document["operator"] = hand
-    problem, faults = pose(document, "far apart")
+    problem, faults = problem_at(document, "far apart")
     assert problem is not None, faults
     device = problem.device
     tau = float(lags(device, FLOATS).drive)
@@ -113,7 +113,7 @@ def ordinary(rng: np.random.Generator, *, held: float = 0.3) -> Device:
         tables["force_sensor"] |= {"delay": decimal(T * rng.uniform(0, 2.5))}
     if hand := operator(rng, ideal, held):
         document["operator"] = hand
-    problem, faults = pose(document, "ordinary")
+    problem, faults = problem_at(document, "ordinary")
     assert problem is not None, faults
     return problem.device
 
@@ -162,7 +162,7 @@ def with_parts(rng: np.random.Generator, number: int) -> Device:
     if bends:
         device["structure"] = {"handle_mass": mass * rng.uniform(0.05, 0.6), "frequency_hz": rate(-1.7, -0.4)}
         device["structure"] |= {"damping_ratio": decades(rng, -2.3, -0.7)}
-    problem, faults = pose({"device": in_decimals(device)}, "with parts")
+    problem, faults = problem_at({"device": in_decimals(device)}, "with parts")
     assert problem is not None, faults
     return problem.device
 

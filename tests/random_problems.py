@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from dense import COARSE, NAMES, band, least_damping
 
-from vctune.bench.evaluator import Case, cases
+from vctune.bench.evaluator import Scene, cases
 from vctune.model.problem import Problem
 
 CHUNK = 4000
@@ -37,7 +37,7 @@ def _numbers(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     return np.array([problem.device.number(n) for n in names]), np.array([widths.get(n, 0.0) for n in names])
 
 
-def on_devices(problem: Problem, design: np.ndarray, devices: np.ndarray) -> Case:
+def on_devices(problem: Problem, design: np.ndarray, devices: np.ndarray) -> Scene:
     """Return the cases of one design on many devices."""
     mass, damping, delay = devices
     return replace(cases(problem.device, design), mass=mass, damping=damping, delay=delay)

@@ -21,13 +21,13 @@ from vctune import export
 from vctune.design.advice.repair import Found
 from vctune.design.check import CheckVerdict
 from vctune.design.judging.judge import Status
-from vctune.design.prepared import pose as prepared
+from vctune.design.prepared import problem_at as prepared
 from vctune.design.ros import admittance_check
 from vctune.design.ros.admittance import as_problem, coupling_of_admittance, document_of_both
 from vctune.design.ros.admittance_check import check_admittance
 from vctune.design.solve import solve
 from vctune.document.building import problem
-from vctune.document.reading import pose, problem_file, read_problem
+from vctune.document.reading import problem_at, problem_file, read_problem
 from vctune.document.ros import read_admittances
 from vctune.document.text.toml import toml_text
 from vctune.exit_codes import ExitCode
@@ -122,7 +122,7 @@ def test_the_step_of_the_controller_is_what_is_proved(tmp_path):
         given = read_admittances(tmp_path / "ros.yaml")[0]
         command = ("velocity", "position")[number % 2]
         file = problem_file(problem_text(arm, command), tmp_path / "arm.toml")
-        problem, _ = pose(as_problem(document_of_both(file.document, given, given.axes[0])), "arm")
+        problem, _ = problem_at(as_problem(document_of_both(file.document, given, given.axes[0])), "arm")
         device, (_, coupling) = problem.device, problem.fixed_design
         plant, T = servo_plant(device, sensed_delay(device), FLOATS), arm.T
         for hand in random_hands(rng, 3):

@@ -12,7 +12,7 @@ from conftest import ROOT, for_passive_hands
 from dense import error, spectral_radius
 
 from vctune.analysis.sampled_loop import spectral_radius as proved_radius
-from vctune.bench.evaluator import Case, case_of, required, sensitivity, stability_ratio
+from vctune.bench.evaluator import Scene, case_of, required, sensitivity, stability_ratio
 from vctune.design.design_record import warnings
 from vctune.design.judging.judge import Status, judge
 from vctune.design.search import optimum as solving
@@ -136,7 +136,7 @@ def test_least_coupling_of_a_fixed_loop_has_a_closed_form():
     problem = parse(DEVICE + "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\nmass = 0.4\n")
     solved = solve(problem)
     b_c = solved.judgement.coupling.damping
-    case = Case(0.4, 2.0, 1e-3, 0.0, "zoh", 150.0, 6000.0)
+    case = Scene(0.4, 2.0, 1e-3, 0.0, "zoh", 150.0, 6000.0)
     omega = 2 * pi * np.geomspace(0.5, 100.0, 20_001)
     R = required(case, omega)
 

@@ -13,7 +13,7 @@ from loop import Loop, radius, sensitivity
 
 from vctune.design.judging.judge import Status
 from vctune.design.solve import solve
-from vctune.document.reading import pose
+from vctune.document.reading import problem_at
 
 FACTOR, LIMIT = 1.05, 2.0
 FEW, MANY = 6, drawn(60)
@@ -55,7 +55,7 @@ def document(seed):
 
 
 def posed(tables):
-    problem, faults = pose(tables, "random")
+    problem, faults = problem_at(tables, "random")
     assert problem is not None and not faults, faults
     return problem
 

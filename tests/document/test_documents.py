@@ -22,7 +22,7 @@ from vctune.document.text import toml
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import folder_name, write_together
 from vctune.model.display import ADMITTANCE
-from vctune.model.experiment import Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.experiment import Environment, Experiment, Friction, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import ABSENT, HUMAN_HANDS, Band, Range
 
@@ -234,7 +234,7 @@ def test_an_experiment_needs_but_a_name():
         Experiment(
             "e",
             Environment(0.0, 0.0, 0.0, 0.0, False, "backward"),
-            Operator("reciprocate", 0.0, 0.05, 0.01, 3, 0.0, 2.0, 1000.0),
+            MovingHand("reciprocate", 0.0, 0.05, 0.01, 3, 0.0, 2.0, 1000.0),
             None,
             Sensors(0.0, 0.0, 0),
             None,

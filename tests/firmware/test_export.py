@@ -18,7 +18,7 @@ from vctune import InputError, export, write_export
 from vctune.document.reading import parse_problem, read_gains, read_problem
 from vctune.document.records.certificate_json import HandsRecord, WallsRecord
 from vctune.exit_codes import ExitCode
-from vctune.firmware.firmware import NOTHING, certified, firmware, rounded
+from vctune.firmware.firmware import NO_ENVIRONMENT, certified, firmware, rounded
 from vctune.firmware.preamble import rendered
 from vctune.firmware.vectors import commands, default_experiments, replays
 from vctune.model.gains import Coupling, Gains
@@ -284,7 +284,7 @@ def test_an_export_names_its_formats():
 def test_a_limit_that_does_not_act_changes_nothing():
     """To the last bit, also where the position part alone asks for more than it: the certified loop is linear."""
     device = read_problem(ROOT / "problems/friction-wheel.toml").problem.device
-    free = designed_law(device, Gains(150.0, 6000.0), Coupling(160.0, 0.35, 0.5), NOTHING)
+    free = designed_law(device, Gains(150.0, 6000.0), Coupling(160.0, 0.35, 0.5), NO_ENVIRONMENT)
     limited = replace(free, limit=30.0)
     laws = [controller_of(law) for law in (free, limited)]
     states = [at_rest(law, 0.0, 0.0) for law in laws]
@@ -307,7 +307,7 @@ def test_behind_a_limit_the_position_error_stays_within_reach():
     """What the limit can hold: the position part alone never asks for more, and is back as soon as the hand lets go."""
     gains, limit = Gains(150.0, 6000.0), 2.0
     device = read_problem(ROOT / "problems/friction-wheel.toml").problem.device
-    law = controller_of(replace(designed_law(device, gains, Coupling(160.0, 0.35, 0.5), NOTHING), limit=limit))
+    law = controller_of(replace(designed_law(device, gains, Coupling(160.0, 0.35, 0.5), NO_ENVIRONMENT), limit=limit))
     state = at_rest(law, 0.0, 0.0)
     for _ in range(500):  # the hand pushes with 20 N against a handle that is stuck
         state, command = control(law, state, Measurement(0.0, 0.0, 20.0), FLOATS)

@@ -16,7 +16,7 @@ from vctune.document.records.identification_json import Bounded
 from vctune.document.text.errors import InputError
 from vctune.identification.box import joint_factor
 from vctune.model.device import Device
-from vctune.model.experiment import Friction, Operator
+from vctune.model.experiment import Friction, MovingHand
 
 FEW, MANY = (pytest.param(1, marks=pytest.mark.slow), 2), range(drawn(60))
 
@@ -146,7 +146,7 @@ def test_a_hand_moves_the_device_and_the_sensor_s_lag_is_found(tmp_path):
     device = Device(0.4, 2.0, T, 4e-4)
     f = np.fft.rfftfreq(n, T)
     wave = np.fft.irfft(np.fft.rfft(random.normal(size=n)) * (f > 0.3) / (1 + (f / 6.0) ** 2), n)
-    hand = Operator("sine", 0.0, 0.05, 0.3, 40, 0.1, 5.0, 400.0)
+    hand = MovingHand("sine", 0.0, 0.05, 0.3, 40, 0.1, 5.0, 400.0)
     recorded = driven(device, Friction(0.3, 0.35, 0.005, 1e5, 200.0), 3 * wave / wave.std(), hand=hand)
     late = 2.5e-3
     time = np.arange(n) * T
@@ -167,7 +167,7 @@ def test_a_hand_moves_the_device_and_the_sensor_s_lag_is_found(tmp_path):
 
 def test_where_the_command_rests_the_delay_is_asked_for(tmp_path):
     random, T, n = np.random.default_rng(2), 1e-3, 8000
-    hand = Operator("sine", 0.0, 0.05, 0.3, 40, 0.1, 5.0, 400.0)
+    hand = MovingHand("sine", 0.0, 0.05, 0.3, 40, 0.1, 5.0, 400.0)
     recorded = driven(Device(0.4, 2.0, T), None, np.zeros(n), hand=hand)
     sensed = recorded["force"] + random.normal(size=n) * 0.01
     columns = {

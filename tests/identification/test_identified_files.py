@@ -18,7 +18,7 @@ from vctune.document.records.identification_json import Estimate
 from vctune.document.text.errors import InputError
 from vctune.identification.box import box, readable
 from vctune.model.device import Device
-from vctune.model.experiment import Friction, Operator
+from vctune.model.experiment import Friction, MovingHand
 
 T = 1e-3
 DEVICE = Device(0.5, 2.0, T, 7e-4)
@@ -183,7 +183,7 @@ def test_a_force_that_no_noise_explains_is_refused(moved, tmp_path):
 @pytest.mark.parametrize("wave", ["moved", "repeated"])
 def test_a_spring_is_refused_unless_it_acts_as_a_hand_does(request, tmp_path, wave, display, code):
     """The motor's force of another log pushes the device on a spring, which is a hand that nothing senses."""
-    spring = Operator("reciprocate", 0.0, 1e-12, 1e-12, 1, mass=0.0, damping=0.0, stiffness=300.0)
+    spring = MovingHand("reciprocate", 0.0, 1e-12, 1e-12, 1, mass=0.0, damping=0.0, stiffness=300.0)
     known = request.getfixturevalue(wave)
     recorded = driven(DEVICE, FRICTION, known["command_N"], hand=spring)
     pulled = known | {"position_m": encoded(recorded["position"], 1e-8), "command_N": recorded["motor"]}

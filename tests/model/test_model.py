@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vctune.bench.evaluator import Case, impedances
+from vctune.bench.evaluator import Scene, impedances
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains, coupling_impedance
 from vctune.model.loop.device_response import device_response
@@ -44,7 +44,7 @@ def test_plain_formula_would_return_zero():
     """The check number of model/README.md, section 5: R = 5.5543e-5 where |q| - Re q loses every digit."""
     gains = Gains(5000.0, 1e6)
     assert R(Device(0.5, 1.0, 1e-3, 0.0, "lag"), gains, 0.01) == pytest.approx(5.5543e-5, rel=1e-4)
-    Z_d, C = impedances(Case(0.5, 1.0, 1e-3, 0.0, "lag", 5000.0, 1e6), 0.01j)
+    Z_d, C = impedances(Scene(0.5, 1.0, 1e-3, 0.0, "lag", 5000.0, 1e6), 0.01j)
     q = C / (Z_d + C)
     assert abs(q) - q.real < 1e-15
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from vctune.analysis.sampled_loop import spectral_radius
 from vctune.analysis.stability import clearly_stable, makes_no_turn, unit_circle
-from vctune.bench.evaluator import Case
+from vctune.bench.evaluator import Scene
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
@@ -25,7 +25,7 @@ def loops(draw):
     T = 10.0 ** draw(st.floats(-5, -1))
     m = 10.0 ** draw(st.floats(-4, 4))
     K_v = m / T * 10.0 ** draw(st.floats(-2, 0.6))
-    return Case(
+    return Scene(
         mass=m,
         damping=draw(st.sampled_from([0.0, 1e-6, 1e-2, 1.0])) * m / T,
         sample_time=T,

@@ -14,7 +14,7 @@ from conftest import ROOT
 
 from vctune.design.judging.judge import Status, judge
 from vctune.document.reading import read_gains, read_problem
-from vctune.model.experiment import Environment, Experiment, Operator, Sensors
+from vctune.model.experiment import Environment, Experiment, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Problem
 from vctune.simulation.run import run
@@ -50,13 +50,13 @@ def certified(name: str) -> Certified:
     return Certified(problem, design.gains, design.coupling, problem.stability.band.hz)
 
 
-def passive(rng: np.random.Generator) -> tuple[Operator, Environment]:
+def passive(rng: np.random.Generator) -> tuple[MovingHand, Environment]:
     """Return a hand and a wall (to 1e5 N/m), a mass or a resonator."""
 
     def decades(low: float, high: float) -> float:
         return float(10.0 ** rng.uniform(low, high))
 
-    hand = Operator(
+    hand = MovingHand(
         "sine", 0.0, 0.05, 0.05, 1, float(rng.choice([0.0, decades(-3, 1)])), float(rng.choice([0.0, decades(-2, 2)])),
         decades(1, 4),
     )  # fmt: skip

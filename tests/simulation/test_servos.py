@@ -24,7 +24,7 @@ from vctune import InputError, simulate
 from vctune.design.judging.judge import Judgement, Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.model.device import Device
-from vctune.model.experiment import Environment, Experiment, Operator, Sensors
+from vctune.model.experiment import Environment, Experiment, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.parts import ForceSensor, Servo
 from vctune.model.problem import Problem
@@ -35,7 +35,7 @@ from vctune.simulation.scene import Scene, designed_scene, equilibrium, intended
 from vctune.simulation.two_runs import STANDING, fastest_mode, loop_matrix
 
 NO_GAINS = Gains(0.0, 0.0)
-HAND = Operator("sine", 0.0, 0.02, 0.05, 1, 0.5, 5.0, 600.0)
+HAND = MovingHand("sine", 0.0, 0.02, 0.05, 1, 0.5, 5.0, 600.0)
 SPRING = Environment(0.0, 0.0, 300.0, 0.0, False)
 ARM = {
     "device": {"sample_time": 0.002, "servo": {"delay": 0.032, "bandwidth_hz": 20.0, "order": 2}},
@@ -252,7 +252,7 @@ def test_between_samples_it_follows_its_command_and_is_sensed(command, order):
 def test_it_starts_at_rest_where_hand_and_environment_agree():
     for tables in (ARM, WALKER, FILTERED):
         problem = problem_of(tables).problem
-        still = Operator("sine", 0.02, 0.02 + 1e-9, 0.05, 50, 1.0, 5.0, 600.0)
+        still = MovingHand("sine", 0.02, 0.02 + 1e-9, 0.05, 50, 1.0, 5.0, 600.0)
         traces = run(scene_of(problem.device, problem.fixed_design[1], operator=still))
         assert np.abs(traces.velocity).max() < 1e-7
         assert traces.force[0] == pytest.approx(0.02 / (1 / 600 + 1 / 300))
@@ -268,7 +268,7 @@ def judged(tables: dict, share: float = 1.0) -> tuple[Problem, Judgement]:
     return problem, judge(problem, *problem.fixed_design)
 
 
-def hand_within(rng: np.random.Generator, hands) -> Operator:
+def hand_within(rng: np.random.Generator, hands) -> MovingHand:
     """Return a hand of the box, one of its vertices every other time."""
     share = rng.integers(2, size=3) if rng.random() < 0.5 else rng.random(3)
     low, high = np.array(astuple(hands.low)), np.array(astuple(hands.high))

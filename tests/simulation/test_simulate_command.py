@@ -15,7 +15,7 @@ from command import run as vctune
 from conftest import ROOT, drawn, for_passive_hands, mostly_slow
 
 from vctune.exit_codes import ExitCode
-from vctune.model.experiment import Environment, Operator
+from vctune.model.experiment import Environment, MovingHand
 from vctune.simulation.metrics import metrics
 from vctune.simulation.run import Traces
 from vctune.simulation.scene import intended_motion, sample_count
@@ -33,7 +33,7 @@ baseline = { kp = 2000.0, kd = 20.0, mass = 1.0, damping = 20.0 }
 name = "free"
 operator = { to = 0.005, cycles = 2, motion = "sine" }
 """
-HAND = Operator("reciprocate", 0.0, 0.05, 0.1, 3, 0.0, 2.0, 1000.0)
+HAND = MovingHand("reciprocate", 0.0, 0.05, 0.1, 3, 0.0, 2.0, 1000.0)
 
 
 @pytest.fixture
@@ -351,7 +351,7 @@ def test_stiff_and_extreme():
         delay = float(rng.choice([0.0, 0.4, 3.3])) * T
         velocity = None if rng.random() < 0.5 else VelocityEstimate("difference", 0.1 / T)
         device = Device(0.4, 2.0, T, delay, "zoh", velocity)
-        hand = Operator(str(rng.choice(["sine", "reciprocate"])), 0.0, travel, speed, 2, mass, 2.0, 1000.0)
+        hand = MovingHand(str(rng.choice(["sine", "reciprocate"])), 0.0, travel, speed, 2, mass, 2.0, 1000.0)
         environment = Environment(0.0, float(rng.choice([0.0, 30.0])), wall, travel * 0.7, True)
         friction = Friction(0.3, 0.4, 0.005, stiffness, (stiffness * 0.4) ** 0.5)
         sensors = Sensors(float(rng.choice([0.0, 1e-6])), 0.01, 0)

@@ -25,7 +25,7 @@ from vctune.analysis.sampled_loop import spectral_radius
 from vctune.bench.solvers import posed
 from vctune.design.judging.judge import Status, judge
 from vctune.model.device import Device
-from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.experiment import Baseline, Environment, Experiment, Friction, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS as FLOATS_OF_THE_MODEL
@@ -57,7 +57,7 @@ GAINS, COUPLING = Gains(60.0, 1500.0), Coupling(60.0, 0.3, 8.0)
 NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
 SPRING = Environment(0.0, 0.0, 200.0, 0.0, False)
 PERFECT = Sensors(0.0, 0.0, 0)
-HAND = Operator("reciprocate", 0.0, 0.01, 0.05, 1, 0.05, 2.0, 1000.0)
+HAND = MovingHand("reciprocate", 0.0, 0.01, 0.05, 1, 0.05, 2.0, 1000.0)
 AWAY = replace(HAND, mass=0.0, damping=0.0, stiffness=0.0)
 PID = Baseline(2000.0, 0.0, 20.0, 1.0, 20.0)
 LUGRE = Friction(0.3, 0.4, 0.005, 2e4, (2e4 * 0.4) ** 0.5)

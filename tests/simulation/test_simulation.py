@@ -15,7 +15,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from vctune.document.reading import read_gains, read_problem
 from vctune.model.device import Device
-from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.experiment import Baseline, Environment, Experiment, Friction, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.parts import Structure, VelocityEstimate
 from vctune.simulation.controller import FLOATS, Measurement, at_rest, control, controller_of
@@ -51,7 +51,7 @@ COUPLING = Coupling(160.0, 0.35, 0.0)
 NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
 SPRING = Environment(0.0, 0.0, 200.0, 0.0, False)
 PERFECT = Sensors(0.0, 0.0, 0)
-HAND = Operator("reciprocate", 0.0, 0.01, 0.05, 1, 0.0, 2.0, 1000.0)
+HAND = MovingHand("reciprocate", 0.0, 0.01, 0.05, 1, 0.0, 2.0, 1000.0)
 PID = Baseline(2000.0, 0.0, 20.0, 1.0, 20.0)
 
 

@@ -13,7 +13,7 @@ from vctune.analysis.sampled_loop import loop_gain, sensitivity_of
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, series_coupling
 from vctune.model.loop.device_response import device_response
-from vctune.model.loop.llewellyn import llewellyn_demand, passive_alone
+from vctune.model.loop.llewellyn import llewellyn_excess, passive_alone
 from vctune.model.loop.loop import LoopResponse, loop_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
@@ -67,7 +67,7 @@ def ratio_or_resistance(
 
 
 def _ratio(loop: LoopResponse, coupling: AnyCoupling, omega: Floats) -> Floats:
-    needed = llewellyn_demand(loop, FLOATS)
+    needed = llewellyn_excess(loop, FLOATS)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = 2 * loop.resistance * coupling_impedance(series_coupling(coupling), omega).re / needed
     return ratio if loop.operator_relief is None else np.where(needed > 0, ratio, inf)

@@ -28,11 +28,11 @@ from vctune.model.sampled.hand_loop import (
 )
 from vctune.model.sampled.loop_in_worlds import (
     LEADS,
-    Offered,
-    Seen,
+    ZOffered,
+    ZSeen,
     disjuncts,
     disjuncts_in_walls,
-    posed,
+    margin_names,
     room_of,
     strip_in_walls,
 )
@@ -156,7 +156,7 @@ BESIDE = 0.5
 DRIVEN = 1e6
 
 # What an environment meets, for some shares of the coupling (`met_in_shares`)
-MetInShares = dict[float, tuple[Offered, Seen, float]]
+MetInShares = dict[float, tuple[ZOffered, ZSeen, float]]
 
 
 @np.errstate(all="ignore")
@@ -173,7 +173,7 @@ def needs_in_worlds(
     at, seen = met_in_hand(loop, device, gains, coupling, theta, FLOATS)
     found = disjuncts(at, worlds, T, seen, factor, theta, FLOATS)
     needs = {"resistive": _need(seen.lost / seen.size, at.resistance + factor * worlds.low.damping)}
-    for name in posed(worlds, factor)[1:]:
+    for name in margin_names(worlds, factor)[1:]:
         needs[name] = np.exp(-room_of(getattr(found, name), np.abs)) / factor
     return needs
 

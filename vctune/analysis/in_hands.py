@@ -30,7 +30,7 @@ SEARCHED = 6  # Number of local minima over the angle that the code refines
 # would miss them
 SHARP = 0.03
 
-TOGETHER = 32  # Number of devices that the code evaluates together
+DEVICES_AT_ONCE = 32  # Number of devices that the code evaluates together
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ def least_ratios_of_devices(
     """Return `least_ratios_in_hands` for several devices. The function evaluates devices of the same form together."""
     starts = [_steepest(device, hands, gains, coupling, met) for device in devices]
     found: list[list[RatioInHand]] = [[] for _ in devices]
-    groups = (group[i : i + TOGETHER] for group in alike(devices) for i in range(0, len(group), TOGETHER))
+    groups = (group[i : i + DEVICES_AT_ONCE] for group in alike(devices) for i in range(0, len(group), DEVICES_AT_ONCE))
     for group in groups:
         places = [place for place in group for _ in range(len(starts[place]))]
         first, *others = (starts[place] for place in group)

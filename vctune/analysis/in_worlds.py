@@ -29,7 +29,7 @@ LOWEST = 1e-4  # Least corner that the search evaluates, in units of 2/T
 CORNERS = 17  # Number of corners evaluated first, evenly spaced on a log scale: the reserve may have two maxima
 FINER = 3  # Number of times that the search then quarters the spacing around the best corner, down to 1 %
 # Shares of each range of hands, and number of angles per decade, that the search evaluates
-SHARES, PER_DECADE = (0.0, 0.1, 1.0), 16
+HAND_SHARES, PER_DECADE = (0.0, 0.1, 1.0), 16
 
 
 class Growth(NamedTuple):
@@ -117,7 +117,7 @@ def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
     assert worlds is not None
     assert hands is not None
     most = 2 * HIGHEST / device.sample_time
-    where = loops_in_hands(device, hands, SHARES, PER_DECADE)
+    where = loops_in_hands(device, hands, HAND_SHARES, PER_DECADE)
     asked = WorldsMet(worlds, problem.stability.safety_factor)
     shares = met_in_shares(where.loop, device, gains, coupling, where.theta, asked)
 

@@ -15,10 +15,10 @@ from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.any_hand import AnyHand, any_hand
 from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, required_in_hand, seen_in_hand
-from vctune.model.sampled.loop_in_worlds import Seen
+from vctune.model.sampled.loop_in_worlds import ZSeen
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 
-SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)  # Shares of each range of hands that the search evaluates first
+GRID_SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)  # Shares of each range of hands that the search evaluates first
 LOWEST, PER_DECADE = 1e-4, 24  # Least angle omega T above 0, and number of angles per decade
 SOFT = np.geomspace(1e-12, 1.0, 97)  # Shares of the range of stiffness that the search evaluates at angle 0
 
@@ -38,11 +38,11 @@ class LoopsInHands:
             R = np.asarray(found.lost / found.size)
         return np.broadcast_to(R, np.broadcast_shapes(R.shape, np.shape(gains.velocity)))  # no gain affects a servo's R
 
-    def seen(self, gains: Gains) -> Seen:
+    def seen(self, gains: Gains) -> ZSeen:
         """Return Z_seen with the shape of `required`."""
         found = seen_in_hand(self.loop, gains)
         shape = np.broadcast_shapes(np.shape(found.lost), np.shape(gains.velocity))
-        return Seen(*(np.broadcast_to(part, shape) for part in found))
+        return ZSeen(*(np.broadcast_to(part, shape) for part in found))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def answers(device: Device, theta: Floats) -> AnyHand:
 
 @lru_cache(maxsize=128)
 def loops_in_hands(
-    device: Device, hands: Hands, shares: tuple[float, ...] = SHARES, per_decade: int = PER_DECADE
+    device: Device, hands: Hands, shares: tuple[float, ...] = GRID_SHARES, per_decade: int = PER_DECADE
 ) -> LoopsInHands:
     """Return the loop of a device in some hands of a box at some angles."""
     theta = angles(device, per_decade)

@@ -22,7 +22,7 @@ from vctune.model.sampled.velocity_loop import (
     unturned,
 )
 
-NOTHING = 1e-15  # Coefficient of a polynomial, relative to the greatest, that is a rounding error
+ROUNDING_ERROR = 1e-15  # Coefficient of a polynomial, relative to the greatest, that is a rounding error
 Complex = NDArray[np.complex128]
 
 
@@ -82,5 +82,5 @@ def spectral_radius(device: Device, gains: Gains) -> float:
     F = return_difference(plant, theta, FLOATS, position=gains.position > 0).closed(gains)
     polynomial = unturned(plant, F, theta, FLOATS)
     coefficients = np.fft.ifft(polynomial.re + 1j * polynomial.im).real
-    rounded = np.where(np.abs(coefficients) < NOTHING * np.abs(coefficients).max(), 0.0, coefficients)
+    rounded = np.where(np.abs(coefficients) < ROUNDING_ERROR * np.abs(coefficients).max(), 0.0, coefficients)
     return float(np.abs(np.roots(rounded)).max(initial=0.0))

@@ -32,7 +32,7 @@ Complex = NDArray[np.complex128]
 ZOOMS = 14  # rounds of hands that are tried, each around the worst of the last and half as far apart
 COARSE, BESIDE = 4, np.linspace(0.97, 1.03, 200)  # rounds over all angles; then those beside the last crossing
 ANGLES = np.geomspace(1e-5, pi, 800)  # rad
-SHARES, WORST = (0.0, 0.05, 0.3, 1.0), 3  # shares of each range that are tried first, and hands to zoom in on
+FIRST_SHARES, WORST = (0.0, 0.05, 0.3, 1.0), 3  # shares of each range that are tried first, and hands to zoom in on
 
 
 class Place(NamedTuple):
@@ -45,7 +45,7 @@ class Place(NamedTuple):
 
 def first_hands(hands: Hands) -> list[Hand]:
     """Return the hands of a box that are tried first."""
-    ends = (sorted({low + share * (high - low) for share in SHARES}) for low, high in hands.ranges.values())
+    ends = (sorted({low + share * (high - low) for share in FIRST_SHARES}) for low, high in hands.ranges.values())
     return [Hand(*numbers) for numbers in product(*ends)]
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from vctune.api.result import DESIGN_FILE, Files
-from vctune.api.solving import Design, json_text, require_bounded, require_gap, solve
+from vctune.api.solving import SavedDesign, json_text, require_bounded, require_gap, solve
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
 from vctune.design.design_record import optimality_record, record_of
@@ -52,10 +52,10 @@ class Bounded:
         return self.optimality is not None and self.optimality.proved
 
     @property
-    def design(self) -> Design:
+    def design(self) -> SavedDesign:
         """The best known design as the result of the command."""
         found = ExitCode.OK if self.proved else ExitCode.UNDECIDED
-        return Design(self.file, self.record, ExitCode.FAILED if self.status is Status.INFEASIBLE else found)
+        return SavedDesign(self.file, self.record, ExitCode.FAILED if self.status is Status.INFEASIBLE else found)
 
     def files(self, design: Path) -> Files:
         """Return the record with the bound in place of a design.json, and what that makes of the files beside it."""

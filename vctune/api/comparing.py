@@ -11,7 +11,7 @@ from vctune.design.design_record import record_of
 from vctune.design.search.optimum import Progress
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.reading import on_yardstick, parse_problem, pose
+from vctune.document.reading import on_yardstick, parse_problem, problem_at
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import KeyPath, dotted
@@ -77,7 +77,7 @@ def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[De
     file = problem_of(source)
     device = file.problem.device
     if base is not None and (base.device.display, base.device.units) == (device.display, device.units):
-        posed, _ = pose(on_yardstick(file.document, base), file.problem.name)
+        posed, _ = problem_at(on_yardstick(file.document, base), file.problem.name)
         file = file if posed is None else replace(file, problem=posed)
     return record_of(file, solve(file, progress=progress)), file.problem
 

@@ -29,7 +29,7 @@ from vctune.running import time_limit as limited
 from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
-from vctune.study.region_check import Design, region_record
+from vctune.study.region_check import GivenDesign, region_record
 
 REGION_FILE, PICTURE = "region.json", "region.svg"
 SOLVING = 0.5  # Greatest share of a time limit for solving the problem
@@ -43,7 +43,7 @@ class AdmissibleGains:
     file: ProblemFile  # the problem
     region: Region  # the cells; `interrupted` states whether the search was stopped
     solved: Solved  # the result of solving the problem
-    marked: Design | None = None
+    marked: GivenDesign | None = None
     late: bool = False  # whether the time limit ended the search
 
     @property
@@ -52,7 +52,7 @@ class AdmissibleGains:
         return {kind.name.lower(): self.region.area(kind) for kind in (Kind.FEASIBLE, Kind.INFEASIBLE, Kind.UNDECIDED)}
 
     @property
-    def designs(self) -> list[Design]:
+    def designs(self) -> list[GivenDesign]:
         """The best design, if it is certified."""
         best = self.solved.judgement
         certified = best is not None and self.solved.status is Status.CERTIFIED

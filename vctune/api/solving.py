@@ -105,7 +105,7 @@ def require_gap(gap: float) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Design:
+class SavedDesign:
     """The record of a design, or of the reason why there is none, with the file of its problem."""
 
     file: ProblemFile
@@ -147,17 +147,17 @@ class Design:
         return [*look, f"vctune export {quote(str(design))}", *[check] * named]
 
 
-def designed(file: ProblemFile, solved: Solved, *, strict: bool = False) -> Design:
+def designed(file: ProblemFile, solved: Solved, *, strict: bool = False) -> SavedDesign:
     """Return a solved problem as the result of a command; if `strict`, a warning is a failure."""
     from vctune.design.nlp.nlp import ipopt_version
 
     record = record_of(file, solved, ipopt_version(), today())
     cut = any(has_code(warning, "time-limit") for warning in record.warnings)
     if strict and record.warnings and not cut:
-        return Design(file, record, ExitCode.FAILED)
+        return SavedDesign(file, record, ExitCode.FAILED)
     open_ = cut or (solved.optimality is not None and not solved.optimality.proved)
     undecided = open_ and solved.status is Status.CERTIFIED
-    return Design(file, record, ExitCode.UNDECIDED if undecided else code_of(solved.status))
+    return SavedDesign(file, record, ExitCode.UNDECIDED if undecided else code_of(solved.status))
 
 
 def rows_of(record: DesignRecord) -> Rows:

@@ -24,7 +24,7 @@ SERIES = 1e-2  # Argument below which digits cancel in the closed forms of `_int
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class Scene:
     """An admittance display without parts, with a design, or many of them, in SI units."""
 
     mass: Any  # parameters of the device
@@ -41,14 +41,14 @@ class Case:
     b_h: Any = 0.0
 
 
-def cases(device: Device, design: ArrayLike) -> Case:
+def cases(device: Device, design: ArrayLike) -> Scene:
     """Return the cases of a device with one design or with many."""
     hand = (device.operator.mass, device.operator.damping) if device.operator else (0.0, 0.0)
     numbers = (device.mass, device.damping, device.sample_time, device.delay, device.hold)
-    return Case(*numbers, *np.asarray(design, float), *hand)
+    return Scene(*numbers, *np.asarray(design, float), *hand)
 
 
-def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Case:
+def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Scene:
     """Return the case of one design."""
     return cases(device, (*astuple(gains), *astuple(series_coupling(coupling))))
 
@@ -58,7 +58,7 @@ def _column(number: Any) -> Any:
     return number[:, None] if np.ndim(number) else number
 
 
-def impedances(case: Case, s: Any) -> tuple[Any, Any]:
+def impedances(case: Scene, s: Any) -> tuple[Any, Any]:
     """Return Z_d = m s + b and C = (K_v + K_p/s) H(s) e^(-s delay) (paper eq. 9 for C), where H is the hold."""
     T = case.sample_time
     hold = -np.expm1(-s * T) / (s * T) if case.hold == "zoh" else 2 / (2 + s * T)
@@ -66,14 +66,14 @@ def impedances(case: Case, s: Any) -> tuple[Any, Any]:
     return _column(case.mass) * s + _column(case.damping), law * hold * np.exp(-s * _column(case.delay))
 
 
-def coupling_impedance(case: Case, s: Any) -> Any:
+def coupling_impedance(case: Scene, s: Any) -> Any:
     """Return Z_c = b_0 + b_c m_c s/(b_c + m_c s) (paper eq. 17): damper and mass in series, and the drag in
     parallel."""
     damper, moving = _column(case.b_c), _column(case.m_c) * s
     return _column(case.b_0) + damper * moving / (damper + moving)
 
 
-def required(case: Case, omega: Any) -> Any:
+def required(case: Scene, omega: Any) -> Any:
     """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least feasible Re Z_c (paper eq. 19)."""
     Z_d, C = impedances(case, 1j * omega)
     W = Z_d + case.b_h
@@ -85,7 +85,7 @@ def required(case: Case, omega: Any) -> Any:
         return np.where(D.real > 0, R, inf)
 
 
-def stability_ratio(case: Case, omega: Any) -> Any:
+def stability_ratio(case: Scene, omega: Any) -> Any:
     """Return Re Z_c / R."""
     R = required(case, omega)
     with np.errstate(divide="ignore"):
@@ -93,7 +93,7 @@ def stability_ratio(case: Case, omega: Any) -> Any:
     return np.where(inf > R, ratio, -inf)
 
 
-def return_difference(case: Case, omega: Any) -> tuple[Any, Any]:
+def return_difference(case: Scene, omega: Any) -> tuple[Any, Any]:
     """Return 1 + K_v G_v + K_p G_x of the sampled loop without a hand, and its denominator over a power of z."""
     T, m, rate = case.sample_time, _column(case.mass), _column(case.damping) / _column(case.mass)
     whole, remainder = (_column(x) for x in samples(case))
@@ -109,12 +109,12 @@ def return_difference(case: Case, omega: Any) -> tuple[Any, Any]:
     return 1 + K_v * G_v + K_p * G_x, slowed * np.where(K_p > 0, forward, 1.0)
 
 
-def sensitivity(case: Case, omega: Any) -> Any:
+def sensitivity(case: Scene, omega: Any) -> Any:
     """Return |S| of the sampled loop without a hand."""
     return 1 / np.abs(return_difference(case, omega)[0])
 
 
-def stable(case: Case) -> bool:
+def stable(case: Scene) -> bool:
     """Return whether one sampled loop without a hand is stable: its characteristic polynomial over a power of z makes
     no turn along the upper half of the unit circle."""
     omega = np.union1d(np.geomspace(SLOWEST, 1.0, POINTS), np.linspace(0.0, 1.0, POINTS)[1:]) * pi / case.sample_time
@@ -123,7 +123,7 @@ def stable(case: Case) -> bool:
     return bool(abs(angle[-1] - angle[0]) < pi / 2)
 
 
-def samples(case: Case) -> tuple[Any, Any]:
+def samples(case: Scene) -> tuple[Any, Any]:
     """Return the delay as whole samples and a remainder in seconds, 0 <= remainder < T."""
     T = case.sample_time
     whole = np.floor(np.asarray(case.delay) / T + WHOLE)
@@ -141,7 +141,7 @@ def _integrals(rate: Any, t: Any) -> tuple[Any, Any]:
     return t * first, t**2 * np.where(small, second, (y + np.expm1(-y)) / y**2)
 
 
-def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:
+def violation(problem: Problem, case: Scene, extra: Sequence[float] = ()) -> float:
     """Return the logarithm of one case's greatest violation of the constraints on Re Z_c/R and |S|."""
     device, stability, nyquist = problem.device, problem.stability, pi / problem.device.sample_time
     middle = [problem.transparency.band.min, problem.transparency.band.max, nyquist]

@@ -15,7 +15,7 @@ from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import prepare
 from vctune.design.search.scan import scan
 from vctune.design.solve import solve
-from vctune.document.reading import pose
+from vctune.document.reading import problem_at
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Criterion, Problem
 
@@ -65,7 +65,7 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
 
 def posed(name: str, document: dict[str, Any]) -> Problem:
     """Return the problem of a valid document."""
-    problem, faults = pose(document, name)
+    problem, faults = problem_at(document, name)
     assert problem is not None, faults
     return problem
 

@@ -17,7 +17,7 @@ from vctune.bench.benchmark import Measured, Panel, Series, Tick
 from vctune.bench.evaluator import case_of, cases, sensitivity, stability_ratio, stable, violation
 from vctune.design.judging.judge import Judgement, Status
 from vctune.design.solve import solve
-from vctune.document.reading import pose
+from vctune.document.reading import problem_at
 from vctune.model.problem import Problem, Range
 from vctune.study.executors import available_cores, worker_pool
 
@@ -37,7 +37,7 @@ def device(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
     rng = np.random.default_rng((seed, number))
     for _ in range(100):
         document = _document(rng)
-        problem, _ = pose(document, f"device {number}")
+        problem, _ = problem_at(document, f"device {number}")
         if problem is not None:
             return document, problem
     raise AssertionError("no random document makes a problem")

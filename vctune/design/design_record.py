@@ -17,9 +17,9 @@ from vctune.analysis.in_worlds import binding_world
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.analysis.sampled_loop import spectral_radius
 from vctune.design.felt_record import CONTACT, contact_record, in_hand_record
-from vctune.design.judging.judge import Judgement, Margin
+from vctune.design.judging.judge import Judgement, LeastRatio
 from vctune.design.nlp.solution import Polished
-from vctune.design.nlp.working_set import DEMANDS, ConstraintPoint, stacked
+from vctune.design.nlp.working_set import CONSTRAINT_KINDS, ConstraintPoint, stacked
 from vctune.design.prepared import pose, problems_beside
 from vctune.design.result import Solved
 from vctune.design.variables import design_of, keys_for, near, point, ranges
@@ -53,7 +53,7 @@ from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
-from vctune.model.loop.llewellyn import llewellyn_demand, modulus_excess
+from vctune.model.loop.llewellyn import llewellyn_excess, modulus_excess
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import finite_hertz, hertz
 from vctune.model.problem import Problem
@@ -221,7 +221,7 @@ def _display(problem: Problem) -> dict[str, Any]:
     return {"display": problem.device.display} if problem.device.kind is not ADMITTANCE else {}
 
 
-def _claimed(problem: Problem, outcome: Outcome, at: Margin) -> dict[str, Any]:
+def _claimed(problem: Problem, outcome: Outcome, at: LeastRatio) -> dict[str, Any]:
     """Return what the records of all claims in hands state."""
     found = {"verdict": outcome.verdict.value, "boxes": outcome.boxes, **_display(problem)}
     return {**found, "min_ratio": at.ratio, "worst_hz": finite_hertz(at.omega)}
@@ -418,7 +418,7 @@ def _priced(polished: Polished) -> Floats:
     if operator is not None and operator.damping > 0:
         device, omega = stacked(ratio)
         loop = response(device, design_of(polished.values)[0], omega)
-        multipliers[: len(ratio)] *= llewellyn_demand(loop, FLOATS) / modulus_excess(loop, FLOATS)
+        multipliers[: len(ratio)] *= llewellyn_excess(loop, FLOATS) / modulus_excess(loop, FLOATS)
     return multipliers
 
 
@@ -436,7 +436,7 @@ def solver_record(solved: Solved) -> dict[str, Any]:
         "constraints": sum(polished.working_set.sizes())
         + 2 * polished.structure.tracked_peaks
         + polished.structure.mean_errors,
-        "frequencies": dict(zip(DEMANDS, polished.working_set.sizes(), strict=True)),
+        "frequencies": dict(zip(CONSTRAINT_KINDS, polished.working_set.sizes(), strict=True)),
         "rounds": len(polished.rounds),
         "iterations": sum(each.iterations for each in polished.rounds),
     }

@@ -9,7 +9,7 @@ from vctune.analysis.responses import Loop
 from vctune.design.judging.judge import Judgement, Status
 from vctune.design.judging.said import said_of
 from vctune.design.nlp.solution import Polished
-from vctune.design.search.first_proved import Seen
+from vctune.design.search.first_proved import LookedAt
 from vctune.design.search.infeasible import Infeasibility
 from vctune.design.search.scan import ScanResult
 from vctune.document.records.design_json import Price, Repair
@@ -33,7 +33,7 @@ class Solved:
         Judgement of the best design; None without a design.
     polished : Polished, optional
         The local optimum before rounding; None if the optimiser did not find the design.
-    seen : Seen, optional
+    seen : LookedAt, optional
         Where the search along the limit of the coupling had looked; None if it did not find the design.
     optima : int
         Number of local optima.
@@ -60,7 +60,7 @@ class Solved:
     problem: Problem
     judgement: Judgement | None = None
     polished: Polished | None = None
-    seen: Seen | None = None
+    seen: LookedAt | None = None
     optima: int = 0
     infeasibility: Infeasibility | None = None
     scanned: ScanResult | None = None

@@ -15,7 +15,7 @@ from vctune.document.reading import (
     GainsFile,
     ProblemFile,
     called,
-    pose,
+    problem_at,
     read_gains,
     read_problem,
     require_gains_of,
@@ -124,7 +124,7 @@ def problem(source: ProblemSource) -> ProblemFile:
     document = statement(source) if isinstance(source, Problem) else plain(source)
     if isinstance(source, Mapping) and (operator := getattr(source.get("device"), "operator", None)) is not None:
         document["operator"] = plain(operator)  # that of a `Device` has a table of its own
-    posed, faults = pose(document, "problem")
+    posed, faults = problem_at(document, "problem")
     if posed is None:
         raise refusal(faults, None, "problem")
     return ProblemFile(posed, toml_text(document))

@@ -99,13 +99,13 @@ def problem_file(text: str, path: Path) -> ProblemFile:
 
 def parse_problem(text: str, source: str, default_name: str) -> Problem:
     """Return the problem that a TOML text states."""
-    problem, faults = pose(toml.parse(text, source), default_name)
+    problem, faults = problem_at(toml.parse(text, source), default_name)
     if problem is None:
         raise refusal(faults, text, source)
     return problem
 
 
-def pose(raw: dict[str, Any], default_name: str) -> tuple[Problem | None, list[Fault]]:
+def problem_at(raw: dict[str, Any], default_name: str) -> tuple[Problem | None, list[Fault]]:
     """Return the problem that parsed TOML states and no faults, or None and all faults."""
     document, faults = examined(ProblemDocument, raw, contradictions)
     if document is None or faults:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from vctune.document.building import plain
-from vctune.document.reading import ProblemFile, on_yardstick, pose
+from vctune.document.reading import ProblemFile, on_yardstick, problem_at
 from vctune.document.schema.problem_schema import json_schema
 from vctune.document.schema.statement import statement
 from vctune.document.schema.study_schema import RangeTable, Sample, StudyDocument
@@ -74,7 +74,7 @@ class Study:
 
     def at(self, values: Sequence[float]) -> tuple[Problem | None, list[Fault]]:
         """Return the problem at a point, or None, and its faults."""
-        return pose(self.posed(values), self.name)
+        return problem_at(self.posed(values), self.name)
 
 
 def read_study(path: Path) -> Study:
@@ -89,9 +89,9 @@ def read_study(path: Path) -> Study:
         raise refusal([unread], text, str(path)) from None
     problem = toml.parse(problem_text, str(target))
     _check_places(problem, axes, text, str(path))
-    base, faults = pose(problem, "study")
+    base, faults = problem_at(problem, "study")
     if base is None:
-        base, faults = pose(_posed(problem, axes, (axis.values[0] for axis in axes)), "study")
+        base, faults = problem_at(_posed(problem, axes, (axis.values[0] for axis in axes)), "study")
     if base is None:
         if own := [fault for fault in faults if fault.code != "contradiction" and not _varied(fault.path, axes)]:
             raise refusal(own, problem_text, str(target))
@@ -205,7 +205,7 @@ def _posed(document: dict[str, Any], axes: Sequence[Axis], values: Iterable[floa
     owners = [path[:-1] for path in varied if path[-1] in FORM_OF and value_at(document, path[:-1]) is None]
     defaults = {owner for owner in owners if owners.count(owner) == 1}
     others = placed(document, ((path, value) for path, value in varied.items() if path[:-1] not in defaults))
-    problem, _ = pose(others, "study") if defaults else (None, [])
+    problem, _ = problem_at(others, "study") if defaults else (None, [])
     if problem is not None:
         stated = statement(problem)
         others = placed(others, ((path, value_at(stated, path)) for path in defaults))

@@ -25,7 +25,7 @@ from vctune.simulation.scene import designed_law
 
 Precision = Literal["double", "single"]
 # An environment without mass, damping and stiffness, because the constants of a firmware do not depend on it
-NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
+NO_ENVIRONMENT = Environment(0.0, 0.0, 0.0, 0.0, False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ def firmware(
 ) -> Firmware:
     """Return a design as firmware, after proving it with the constants that the firmware will have."""
     device = file.problem.device
-    controller = controller_of(designed_law(device, gains, coupling, NOTHING))
+    controller = controller_of(designed_law(device, gains, coupling, NO_ENVIRONMENT))
     coefficients = {name: getattr(controller, name) for name in constants_of(controller)}
     problem, design = file.problem, (gains, coupling)
     if precision == "single":

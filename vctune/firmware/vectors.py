@@ -14,7 +14,7 @@ from vctune.firmware.c_source import COMMANDED, rendered_template, variables
 from vctune.firmware.firmware import Firmware, certified, comment
 from vctune.firmware.preamble import not_proved, statement
 from vctune.model.device import Commanded
-from vctune.model.experiment import Environment, Experiment, Operator, Sensors, usual_share
+from vctune.model.experiment import Environment, Experiment, MovingHand, Sensors, usual_share
 from vctune.model.numbers.arithmetic import Floats
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
@@ -82,7 +82,7 @@ def default_experiments(problem: Problem) -> tuple[Experiment, ...]:
     motor."""
     device, stiffest = problem.device, problem.hands.high.stiffness
     share = usual_share(device.mass, device.units) if device.kind.own_loop else stiffest / USUAL_STIFFNESS or 1.0
-    hand = Operator("reciprocate", 0.0, 0.01, 0.01, 1, 0.0, 2.0 * share, USUAL_STIFFNESS * share)
+    hand = MovingHand("reciprocate", 0.0, 0.01, 0.01, 1, 0.0, 2.0 * share, USUAL_STIFFNESS * share)
     limit = 3.0 * share if device.commanded == "force" else None
     spring = Environment(0.0, 0.0, 200.0 * share, 0.0, False, "backward")
     wall = Environment(0.1 * share, 5.0 * share, 20000.0 * share, 0.005, True, "backward")

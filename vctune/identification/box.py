@@ -11,7 +11,7 @@ from vctune.document.schema.rules import MAX_DELAY_SAMPLES
 from vctune.document.text.errors import InputError, Note, coded
 from vctune.model.numbers.units import UNITS, Units
 
-TOGETHER = 0.95  # Probability with which all intervals of a box hold at the same time
+CONFIDENCE = 0.95  # Probability with which all intervals of a box hold at the same time
 DELAY_FLOOR = 0.1  # Least half-width of a delay, in sample times
 FLOORS = {"structure.frequency_hz": 0.005}  # Least relative half-widths by key, if not 0.01
 COULOMB_SHARE = 0.1  # Share of the Coulomb friction that may in fact be viscous, because Coulomb's law is not exact
@@ -44,7 +44,7 @@ def left_to_the_hand(recording: Recording, stiffness: float, mass: float, *, hel
 
 def joint_factor(count: int) -> float:
     """Return the number of standard deviations with which `count` intervals hold together."""
-    return max(2.0, NormalDist().inv_cdf(0.5 + 0.5 * TOGETHER ** (1 / max(count, 1))))
+    return max(2.0, NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE ** (1 / max(count, 1))))
 
 
 def box(estimates: Sequence[Estimate], T: float, units: Units = UNITS["linear"]) -> list[Bounded]:

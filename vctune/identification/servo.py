@@ -22,7 +22,7 @@ from vctune.identification.stepped import LAGS, SHORTEST, Complex, Drive, Number
 from vctune.identification.study import SERVO_KEYS, Lines, Study, number, of_orders, record_of
 
 SEGMENT = (inf, 1 / 16)  # Of the log: a slow motion shows its latency over seconds
-SHARES = (0.1, 0.4, 0.8)  # Of the latency that are the lag in the first starts
+LAG_SHARES = (0.1, 0.4, 0.8)  # Of the latency that are the lag in the first starts
 SETTLING_LAGS = 6.0  # Time after which motion before the log has no effect, in lags of the servo
 LONGEST_LAG = 800.0  # In rows
 DECISIVE_GAIN = 10.0  # Gain in -2 log likelihood, for independent residuals, that decides between the orders
@@ -108,7 +108,7 @@ def servo_fits(task: Task, crawls: bool) -> tuple[list[ServoFit], bool]:
     best, agree = list[Fit](), False
     for order in (1, 2):
         one, found = replace(task, drive=replace(task.drive, servo=order)), list[Fit]()
-        for share in SHARES:
+        for share in LAG_SHARES:
             numbers = {"gain": gain, "delay": (1 - share) * latency, "lag": share * latency}
             found.append(fitted(in_segments(one, SEGMENT, FITTED, _settled(numbers, T, n)), numbers))
         first, *others = sorted(found, key=lambda each: each.size)

@@ -61,7 +61,7 @@ class Environment:
 
 
 @record
-class Operator:
+class MovingHand:
     """The hand: a mass on the handle. A spring and a damper connect this mass to the intended motion."""
 
     motion: Annotated[
@@ -132,8 +132,8 @@ class Experiment:
     ----------
     name : str
         Name that no other experiment of the problem has.
-    environment, operator, sensors : Environment and Operator and Sensors
-        See `Environment`, `Operator` and `Sensors`.
+    environment, operator, sensors : Environment and MovingHand and Sensors
+        See `Environment`, `MovingHand` and `Sensors`.
     friction : Friction, optional
         Friction of the device; None without friction and for a servo.
     limit : float, optional
@@ -145,7 +145,7 @@ class Experiment:
 
     name: str
     environment: Environment
-    operator: Operator
+    operator: MovingHand
     friction: Friction | None
     sensors: Sensors
     limit: float | None

@@ -26,7 +26,7 @@ WHOLE_SAMPLES = "whole samples of device.delay"
 # The name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay
 SAMPLES_BEFORE = "whole samples before device.delay"
 WIDE = 2.0  # Ratio of the ends of an interval above which the prover halves it at the mean of the logarithms
-TOGETHER = 2**16  # Number of coefficients of a Taylor form that the prover evaluates together
+COEFFICIENTS_AT_ONCE = 2**16  # Number of coefficients of a Taylor form that the prover evaluates together
 
 Values = Mapping[str, Number]  # Values of a claim by name
 
@@ -211,7 +211,7 @@ def over_each(cells: Cells, at: Floats | PlacesInHands) -> Boxes:
 def chunks(boxes: Boxes) -> Iterator[Boxes]:
     """Yield the boxes in chunks that are small enough for the processor's cache, and for a time limit between them."""
     rows = len(boxes.names)
-    size = TOGETHER // ((rows + 1) * (rows + 2) // 2)
+    size = COEFFICIENTS_AT_ONCE // ((rows + 1) * (rows + 2) // 2)
     for start in range(0, max(len(boxes), 1), size):
         yield boxes.subset(slice(start, start + size))
 

@@ -78,7 +78,7 @@ def prove(
             break
         report_progress(partial("{} boxes, {:.1%} proved".format, count.sum(), 1 - len(boxes) / covered))
         count += boxes.count(owners)
-        found = in_chunks(test if later is None or count.sum() <= effort.easy else later, boxes)
+        found = tested_in_chunks(test if later is None or count.sum() <= effort.easy else later, boxes)
         failing[:, boxes.owner[found.fails]] = found.guide.point[:, found.fails]
         if measure is not None and found.proved.any():
             np.add.at(total, boxes.owner[found.proved], measure(boxes.subset(found.proved)))
@@ -109,7 +109,7 @@ def negative_at(numbers: Sequence[Taylor]) -> Flags:
     return np.asarray(np.all([number.enclosed().negative() for number in numbers], axis=0))
 
 
-def in_chunks(test: Test, boxes: Boxes) -> Decided:
+def tested_in_chunks(test: Test, boxes: Boxes) -> Decided:
     """Test boxes, a chunk at a time."""
     return each_column(partial(np.concatenate, axis=-1), [test(chunk) for chunk in chunks(boxes)])
 

@@ -24,7 +24,7 @@ from vctune.report.templates import Shown, words
 # Names of the terms of the error in words
 IN_WORDS = {"admittance": "does not yield", "tracking": "does not follow", "coupling": "gives way"}
 NAMES = {"hands": "hands", "any_hand": "any-hand", "passive": "llewellyn"}  # File of the requirement of each claim
-Design = tuple[Problem, Gains, AnyCoupling]
+DrawnDesign = tuple[Problem, Gains, AnyCoupling]
 
 
 def design_figures(problem: Problem, record: DesignRecord, required: list[Required], doubt: str) -> list[Shown]:
@@ -63,7 +63,7 @@ def _stamp(figure: Figure, words: str) -> None:
         axes.text(0.5, 0.5, words, **place, fontsize=min(21.0, size), color=RED, weight="bold", alpha=0.45)
 
 
-def _requirement(design: Design, record: DesignRecord, drawn: Required) -> Shown:
+def _requirement(design: DrawnDesign, record: DesignRecord, drawn: Required) -> Shown:
     hands, figure = drawn.claim == "hands", Figure(figsize=(WIDTH, 5.0))
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2), sharex=True)
     draw_required(upper, *design, drawn)
@@ -78,7 +78,7 @@ def _requirement(design: Design, record: DesignRecord, drawn: Required) -> Shown
     return Shown(NAMES[drawn.claim], title, finding, reading, figure)
 
 
-def _impedance(design: Design, record: DesignRecord) -> Shown:
+def _impedance(design: DrawnDesign, record: DesignRecord) -> Shown:
     problem, proof, units, band = design[0], record.certificate, record.units, Band(0.0, inf)
     figure = Figure(figsize=(WIDTH, 3.6))
     axes = figure.subplots()
@@ -112,7 +112,7 @@ def _felt(mass: float | None, units: Units) -> str:
     return " ".join(weighed(mass, units))
 
 
-def _transparency(design: Design, record: DesignRecord) -> Shown:
+def _transparency(design: DrawnDesign, record: DesignRecord) -> Shown:
     terms, kind = record.transparency, design[0].device.kind
     assert terms is not None, "a design is judged"
     titles = {term: f"{IN_WORDS[term]}: {terms.labels[term]}" for term in kind.terms}
@@ -135,7 +135,7 @@ def _transparency(design: Design, record: DesignRecord) -> Shown:
     return Shown("transparency", "Which term makes the error", finding, reading, figure)
 
 
-def _nyquist(design: Design, record: DesignRecord) -> Shown:
+def _nyquist(design: DrawnDesign, record: DesignRecord) -> Shown:
     figure, loop = Figure(figsize=(WIDTH, 4.0)), record.inner_loop
     assert loop is not None, "a display with a loop of its own"
     axes = figure.subplots()

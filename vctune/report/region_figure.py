@@ -27,7 +27,7 @@ from vctune.model.problem import Problem
 from vctune.report.style import INK, ORANGE, PAPER, RED, STYLE, WIDTH, log_ticks, text_of_ticks
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
-from vctune.study.region_check import Design, RegionFinding
+from vctune.study.region_check import GivenDesign, RegionFinding
 
 # Colours and hatchings that remain distinct in grey and for readers with a colour deficiency
 GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "--")
@@ -70,8 +70,8 @@ class _Axis:
 def region_figure(
     problem: Problem,
     region: Region,
-    designs: Sequence[Design],
-    marked: Design | None = None,
+    designs: Sequence[GivenDesign],
+    marked: GivenDesign | None = None,
     *,
     contours: bool = True,
 ) -> Figure:
@@ -136,7 +136,7 @@ def _fill(axes: Axes, plane: Plane, squares: Squares, fill: tuple[str, str], lab
     axes.add_patch(PathPatch(drawn, facecolor=fill[0], hatch=fill[1], linewidth=0, label=label))
 
 
-def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], label: str, colour: str, mark: str = "*") -> None:
+def _marked(axes: Axes, plane: Plane, designs: Sequence[GivenDesign], label: str, colour: str, mark: str = "*") -> None:
     """Mark the designs that lie on the plane."""
     at = list(zip(_axes(plane), plane.axes, strict=True))
     spots = [tuple(along.places(point(*design)[axis]) for along, axis in at) for design in designs]

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from vctune.document.records.part import NOTHING
+from vctune.document.records.part import SHOWN_AS_ZERO
 from vctune.model.problem import Band
 from vctune.report.paths import FigureKind
 from vctune.running import check_time
@@ -93,7 +93,7 @@ def _number(value: float | None, power: int, digits: int) -> str:
         return "none"
     if abs(value) == inf:
         return "∞" if value > 0 else "−∞"
-    scaled = float(f"{value / 10.0**power:.{digits}g}") if abs(value) >= NOTHING else 0.0
+    scaled = float(f"{value / 10.0**power:.{digits}g}") if abs(value) >= SHOWN_AS_ZERO else 0.0
     if not scaled or 1e-3 <= abs(scaled) < 1e6:
         return plain(f"{scaled:.10g}")
     mantissa, _, exponent = f"{scaled:.{digits - 1}e}".partition("e")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.device import Commanded
-from vctune.model.experiment import Environment, Operator
+from vctune.model.experiment import Environment, MovingHand
 from vctune.model.gains import AnyCoupling, SpringDamper
 from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.run import Traces
@@ -52,7 +52,7 @@ class Metrics:
 def metrics(
     traces: Traces,
     environment: Environment,
-    operator: Operator,
+    operator: MovingHand,
     limit: float | None,
     commanded: Commanded = "force",
     coupling: AnyCoupling | None = None,

@@ -10,7 +10,7 @@ from math import ceil, log2, pi, sqrt
 import numpy as np
 
 from vctune.model.device import Device
-from vctune.model.experiment import Operator
+from vctune.model.experiment import MovingHand
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.filters import Rows, drive_rows, drive_states, plain_low_pass_rates
 from vctune.model.numbers.arithmetic import FLOATS, Floats, Number
@@ -42,7 +42,7 @@ class Plant:
 RowOf = dict[str, Floats]  # row of each state and given input, by name
 
 
-def plant(device: Device, hand: Operator) -> Plant:
+def plant(device: Device, hand: MovingHand) -> Plant:
     """Return device and hand: a motor that carries the handle rigidly or on a spring, or a servo."""
     servo, sensor, T = device.servo, device.sensing, device.sample_time
     if servo is None:
@@ -77,7 +77,7 @@ def plant(device: Device, hand: Operator) -> Plant:
     )
 
 
-def _pushed(device: Device, hand: Operator, row_of: RowOf, rates: RowOf) -> tuple[Floats, Floats, Floats]:
+def _pushed(device: Device, hand: MovingHand, row_of: RowOf, rates: RowOf) -> tuple[Floats, Floats, Floats]:
     """Add the rates of a device that the hand pushes. Return the handle's position and velocity, and f_h."""
     rows: Rows = {name: {} for name in drive_states(device)}
     motor = _sum(drive_rows(rows, device, FLOATS, plain_low_pass_rates), row_of)
@@ -100,7 +100,7 @@ def _pushed(device: Device, hand: Operator, row_of: RowOf, rates: RowOf) -> tupl
 
 
 def _followed(
-    bandwidth_hz: float, order: int, hand: Operator, row_of: RowOf, rates: RowOf
+    bandwidth_hz: float, order: int, hand: MovingHand, row_of: RowOf, rates: RowOf
 ) -> tuple[Floats, Floats, Floats]:
     """Add the rates of a servo, which the hand cannot push. f_h is the push minus M a + B v + K x of the hand."""
     rates |= _low_pass("velocity", bandwidth_hz, order, row_of["command"], row_of)
@@ -109,7 +109,7 @@ def _followed(
     return position, velocity, row_of["push"] - resisting
 
 
-def _bend_unit(device: Device, hand: Operator) -> float:
+def _bend_unit(device: Device, hand: MovingHand) -> float:
     """Return the size of a bend's oscillation at a velocity of 1 m a sample, m."""
     if device.structure is None:
         return 1.0

@@ -91,7 +91,7 @@ def _phi_1_and_2(y: Number, ops: Operations) -> tuple[Number, Number]:
     return ops.where(small, 1 - y * series, phi_1), ops.where(small, series, (1 - phi_1) / safe)
 
 
-SYMBOLS = Operations(ca.exp, ca.expm1, ca.fabs, ca.floor, ca.fmin, ca.fmax, ca.if_else)
+CASADI_OPERATIONS = Operations(ca.exp, ca.expm1, ca.fabs, ca.floor, ca.fmin, ca.fmax, ca.if_else)
 SAMPLES_PER_CALL = 1024  # Number of samples per call of the compiled function, and between two checks for divergence
 STEPS_PER_RADIAN = 64  # Number of fixed steps per radian of the bristles' oscillation with the moving mass
 LEAST_STEPS, MOST_STEPS = 4, 256  # Least and greatest number of steps in a sample
@@ -164,7 +164,7 @@ def build(scene: Scene) -> Step:
         after["filtered"] = [read]
     if device.servo is not None and device.servo.stiffness is not None:
         read = read - float(device.servo.stiffness) * (body[0] - begin.position)
-    memory, command = control(c, _like(rest, now["memory"]), Measurement(body[0], body[1], read), SYMBOLS)
+    memory, command = control(c, _like(rest, now["memory"]), Measurement(body[0], body[1], read), CASADI_OPERATIONS)
     after["memory"], commands = _listed(memory), [command.given, *now["commands"]]
     after["commands"] = commands[:-1]
     record = [applied(row, values) for row in (moving.position, moving.velocity, moving.force)]
@@ -216,7 +216,7 @@ def _acting(scene: Scene, commands: list[Any]) -> list[Any]:
 
 
 def _rubbing(scene: Scene, velocity: Any, z: Any) -> Any:
-    return 0.0 if scene.friction is None else friction_force(scene.friction, velocity, z, SYMBOLS)[0]
+    return 0.0 if scene.friction is None else friction_force(scene.friction, velocity, z, CASADI_OPERATIONS)[0]
 
 
 def _moved(
@@ -250,7 +250,7 @@ def _slid(
     symbols = ca.SX.sym("values", len(values) + 2)
     change = moving.change(length / count)
     *at, deflection, foreseen = ca.vertsplit(symbols)
-    end = friction_step(change, length / count, friction, Sliding(at, deflection, foreseen), SYMBOLS)
+    end = friction_step(change, length / count, friction, Sliding(at, deflection, foreseen), CASADI_OPERATIONS)
     compiled = ca.Function("slid", [symbols], [ca.vertcat(*end.values, end.z, end.foreseen)])
 
     def step(before: Sliding) -> Sliding:

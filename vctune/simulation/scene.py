@@ -8,7 +8,7 @@ from math import ceil, pi
 import numpy as np
 
 from vctune.model.device import Device
-from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator
+from vctune.model.experiment import Baseline, Environment, Experiment, Friction, MovingHand
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.filters import low_pass_coefficients
@@ -22,7 +22,7 @@ class Scene:
     """Everything that a run needs."""
 
     device: Device  # device with all its parts; the simulation always uses the real zero-order hold
-    operator: Operator  # the hand
+    operator: MovingHand  # the hand
     friction: Friction | None  # friction of the device; None without friction
     law: Law  # the firmware
     force_noise: float  # standard deviation of the force samples' noise, N, and seed of the noise
@@ -136,7 +136,7 @@ class IntendedMotion:
     velocity: Floats
 
 
-def stroke_time(operator: Operator) -> float:
+def stroke_time(operator: MovingHand) -> float:
     """Return the time of a stroke from one end of the intended motion to the other, s."""
     travel = abs(operator.end - operator.start)
     # a sine has the mean speed 2/pi; the ramps of the other motion have half its greatest speed
@@ -144,14 +144,14 @@ def stroke_time(operator: Operator) -> float:
     return travel / (mean_over_greatest * operator.speed)
 
 
-def sample_count(operator: Operator, sample_time: float) -> int:
+def sample_count(operator: MovingHand, sample_time: float) -> int:
     """Return the number of samples of a run: one at the start of each sample interval, and none at the end of the
     last."""
     # a rounding above a whole number must not add a sample
     return max(1, ceil(2 * operator.cycles * stroke_time(operator) / sample_time * (1 - 1e-12)))
 
 
-def intended_motion(operator: Operator, sample_time: float, first: int, last: int) -> IntendedMotion:
+def intended_motion(operator: MovingHand, sample_time: float, first: int, last: int) -> IntendedMotion:
     """Return the intended motion at the samples `first` to `last`, both included."""
     time, travel = stroke_time(operator), operator.end - operator.start
     strokes = np.arange(first, last + 1) * (sample_time / time)  # number of strokes since the start
@@ -176,7 +176,7 @@ def _ramped(u: Floats) -> tuple[Floats, Floats]:
     return np.where(u <= 0.5, from_end, 1 - from_end), rate
 
 
-def push_matrix(operator: Operator, sample_time: float) -> Floats:
+def push_matrix(operator: MovingHand, sample_time: float) -> Floats:
     """Return the matrix that gives the push of the hand at a sample, and its derivatives, from the intended motion."""
     T, k, b = sample_time, operator.stiffness, operator.damping
     # rows of the cubic's value and derivatives at the sample

@@ -18,13 +18,13 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
 from vctune.proof.boxes import Cells
-from vctune.proof.claims.cells import Places, no_damping, proved_cells, refuted
+from vctune.proof.claims.cells import FailingPlaces, no_damping, proved_cells, refuted
 from vctune.proof.enclosures.intervals import Flags
 from vctune.running import OutOfTimeError, out_of_time
 from vctune.study.plane import Plane, Squares, halved
 from vctune.study.region_estimate import COUPLING_DAMPING, changes, estimate
 
-TOGETHER = 512  # Number of cells that the search judges together; the data of this many cells fit into memory
+CELLS_AT_ONCE = 512  # Number of cells that the search judges together; the data of this many cells fit into memory
 EASING = "coupling.mass", "coupling.drag"  # Variables whose growth makes the constraints easier to meet
 
 Progress = Callable[[str], None]
@@ -68,7 +68,7 @@ def region(
     done, decided = list[tuple[Squares, Kinds, Floats]](), 0.0
     while squares.shape[1] and not (stopped() or out_of_time()):
         progress(f"{decided:.1%} of the plane decided, {squares.shape[1]} cells open")
-        first, remaining = np.split(squares, [TOGETHER], axis=1)
+        first, remaining = np.split(squares, [CELLS_AT_ONCE], axis=1)
         try:
             kinds, damping = _judged(problems, plane, first)
         except OutOfTimeError:
@@ -126,7 +126,7 @@ def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flag
     return np.where(with_x == with_y, longer, with_x > with_y)
 
 
-def _proved_infeasible(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
+def _proved_infeasible(problem: Problem, cells: Cells, places: FailingPlaces, *, free: bool) -> Flags:
     """Return the cells that are proved to contain no design that meets a problem's constraints."""
     demands = pose(problem).demands
     infeasible = refuted(demands, cells, places)
@@ -139,7 +139,7 @@ def _proved_infeasible(problem: Problem, cells: Cells, places: Places, *, free: 
     return infeasible
 
 
-def _refined_places(problem: Problem, cells: Cells, places: Places) -> Places:
+def _refined_places(problem: Problem, cells: Cells, places: FailingPlaces) -> FailingPlaces:
     """Return the hands and angles near given places that require the most of the designs at the cells' centres."""
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]

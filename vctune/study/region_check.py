@@ -33,12 +33,14 @@ from vctune.study.region import Kind, Progress, Region, region
 from vctune.version import versions
 
 OTHER_REGION = Note("other-version", "the region was found for another version of the problem (sha256 differs)")
-NOTHING = Note("nothing-proved", "the region lists neither a feasible cell nor gains, so that nothing was to be proved")
+NOTHING_PROVED = Note(
+    "nothing-proved", "the region lists neither a feasible cell nor gains, so that nothing was to be proved"
+)
 
-Design = tuple[Gains, AnyCoupling]
+GivenDesign = tuple[Gains, AnyCoupling]
 
 
-def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> RegionDocument:
+def region_record(file: ProblemFile, region: Region, designs: list[GivenDesign]) -> RegionDocument:
     """Return the record of a region for region.json."""
     plane, problem, stability = region.plane, file.problem, file.problem.stability
     damping = [None if np.isnan(b_c) else b_c for b_c in region.damping.tolist()]
@@ -85,7 +87,7 @@ class RegionFinding:
 
     file: ProblemFile  # the present problem
     region: Region  # the cells that the baseline lists as feasible, divided further if they are not proved as a whole
-    designs: list[Design]  # the gain sets that the baseline lists, and whether each is still certified
+    designs: list[GivenDesign]  # the gain sets that the baseline lists, and whether each is still certified
     certified: list[bool]
     cut: bool  # whether the time limit ended the check
     warnings: list[str]  # warnings for the user
@@ -155,10 +157,10 @@ def _again(file: ProblemFile, old: RegionDocument, progress: Progress) -> Region
     plane = Plane(axes, (np.array(old.edges.x), np.array(old.edges.y)), ranges(problem))
     feasible = [cell[:4] for cell in old.cells if cell[4] == "feasible"]
     cells = region(problem, plane, np.array(feasible, dtype=np.intp).reshape(-1, 4).T, progress)
-    designs: list[Design] = [listed.design for listed in old.designs]
+    designs: list[GivenDesign] = [listed.design for listed in old.designs]
     judged = judge_all(problem, designs) if designs else []
     cut = cells.interrupted or any(judgement.certificate.cut for judgement in judged)
     notes = [] if old.problem.sha256 == file.sha256 else [OTHER_REGION]
-    notes += [OUT_OF_TIME] if cut else [] if judged or cells.kinds.size else [NOTHING]
+    notes += [OUT_OF_TIME] if cut else [] if judged or cells.kinds.size else [NOTHING_PROVED]
     certified = [judgement.status is Status.CERTIFIED for judgement in judged]
     return RegionFinding(file, cells, designs, certified, cut, [note.line for note in notes])

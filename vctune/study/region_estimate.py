@@ -21,13 +21,13 @@ from vctune.model.hands import PlacesInHands
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
 from vctune.proof.boxes import Cells
-from vctune.proof.claims.cells import Places, admissible_damping
+from vctune.proof.claims.cells import FailingPlaces, admissible_damping
 from vctune.proof.claims.margins_of_claims import inwards
 from vctune.proof.enclosures.intervals import TINY, Flags
 
 COUPLING_DAMPING = KEYS.index("coupling.damping")
 POINTS_PER_DECADE = 24  # Number of frequencies per decade of the grids
-# Field of `Places` for the places of each claim
+# Field of `FailingPlaces` for the places of each claim
 PLACES = {"passive": "omega", "hands": "in_hands", "any_hand": "theta"}
 
 
@@ -36,7 +36,7 @@ class Estimate:
     """Estimates in double precision for the designs at the centres of n cells."""
 
     damping: Floats  # b_c that meets the constraints; nan if they are not met
-    places: list[Places]  # for each problem, the places where its constraints are hardest to meet
+    places: list[FailingPlaces]  # for each problem, the places where its constraints are hardest to meet
 
 
 def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
@@ -71,7 +71,7 @@ class _Hardest:
     least: Floats  # ends of the interval of b_c that meets the coupling's constraints if b_c is free, N s/m, shape (n,)
     most: Floats
     meets: Flags  # whether the other constraints are met, which include the coupling's if b_c is not free, shape (n,)
-    places: Places  # the hardest places
+    places: FailingPlaces  # the hardest places
     missed: Floats  # logarithm of the factor by which the centre misses the hardest of all constraints, shape (n,)
 
 
@@ -110,7 +110,7 @@ def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     if free:
         gap = np.log(np.maximum(least, cells.low[COUPLING_DAMPING]) / np.minimum(most, cells.high[COUPLING_DAMPING]))
         missed = np.maximum(missed, np.where(np.isfinite(gap), gap, -inf))
-    return _Hardest(least, most, meets, Places(theta_S, **places), missed)
+    return _Hardest(least, most, meets, FailingPlaces(theta_S, **places), missed)
 
 
 def _peak_of_sensitivity(problem: Problem, gains: Gains) -> tuple[Floats, Floats]:

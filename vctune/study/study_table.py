@@ -24,10 +24,10 @@ from vctune.model.display import stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.study.rows import Rows
 
-Values = tuple[float, ...]
+AxisValues = tuple[float, ...]
 
 
-def points(study: Study) -> Iterator[Values]:
+def points(study: Study) -> Iterator[AxisValues]:
     """Yield the values of the axes at every point; the last axis of a grid varies fastest."""
     columns = [axis.values for axis in study.axes]
     return product(*columns) if study.sample.kind == "grid" else zip(*columns, strict=True)

@@ -25,7 +25,7 @@ from vctune.model.problem import Problem
 from vctune.running import time_limit as limited
 from vctune.study.executors import WorkerPool
 from vctune.study.rows import FAILED, Row, Rows, constraints_key, invalid_key, key_of
-from vctune.study.study_table import Values, points
+from vctune.study.study_table import AxisValues, points
 
 # Only one thread at a time solves, because the threads of a process share solvers
 _ONE_AT_A_TIME = threading.Lock()
@@ -90,7 +90,7 @@ class _Task:
     """A point to solve: the key of its row (`rows.key_of`), the values of the axes, and the problem at the point."""
 
     key: str
-    values: Values
+    values: AxisValues
     problem: Problem
 
 
@@ -174,7 +174,7 @@ def _solved(state: _Sweep, task: _Task, future: Future[Row], died: Row | None = 
         _finish(state, task.key, task.values, content)
 
 
-def _finish(state: _Sweep, key: str, values: Values, content: Row) -> None:
+def _finish(state: _Sweep, key: str, values: AxisValues, content: Row) -> None:
     """Write the row of a point."""
     axes = zip(state.study.axes, values, strict=True)
     point = {axis.key: value if isfinite(value) else str(value) for axis, value in axes}

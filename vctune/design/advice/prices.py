@@ -17,7 +17,7 @@ from vctune.design.nlp.solution import Polished
 from vctune.design.prepared import Prepared, pose, prepare
 from vctune.design.result import Solved
 from vctune.design.search.along_limit import least_error
-from vctune.design.search.first_proved import Law, Seen
+from vctune.design.search.first_proved import Law, LookedAt
 from vctune.design.variables import coordinates, design_of
 from vctune.document.records.design_json import Price
 from vctune.model.device import Device
@@ -29,7 +29,7 @@ from vctune.running import OutOfTimeError, check_time
 
 PRICES = "the prices of the device's numbers"  # Name of a stage that a time limit may cut short
 
-STEP = 1e-5  # Relative step, up and down, of the difference that approximates a derivative
+DIFFERENCE_STEP = 1e-5  # Relative step, up and down, of the difference that approximates a derivative
 STEEPEST = 50.0  # Slope d log error/d log parameter above which a change of the error counts as a jump
 BETTER = 0.01  # Share by which a parameter improves
 
@@ -65,7 +65,7 @@ def _log_error(solved: Solved, judgement: Judgement) -> tuple[_LogError, float] 
     """Return the error as a function, and the step of the parameters with which it is differentiated."""
     if solved.polished is not None and solved.polished.solution.converged:  # else the multipliers are no derivatives
         prepared = prepare(solved.problem)
-        return partial(_lagrangian, prepared, _at_minima(prepared.scaled.problem, solved.polished)), STEP
+        return partial(_lagrangian, prepared, _at_minima(prepared.scaled.problem, solved.polished)), DIFFERENCE_STEP
     if solved.seen is not None:
         return partial(_along_limit, solved.problem, solved.seen, (judgement.gains, judgement.coupling)), BETTER
     return None
@@ -171,7 +171,7 @@ def _lagrangian(
 
 
 def _along_limit(
-    problem: Problem, seen: Seen, law: Law, of_device: Callable[[Device], Device], of_hand: Callable[[Hand], Hand]
+    problem: Problem, seen: LookedAt, law: Law, of_device: Callable[[Device], Device], of_hand: Callable[[Hand], Hand]
 ) -> float:
     """Return the logarithm of the least error next to a design along the limit of its coupling, after a change of all
     devices and hands. Several angles limit a design there, so that its other numbers are searched again."""

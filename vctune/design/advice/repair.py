@@ -15,10 +15,10 @@ import numpy as np
 from vctune.design.advice.parameter_changes import ParameterChange, change_of_gain, parameter_changes
 from vctune.design.advice.reserve import reserve
 from vctune.design.judging.judge import Judgement, Status, certified, with_best_corner
-from vctune.design.prepared import pose as pose_devices
+from vctune.design.prepared import pose
 from vctune.design.result import Solved
 from vctune.document.gains_file import design_numbers, design_tables
-from vctune.document.reading import ProblemFile, pose
+from vctune.document.reading import ProblemFile, problem_at
 from vctune.document.records.design_json import Repair
 from vctune.document.text import toml
 from vctune.model.design import Design
@@ -40,7 +40,7 @@ HALVINGS = 24  # Greatest number of them between a value that fails and one that
 PEAK_STEPS, NEARLY = 4, 0.8  # in which a maximum between two steps is looked for, if the reserve of a step exceeds this
 
 Progress = Callable[[str], None]
-Posed = Callable[[dict[str, Any]], Problem | None]
+ProblemOf = Callable[[dict[str, Any]], Problem | None]
 
 
 class Found(NamedTuple):
@@ -105,7 +105,7 @@ def hands_of(judgement: Judgement | None) -> list[Hand]:
 
 
 def _posed(document: dict[str, Any]) -> Problem | None:
-    return pose(document, "")[0]
+    return problem_at(document, "")[0]
 
 
 class _Proof(NamedTuple):
@@ -127,7 +127,7 @@ def _proved(problem: Problem | None) -> _Proof:
             found = solved.judgement if solved.status is Status.CERTIFIED else None
             return _Proof(None if found is None else found.transparency.error)
         law = problem.fixed_design
-        posed = with_best_corner(pose_devices(problem), *law)
+        posed = with_best_corner(pose(problem), *law)
         certificate = certified(Design(posed.demands.device, *law), posed.demands, posed.box)
     check_time()  # at the time limit the proof may be incomplete
     if certificate.verdict is Verdict.PROVED:
@@ -142,7 +142,7 @@ def find_repairs(
     changes: Iterable[ParameterChange],
     hands: Sequence[Hand] = (),
     progress: Progress = lambda stage: None,
-    posed: Posed = _posed,
+    posed: ProblemOf = _posed,
     solved: Mapping[str, float] = MappingProxyType({}),
 ) -> Found:
     """Return the least changes that repair a problem alone, those of the design before those of what it assumes.
@@ -157,7 +157,7 @@ def find_repairs(
         Hands in which the given design is known to fail.
     progress : Progress
         Function that receives the current stage.
-    posed : Posed
+    posed : ProblemOf
         Function that makes a problem of tables; None for tables that are none.
     solved : Mapping[str, float]
         Values with which some changes are known to suffice, together at least.
@@ -194,7 +194,7 @@ class _Search:
     """A search for repairs, and what it has found so far."""
 
     document: dict[str, Any]
-    posed: Posed
+    posed: ProblemOf
     hands: list[Hand]  # in which designs were refuted
     progress: Progress
     solved: Mapping[str, float]

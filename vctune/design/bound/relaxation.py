@@ -155,7 +155,7 @@ def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) 
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class ImposedPlaces:
     """The places at which a relaxation imposes the constraints."""
 
     omega: Floats  # frequencies of the stability band for Llewellyn's conditions, rad/s
@@ -168,9 +168,9 @@ class Places:
         """The number of places for each of the constraints on the coupling, and for |S|."""
         return len(self.omega), len(self.in_hands), len(self.any_hand), len(self.sensitivity)
 
-    def joined(self, more: Places) -> Places:
+    def joined(self, more: ImposedPlaces) -> ImposedPlaces:
         """Return the union of these places and others, in ascending order and without duplicates."""
-        return Places(
+        return ImposedPlaces(
             np.union1d(self.omega, more.omega),
             np.union1d(self.sensitivity, more.sensitivity),
             self.in_hands.joined(more.in_hands).unique,
@@ -184,13 +184,13 @@ class Relaxation:
 
     problem: Problem  # the problem
     devices: list[Device]  # devices and places for which the relaxation imposes the constraints
-    places: Places
+    places: ImposedPlaces
     conditions: list[LlewellynConditions | SampledConditions]  # constraints on the coupling
     sensitivity: Quotient  # |S|^2 of the sampled loop of each device
     objective: Objective  # the terms of the squared error
 
 
-def relaxation(problem: Problem, devices: list[Device], places: Places, objective: Objective) -> Relaxation:
+def relaxation(problem: Problem, devices: list[Device], places: ImposedPlaces, objective: Objective) -> Relaxation:
     """Relax a problem: impose its constraints at some places only, and bound the terms of its error from below."""
     found: list[LlewellynConditions | SampledConditions] = []
     if problem.passive:

@@ -14,7 +14,7 @@ from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.bound.quadratics import K_P, K_V
 from vctune.design.bound.relaxation import (
-    Places,
+    ImposedPlaces,
     Relaxation,
     least_coupling,
     lower_bounds,
@@ -315,7 +315,7 @@ def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
     slowest = slowest_resonance(problem, problem.bounds.velocity.min)
     upto = np.geomspace(slowest, problem.nyquist, FREQUENCIES)
     angles = np.append(0.0, problem.nyquist * np.geomspace(LOWEST_ANGLE, 1.0, FREQUENCIES))
-    places = Places(band, upto, _in_worst_hands(problem, best), angles if problem.any_hand else np.zeros(0))
+    places = ImposedPlaces(band, upto, _in_worst_hands(problem, best), angles if problem.any_hand else np.zeros(0))
     if best is not None:
         for case in posed.cases:
             places = places.joined(_tight_places(case, best.gains, best.coupling))
@@ -335,7 +335,7 @@ def _in_worst_hands(problem: Problem, best: Judgement | None) -> PlacesInHands:
     return PlacesInHands(at.theta / problem.device.sample_time, at.hands.mapped(lambda number: number[worst]))
 
 
-def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, broken: bool = False) -> Places:
+def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, broken: bool = False) -> ImposedPlaces:
     """Return the places at which a design has the least reserve or, if `broken`, at which it violates a constraint."""
     stability, omega = problem.stability, np.zeros(0)
     least = stability.safety_factor * (1 - VIOLATED) if broken else inf
@@ -348,7 +348,7 @@ def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, brok
     hands = PlacesInHands.of([(each.omega, each.hand) for each in tight if each.hand is not None])
     any_hand = [each.omega for each in tight if each.hand is None]
     # `sensitivity_maxima` gives minima of -|S|
-    return Places(omega, peaks.omega[-peaks.value > most], hands, np.array(any_hand))
+    return ImposedPlaces(omega, peaks.omega[-peaks.value > most], hands, np.array(any_hand))
 
 
 def _devices(cases: tuple[Problem, ...]) -> list[Device]:

@@ -17,7 +17,7 @@ from vctune.analysis.demands import (
     transparency_error,
 )
 from vctune.analysis.in_hands import (
-    TOGETHER,
+    DEVICES_AT_ONCE,
     RatioInHand,
     least_on_grid,
     least_ratio_before_wall,
@@ -69,7 +69,7 @@ PROVING = 0.85  # Share of the remaining time that the proof of a design may tak
 MarginName = Literal["ratio", "hands", "any_hand", "walls", "wall"]
 
 
-class Margin(NamedTuple):
+class LeastRatio(NamedTuple):
     """The least Re Z_c / R of a claim on a device: on the band, in the hands of a box, in any passive hand, or with
     walls; for the coupling as a wall, the least multiple of it that is unstable."""
 
@@ -80,7 +80,7 @@ class Margin(NamedTuple):
     of: MarginName = "ratio"
 
 
-def _ratio(margin: Margin) -> float:
+def _ratio(margin: LeastRatio) -> float:
     return margin.ratio
 
 
@@ -99,7 +99,7 @@ class Judgement:
     error : float
         The objective: the error on the nominal device, or the greatest error at the vertices of a box of
         devices.
-    margins : tuple of Margin
+    margins : tuple of LeastRatio
         The least Re Z_c / R of each claim on each device.
     peak_sensitivity, worst_sensitivity : float
         Greatest ``|S|`` of the nominal device and the devices of a box up to Nyquist, and its frequency, rad/s.
@@ -115,7 +115,7 @@ class Judgement:
     coupling: AnyCoupling
     transparency: TransparencyError
     error: float
-    margins: tuple[Margin, ...]
+    margins: tuple[LeastRatio, ...]
     peak_sensitivity: float
     worst_sensitivity: float
     certificate: Certificate
@@ -137,14 +137,14 @@ class Judgement:
         """The kind of display of the device."""
         return self.device.kind
 
-    def least(self, *claims: MarginName) -> Margin | None:
+    def least(self, *claims: MarginName) -> LeastRatio | None:
         """Return the least margin of some claims, or of all; None without one."""
         return min((at for at in self.margins if not claims or at.of in claims), default=None, key=_ratio)
 
     @property
-    def binding(self) -> Margin:
+    def binding(self) -> LeastRatio:
         """The least margin of all claims, of ratio inf if no claim has one."""
-        return self.least() or Margin(inf, 0.0, self.device)
+        return self.least() or LeastRatio(inf, 0.0, self.device)
 
     @property
     def min_ratio(self) -> float:
@@ -162,22 +162,22 @@ class Judgement:
         return self.binding.device
 
     @property
-    def in_hand(self) -> Margin | None:
+    def in_hand(self) -> LeastRatio | None:
         """The least Re Z_c / R in the hands of the claim; None without this claim."""
         return self.least("hands")
 
     @property
-    def in_any_hand(self) -> Margin | None:
+    def in_any_hand(self) -> LeastRatio | None:
         """The least Re(1/Z_c)/R of an impedance display in any passive hand; None without this claim."""
         return self.least("any_hand")
 
     @property
-    def before_wall(self) -> Margin | None:
+    def before_wall(self) -> LeastRatio | None:
         """The least multiple of the coupling as a wall that is unstable; None without a wall."""
         return self.least("wall")
 
     @property
-    def in_walls(self) -> Margin | None:
+    def in_walls(self) -> LeastRatio | None:
         """The least ratio of the condition on walls; None without walls."""
         return self.least("walls")
 
@@ -277,7 +277,7 @@ def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed
 
 def judgement_of(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
     """Return a judgement: a certificate, and values in double precision."""
-    devices, in_hands, cut = [case.device for case in posed.hand_cases], list[Margin](), certificate.cut
+    devices, in_hands, cut = [case.device for case in posed.hand_cases], list[LeastRatio](), certificate.cut
     with unlimited():
         transparency = transparency_error(posed.problem, gains, coupling)
         error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
@@ -288,7 +288,10 @@ def judgement_of(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate:
         with unlimited():
             on_band, (sensitivity, omega) = _without_hands(nominal, gains, coupling)
     try:
-        for batch in [devices[:1], *(devices[k : k + TOGETHER] for k in range(1, len(devices), TOGETHER))]:
+        for batch in [
+            devices[:1],
+            *(devices[k : k + DEVICES_AT_ONCE] for k in range(1, len(devices), DEVICES_AT_ONCE)),
+        ]:
             check_time()
             in_hands += margins_in_hands(posed.demands, batch, gains, coupling) if batch else []
     except OutOfTimeError:
@@ -310,7 +313,7 @@ def judgement_of(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate:
     )
 
 
-def _without_hands(posed: Posed, gains: Gains, coupling: AnyCoupling) -> tuple[list[Margin], tuple[float, float]]:
+def _without_hands(posed: Posed, gains: Gains, coupling: AnyCoupling) -> tuple[list[LeastRatio], tuple[float, float]]:
     return margins_on_band(posed, gains, coupling), peak_sensitivity(posed, gains)
 
 
@@ -323,16 +326,16 @@ def peak_sensitivity(posed: Posed, gains: Gains) -> tuple[float, float]:
     return float(-found.value[0]), float(found.omega[0])
 
 
-def margins_on_band(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Margin]:
+def margins_on_band(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[LeastRatio]:
     """Return the least ratio of each device on the stability band, if there is a claim about it."""
     if not posed.demands.passive:
         return []
     found = [margin_on_band(case, gains, coupling) for case in posed.cases]
     inside = worst_inside(posed, gains, coupling) if posed.box is not None else []
-    return [*found, *(Margin(at.ratio, at.omega, at.device) for at in inside[:1])]
+    return [*found, *(LeastRatio(at.ratio, at.omega, at.device) for at in inside[:1])]
 
 
-def margin_on_band(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Margin:
+def margin_on_band(problem: Problem, gains: Gains, coupling: AnyCoupling) -> LeastRatio:
     """Return the least Re Z_c / R on the stability band, with the exact limits at 0 and infinity."""
     device, band = problem.device, problem.stability.band
     minima = ratio_minima(problem, gains, coupling)
@@ -341,16 +344,16 @@ def margin_on_band(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Mar
         if edge in (band.min, band.max):
             limit = limit_of(device, gains, series_coupling(coupling))
             candidates.append((limit.coupling / limit.required if limit.required > 0 else inf, edge))
-    return Margin(*min(candidates), device)
+    return LeastRatio(*min(candidates), device)
 
 
 def margins_in_hands(
     demands: Demands, devices: Sequence[Device], gains: Gains, coupling: AnyCoupling, *, climbed: bool = True
-) -> list[Margin]:
+) -> list[LeastRatio]:
     """Return the least ratio of each device in the hands of each claim, or only the least on a grid of hands."""
     if demands.rigid:
         return [_before_wall(device, demands.hands, coupling) for device in devices]
-    found = list[Margin]()
+    found = list[LeastRatio]()
     if demands.hands is not None and demands.worlds is not None:
         for device in devices:
             law = device, demands.hands, gains, coupling
@@ -365,18 +368,18 @@ def margins_in_hands(
         found += [_in_hand(device, at, "hands") for device, at in zip(devices, ratios, strict=True)]
     if demands.any_hand:
         worst = ((device, least_ratios_in_any_hand(device, gains, coupling)[0]) for device in devices)
-        found += [Margin(at.ratio, at.omega, device, of="any_hand") for device, at in worst]
+        found += [LeastRatio(at.ratio, at.omega, device, of="any_hand") for device, at in worst]
     return found
 
 
-def _in_hand(device: Device, at: RatioInHand, claim: MarginName) -> Margin:
-    return Margin(at.ratio, at.omega, device, at.hand, claim)
+def _in_hand(device: Device, at: RatioInHand, claim: MarginName) -> LeastRatio:
+    return LeastRatio(at.ratio, at.omega, device, at.hand, claim)
 
 
-def _before_wall(device: Device, hands: Hands | None, coupling: AnyCoupling) -> Margin:
+def _before_wall(device: Device, hands: Hands | None, coupling: AnyCoupling) -> LeastRatio:
     assert isinstance(coupling, SpringDamper)
     if hands is None:
         at = least_ratio_before_wall(device, coupling)
-        return Margin(at.ratio, at.omega, device, of="wall")
+        return LeastRatio(at.ratio, at.omega, device, of="wall")
     worst = worst_before_wall(device, coupling, hands)
-    return Margin(worst.value, worst.theta / device.sample_time, device, worst.hand, "wall")
+    return LeastRatio(worst.value, worst.theta / device.sample_time, device, worst.hand, "wall")

@@ -22,7 +22,7 @@ from vctune.running import check_time
 
 # Number of values of each uncertain parameter, including its ends; number of values of a delay or an unmodelled
 # response; and greatest number of devices on the grid
-SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
+VALUES_OF_EACH, VALUES_OF_A_DELAY, MOST_DEVICES = 5, 13, 325
 MOST = 24  # Greatest number of minima over frequency that the search refines, beginning with the lowest
 # First steps of the refinement: the relative step in frequency, and the step of an uncertain parameter as a share of
 # its range
@@ -30,7 +30,7 @@ FIRST_STEP = 0.02, 0.1
 # Number of rounds of the refinement, and factor by which the steps shrink if no neighbour is lower
 STEPS, SHRINK = 40, 0.5
 # Up to the first number of variables, including the frequency, all variables may change in one step
-MANY, TOGETHER = 5, 2
+MANY, MOVED_AT_ONCE = 5, 2
 
 # Greatest number of passes in which the search moves each uncertain parameter to the end with the greater |S|
 SWEEPS = 3
@@ -96,7 +96,7 @@ def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
 
 def _shares(box: DeviceBox) -> dict[str, int]:
     """Return the number of values to try for each uncertain parameter."""
-    counts = {name: DELAY_SHARES if name in (*DELAYS, DIRECTION) else SHARES for name in box.uncertain}
+    counts = {name: VALUES_OF_A_DELAY if name in (*DELAYS, DIRECTION) else VALUES_OF_EACH for name in box.uncertain}
     for fewer in (3, 2):
         if prod(counts.values()) > MOST_DEVICES:
             counts = {name: count if name == DIRECTION else min(count, fewer) for name, count in counts.items()}
@@ -128,7 +128,7 @@ def _refined(value: Value, box: DeviceBox, at: Floats, ends: Floats) -> tuple[Fl
     low, high = ends[:, :1], ends[:, 1:]
     steps = np.array(list(product((-1.0, 0.0, 1.0), repeat=len(at))))
     if len(at) > MANY:
-        steps = steps[np.count_nonzero(steps, axis=1) <= TOGETHER]
+        steps = steps[np.count_nonzero(steps, axis=1) <= MOVED_AT_ONCE]
     steps = steps.T[:, :, None]
     widths = np.array([FIRST_STEP[0] * at[0], *(FIRST_STEP[1] * _reach(box, name, at[0]) for name in box.uncertain)])
     lowest, rows = value(at), np.arange(at.shape[1])

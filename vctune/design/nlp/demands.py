@@ -14,7 +14,7 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.analysis.hardest_hands import AtWall
 from vctune.analysis.sampled_loop import plant_of, pulse_transfer
-from vctune.design.nlp.symbols import SYMBOLS
+from vctune.design.nlp.symbols import CASADI
 from vctune.design.nlp.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, WorkingSet, stacked
 from vctune.design.prepared import Posed
 from vctune.model.device import Device
@@ -35,11 +35,11 @@ from vctune.model.sampled.impedance_display import (
     spring_damper_admittance,
 )
 from vctune.model.sampled.loop_in_worlds import (
-    Seen,
+    ZSeen,
     disjuncts,
     disjuncts_in_walls,
+    margin_names,
     offered_at,
-    posed,
     room_of,
     strip_in_walls,
 )
@@ -193,7 +193,7 @@ def _in_hands(given: Posed, points: Sequence[ConstraintPoint], spare: float) -> 
             World(*(0.0 if x == inf else x for x in (end.mass, end.damping, end.stiffness)))
             for end in (met.worlds.low, met.worlds.high)
         )
-        worlds = InWorlds(posed(met.worlds, met.factor), low, high, met.factor, spare)
+        worlds = InWorlds(margin_names(met.worlds, met.factor), low, high, met.factor, spare)
         if met.worlds.walls or (problem.worlds is not None and problem.worlds.walls):
             walled = np.array([1.0 * (at.wall is not None) for at in points])
             each = [at.wall or AtWall(1.0, 0.0) for at in points]
@@ -257,7 +257,7 @@ def _command_in_hand(at: ConstraintPoint, theta: float) -> CommandInHands:
 
 def error2(at: AtFrequency, sought: Sought) -> Number:
     """Return the squared error at a frequency."""
-    loop = loop_response(at.device, sought.gains, SYMBOLS)
+    loop = loop_response(at.device, sought.gains, CASADI)
     of_loop = loop_terms(loop, at.device, sought.kind)
     squares = squared_terms(of_loop, _coupling_response(at, sought.coupling), 1.0)
     return sum((getattr(sought.weights, x) ** 2 * getattr(squares, x) for x in sought.terms), start=ca.SX(0))
@@ -266,17 +266,17 @@ def error2(at: AtFrequency, sought: Sought) -> Number:
 def _coupling_response(at: AtFrequency, coupling: AnyCoupling) -> Pair:
     """Return Z_c, or 1/Z_c for an impedance display."""
     if isinstance(coupling, SpringDamper):
-        return spring_damper_admittance(coupling, 1.0, at.low_pass, at.device.omega, SYMBOLS)
+        return spring_damper_admittance(coupling, 1.0, at.low_pass, at.device.omega, CASADI)
     return coupling_impedance(series_coupling(coupling), at.device.omega)
 
 
 def _ratio(at: AtFrequency, sought: Sought) -> Number:
     """Return the logarithm of Re Z_c / R."""
-    loop = loop_response(at.device, sought.gains, SYMBOLS)
+    loop = loop_response(at.device, sought.gains, CASADI)
     offered = 2 * loop.resistance * _coupling_response(at, sought.coupling).re
     if loop.operator_relief is not None:  # R may be negative; with the relief on this side, both sides are > 0
         offered += sought.safety_factor * loop.operator_relief
-    return ca.log(offered) - ca.log(modulus_excess(loop, SYMBOLS))
+    return ca.log(offered) - ca.log(modulus_excess(loop, CASADI))
 
 
 def _loop_gain(pulse: Pulse, gains: Gains) -> Pair:
@@ -302,7 +302,7 @@ def _stability(cut: tuple[Number, Number, Number], sought: Sought) -> Number:
 
 def tracked_peak(plant: PlantLetGo, y: Number, sought: Sought) -> Number:
     """Return -log |S| at omega = exp(y), and the slope of log |S|, which is 0 at a peak."""
-    parts = return_difference(plant, ca.exp(y), SYMBOLS, position=not SYMBOLS.is_zero(sought.gains.position))
+    parts = return_difference(plant, ca.exp(y), CASADI, position=not CASADI.is_zero(sought.gains.position))
     log_peak = ca.log(sensitivity_abs2(parts, sought.gains)) / 2
     return ca.vertcat(-log_peak, ca.gradient(log_peak, y))
 
@@ -321,8 +321,8 @@ def _margin_in_hand(at: InHands, sought: Sought) -> Number:
         (l_0, l_1), (q_0, q_1, q_2), K_v = loop.lost, loop.size, sought.gains.velocity
         required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
         wanted = ca.fmax(at.factor * required, required)  # the greater of the two if R is negative
-        return _more(offered_by_spring(coupling, 1.0, loop.low_pass, at.theta, SYMBOLS).quotient, wanted)
-    offered, seen = sampled_resistance(series_coupling(coupling), 1.0, at.theta, SYMBOLS), _seen(loop, sought.gains)
+        return _more(offered_by_spring(coupling, 1.0, loop.low_pass, at.theta, CASADI).quotient, wanted)
+    offered, seen = sampled_resistance(series_coupling(coupling), 1.0, at.theta, CASADI), _seen(loop, sought.gains)
     return _more(offered, at.factor * (seen.lost / seen.size))
 
 
@@ -330,16 +330,16 @@ def _more(offered: Number, wanted: Number) -> Number:
     return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
 
 
-def _seen(loop: Any, gains: Gains) -> Seen:
-    return Seen(loop.required, loop.swing, 1.0) if isinstance(loop, CommandInHands) else seen_in_hand(loop, gains)
+def _seen(loop: Any, gains: Gains) -> ZSeen:
+    return ZSeen(loop.required, loop.swing, 1.0) if isinstance(loop, CommandInHands) else seen_in_hand(loop, gains)
 
 
 def _margin_in_worlds(at: InHands, sought: Sought) -> Number:
     """Return a smooth lower bound of the greatest of the margins, one of which must be positive."""
     worlds = at.worlds
     assert worlds is not None
-    met, seen = offered_at(series_coupling(sought.coupling), 1.0, at.theta, SYMBOLS), _seen(at.loop, sought.gains)
-    found = disjuncts(met, Worlds(worlds.low, worlds.high), 1.0, seen, worlds.reserve, at.theta, SYMBOLS)
+    met, seen = offered_at(series_coupling(sought.coupling), 1.0, at.theta, CASADI), _seen(at.loop, sought.gains)
+    found = disjuncts(met, Worlds(worlds.low, worlds.high), 1.0, seen, worlds.reserve, at.theta, CASADI)
     wanted = at.factor * (seen.lost / seen.size)
     margins = [_more(met.resistance + worlds.reserve * worlds.low.damping, wanted)]
     margins += [room_of(getattr(found, name), ca.fabs) - worlds.spare for name in worlds.names[1:]]
@@ -350,11 +350,11 @@ def _margin_with_walls(at: InHands, walls: InWalls, sought: Sought) -> Number:
     """Return the margin of the condition on walls or, at a point for linear environments, that for these."""
     worlds = at.worlds
     assert worlds is not None
-    met = offered_at(series_coupling(sought.coupling), 1.0, at.theta, SYMBOLS)
+    met = offered_at(series_coupling(sought.coupling), 1.0, at.theta, CASADI)
     high = worlds.high if "above" in worlds.names else replace(worlds.high, mass=ENDLESS)
     box = Worlds(worlds.low, high, True, sought.corner)
-    strip = strip_in_walls(met, box, 1.0, _seen(at.loop, sought.gains), walls.at.share, at.theta, SYMBOLS)
-    found = disjuncts_in_walls(strip, box, walls.at.lead, 1.0, at.theta, SYMBOLS)
+    strip = strip_in_walls(met, box, 1.0, _seen(at.loop, sought.gains), walls.at.share, at.theta, CASADI)
+    found = disjuncts_in_walls(strip, box, walls.at.lead, 1.0, at.theta, CASADI)
     margins = [room_of(terms, ca.fabs) - worlds.spare for terms in found if terms is not None]
     return walls.walled * _greatest(margins, 2) + (1 - walls.walled) * _margin_in_worlds(at, sought)
 

@@ -19,7 +19,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.nlp.demands import MARGINS, Sought, at_frequencies, constants, error2, tracked_peak
 from vctune.design.nlp.solution import NlpStructure, Solution
 from vctune.design.nlp.symbols import columns_of, form_of, leaves, rebuilt
-from vctune.design.nlp.working_set import DEMANDS, WorkingSet
+from vctune.design.nlp.working_set import CONSTRAINT_KINDS, WorkingSet
 from vctune.design.prepared import Posed
 from vctune.design.variables import CORNER, Coordinate, Point, coupling_from
 from vctune.interrupt import interrupt_deferred
@@ -48,8 +48,8 @@ OPTIONS: dict[str, Any] = {
     "ipopt.min_refinement_steps": 0,
     "ipopt.max_refinement_steps": 1,
 }
-# Steps in which the number of slots of each kind of constraint grows, in the order of `DEMANDS`; for hands with a box
-# of environments another
+# Steps in which the slots of each kind of constraint grow in number, in the order of `CONSTRAINT_KINDS`; for hands with
+# a box of environments another
 STEPS, IN_WORLDS = (12, 12, 4, 12, 12, 12), 36
 NEAR_SIDE = 1e-2  # Distance within which a point counts as lying on a side of the trust box
 TRACKING_REACH = 0.5  # Greatest change of the log frequency of a tracked peak of |S| in one NLP
@@ -103,8 +103,8 @@ def stated(
         nodes = [(at_frequencies(case.device, omega), weight) for case in posed.objective]
         trees["node"], columns["node"] = nodes[0], columns_of(nodes)
     found = constants(posed, points, tightening, position=integrator)
-    sizes = dict(zip(DEMANDS, points.sizes(), strict=True))
-    slots = {kind: -(-sizes[kind] // step) * step for kind, step in zip(DEMANDS, _steps(problem), strict=True)}
+    sizes = dict(zip(CONSTRAINT_KINDS, points.sizes(), strict=True))
+    slots = {kind: -(-sizes[kind] // step) * step for kind, step in zip(CONSTRAINT_KINDS, _steps(problem), strict=True)}
     if slots["sensitivity"]:  # if |S| is near its limit, so is the stability boundary
         slots["stability"] = max(slots["stability"], STEPS[2])
         found.setdefault("stability", (np.zeros(1),) * 3)
@@ -132,7 +132,7 @@ def stated(
     }
     least = [
         np.where(np.arange(count) < sizes[kind], levels.get(kind, 0.0), -inf)
-        for kind, count in ((kind, slots[kind]) for kind in DEMANDS)
+        for kind, count in ((kind, slots[kind]) for kind in CONSTRAINT_KINDS)
     ]
     peaks, means = np.tile([levels["sensitivity"], 0.0], len(y)), np.zeros(structure.mean_errors)
     most = np.full(sum(slots.values()), inf), np.tile([inf, 0.0], len(y)), np.full(structure.mean_errors, inf)
@@ -184,7 +184,7 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
         of = ca.Function(kind, arguments, [values[kind]])
         return of.map(tables[kind].columns())(Z, tables["common"], t, tables[kind], *(value for _, value in more))
 
-    demands = [at_each(kind).T for kind in DEMANDS if kind in trees]
+    demands = [at_each(kind).T for kind in CONSTRAINT_KINDS if kind in trees]
     if structure.tracked_peaks:
         demands.append(ca.vec(at_each("tracked_peaks", (y, Y.T))))
     unknowns, objective = [Z, Y], t

@@ -70,7 +70,7 @@ class _SymbolArithmetic:
         raise NotImplementedError("a symbol has no size")
 
 
-SYMBOLS: Arithmetic = _SymbolArithmetic()
+CASADI: Arithmetic = _SymbolArithmetic()
 
 
 def leaves(tree: Any) -> list[Any]:

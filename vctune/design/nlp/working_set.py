@@ -76,7 +76,7 @@ def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
 
 
 # The kinds of constraint, in the order of `WorkingSet.sizes`
-DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
+CONSTRAINT_KINDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 TIGHTENING_IN_HANDS = 1e-4  # Least relative tightening of the constraint in hands
 
 
@@ -103,7 +103,7 @@ class WorkingSet:
         return known.get(quantity)
 
     def sizes(self) -> tuple[int, ...]:
-        """Return the number of constraints of each kind, in the order of `DEMANDS`."""
+        """Return the number of constraints of each kind, in the order of `CONSTRAINT_KINDS`."""
         points = self.ratio, self.sensitivity, self.stability, self.peak, self.unmodelled, self.in_hand
         return tuple(len(each) for each in points)
 

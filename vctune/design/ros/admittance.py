@@ -19,7 +19,7 @@ OF_FILE = ("admittance", "ft_sensor")  # Names of the tables of a parameter file
 FILTER = "force_sensor.filter_coefficient"  # Key under which the joint problem states the controller's filter
 
 
-NOTHING = {"mass": {"max": 0.0}, "stiffness": {"max": 0.0}}  # [environment] of an arm: nothing virtual behind it
+NOTHING_BEHIND = {"mass": {"max": 0.0}, "stiffness": {"max": 0.0}}  # [environment] of an arm: nothing virtual behind it
 
 
 def device_tables(document: dict[str, Any]) -> dict[str, Any]:
@@ -34,7 +34,7 @@ def arm_tables(document: dict[str, Any]) -> dict[str, Any]:
     With unmodelled dynamics every passive environment is behind it: a box of environments is not proved with them.
     """
     own = device_tables(document)
-    return own if "unmodelled" in own.get("uncertainty", {}) else {"environment": NOTHING, **own}
+    return own if "unmodelled" in own.get("uncertainty", {}) else {"environment": NOTHING_BEHIND, **own}
 
 
 def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admittance) -> dict[str, Any]:

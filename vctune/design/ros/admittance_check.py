@@ -32,7 +32,7 @@ from vctune.design.ros.admittance import (
     followed,
     problems_of_axes,
 )
-from vctune.document.reading import ProblemFile, pose, problem_file
+from vctune.document.reading import ProblemFile, problem_at, problem_file
 from vctune.document.records.design_json import Repair
 from vctune.document.ros import HEAVIEST, LIGHTEST, TUNED, Admittance, AdmittanceFile
 from vctune.document.text import toml
@@ -260,7 +260,7 @@ def repairs_of_axis(document: dict[str, Any], problem: Problem, judgement: Judge
 
 
 def _posed(document: dict[str, Any]) -> Problem | None:
-    problem, _ = pose(as_problem(document), "")
+    problem, _ = problem_at(as_problem(document), "")
     return problem and followed(problem)
 
 

@@ -23,7 +23,7 @@ from vctune.analysis.worst_hand import ANGLES
 from vctune.design.judging.judge import Status
 from vctune.design.prepared import Posed
 from vctune.design.search.exchange import stable
-from vctune.design.search.first_proved import RESERVE, Law, Proved, Seen, first_proved
+from vctune.design.search.first_proved import RESERVE, Law, LookedAt, Proved, first_proved
 from vctune.design.variables import Point, design_of, point, ranges, rounded
 from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_coupling
 from vctune.model.loop.llewellyn import passive_alone
@@ -88,7 +88,7 @@ class _Limit:
     """The designs of a problem whose coupling is at its limit, as far as is seen."""
 
     posed: Posed
-    seen: Seen
+    seen: LookedAt
     coarse: bool = False  # whether few angles are enough
 
     @property
@@ -184,7 +184,7 @@ def best_along_limit(posed: Posed) -> Proved | None:
     """Return the best proved design that the search reaches from a grid, or else the last that was tried; None if it
     reaches none."""
     devices = list(dict.fromkeys(case.device for case in (*posed.cases, *posed.hand_cases)))[:MOST_DEVICES]
-    seen = Seen(devices, [*posed.problem.hands.corners, posed.problem.hands.middle])
+    seen = LookedAt(devices, [*posed.problem.hands.corners, posed.problem.hands.middle])
     tried: Proved | None = None
     starts = _starts(_Limit(posed, seen))
     reached = [found for start in starts if (found := _least(_Limit(posed, seen), start, *COARSE)) is not None]
@@ -195,14 +195,14 @@ def best_along_limit(posed: Posed) -> Proved | None:
     return tried
 
 
-def _best_near(posed: Posed, start: Point, seen: Seen, last: Law | None) -> Law | None:
+def _best_near(posed: Posed, start: Point, seen: LookedAt, last: Law | None) -> Law | None:
     """Return the design with the least error near the last one, or at first near a start."""
     near = _least(_Limit(posed, seen), point(*last) if last else start, *(AGAIN if last else FINE))
     return None if near is None else design_of(rounded(posed.problem, near[1]))
 
 
 @np.errstate(all="ignore")
-def least_error(posed: Posed, seen: Seen, law: Law) -> float:
+def least_error(posed: Posed, seen: LookedAt, law: Law) -> float:
     """Return the least error of a design near another one, as far as is seen; inf without one."""
     found = _least(_Limit(posed, seen), point(*law), *AGAIN)
     return inf if found is None else found[0]

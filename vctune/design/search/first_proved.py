@@ -30,7 +30,7 @@ Law = tuple[Gains, AnyCoupling]
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class LookedAt:
     """Where an estimate looks, and the share beyond the safety factor that it keeps for what it does not see."""
 
     devices: Sequence[Device]
@@ -38,14 +38,14 @@ class Seen:
     angles: Floats = field(default_factory=lambda: np.empty(0))  # rad, beside places where designs were refuted
     reserve: float = RESERVE
 
-    def with_refuted(self, certificate: Certificate) -> Seen:
+    def with_refuted(self, certificate: Certificate) -> LookedAt:
         """Return this with the places at which a design was refuted, and twice the reserve."""
         lost = [each for each in certificate.outcomes.values() if each.verdict is Verdict.REFUTED]
         hands = [each.hand for each in lost if each.hand is not None]
         devices = [each.device for each in lost if each.device is not None]
         T = certificate.design.device.sample_time
         beside = [np.minimum(each.witness * T * BESIDE, pi) for each in lost if each.witness]
-        return Seen(
+        return LookedAt(
             list(dict.fromkeys([*self.devices, *devices])),
             list(dict.fromkeys([*self.hands, *hands])),
             np.unique(np.concatenate([self.angles, *beside])),
@@ -57,15 +57,15 @@ class Proved(NamedTuple):
     """A design that was proved, or the last that was tried, and where the estimate had looked."""
 
     judgement: Judgement
-    seen: Seen
+    seen: LookedAt
 
 
-def first_proved(posed: Posed, seen: Seen, best: Callable[[Seen, Law | None], Law | None]) -> Proved | None:
+def first_proved(posed: Posed, seen: LookedAt, best: Callable[[LookedAt, Law | None], Law | None]) -> Proved | None:
     """Return the first proved design of those that are best as far as is seen, or else the last that was tried; None if
     there is none. `best` is given the last design."""
     bounds, law = posed.problem.bounds, None
     given = bounds.velocity.fixed and bounds.position.fixed
-    tried: tuple[Certificate, Seen] | None = None
+    tried: tuple[Certificate, LookedAt] | None = None
     for _ in range(ROUNDS):
         try:
             law = best(seen, law)

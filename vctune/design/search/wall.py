@@ -15,7 +15,7 @@ from vctune.analysis.in_hands import least_multiples
 from vctune.analysis.loops_in_hands import loops_in_any_hand
 from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
 from vctune.design.prepared import Posed
-from vctune.design.search.first_proved import Law, Proved, Seen, first_proved
+from vctune.design.search.first_proved import Law, LookedAt, Proved, first_proved
 from vctune.design.variables import design_of, point, rounded
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
@@ -36,13 +36,13 @@ def stiffest_wall(posed: Posed) -> Proved | None:
     """Return the stiffest wall that is proved, or else the last that was tried; None if there is none."""
     problem = posed.problem
 
-    def best(seen: Seen, _: Law | None) -> Law | None:
+    def best(seen: LookedAt, _: Law | None) -> Law | None:
         multiples = [_in_any_hand(each) if problem.any_hand else _in_hands(each, seen) for each in seen.devices]
         wall = _stiffest(posed, multiples, problem.stability.safety_factor * (1 + seen.reserve))
         return None if wall is None else (NO_LOOP, wall)
 
     devices = list(dict.fromkeys(case.device for case in posed.cases))
-    return first_proved(posed, Seen(devices, [*problem.hands.corners, problem.hands.middle]), best)
+    return first_proved(posed, LookedAt(devices, [*problem.hands.corners, problem.hands.middle]), best)
 
 
 def _in_any_hand(device: Device) -> Multiple:
@@ -50,7 +50,7 @@ def _in_any_hand(device: Device) -> Multiple:
     return lambda wall: float(least_multiples(*at.answers.before_wall(wall, T, at.theta, FLOATS)).min())
 
 
-def _in_hands(device: Device, seen: Seen) -> Multiple:
+def _in_hands(device: Device, seen: LookedAt) -> Multiple:
     loops = LoopsBeforeWall.of(device, list(seen.hands), np.union1d(ANGLES, seen.angles))
     return lambda wall: float(loops.limits(wall)[0].min())
 

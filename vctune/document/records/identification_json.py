@@ -13,7 +13,7 @@ from vctune.document.schema.number_units import unit_of
 from vctune.document.schema.rules import MOST_SAMPLES
 from vctune.document.text.errors import coded, printable
 from vctune.document.text.toml import toml_text
-from vctune.model.experiment import Operator, usual_share
+from vctune.model.experiment import MovingHand, usual_share
 from vctune.model.fields import record
 from vctune.model.numbers.units import UNITS, Units
 
@@ -25,7 +25,7 @@ GRIP = 0.1  # Distance from the axis at which a hand holds a rotary servo, m
 # Greatest numbers of the hands of a rotary servo: those of a human hand at the distance `GRIP`, in kg m2, N m s/rad and
 # N m/rad
 ROTARY_HAND = {"mass": 0.005, "damping": 0.3, "stiffness": 30.0}
-STEP = 1e-5  # Step to which half-widths are rounded up, so that the written box contains the identified one
+HALF_WIDTH_STEP = 1e-5  # Step to which half-widths are rounded up, so that the written box contains the identified one
 
 
 class NumberRecord(Part):
@@ -131,7 +131,9 @@ def bounded(key: str, low: float, high: float, limit: str, estimates: list[Estim
     value, share = float(f"{0.5 * (low + high):.6g}"), 0.0
     if value:
         share = max(high - value, value - low) / value
-        share = min(round(ceil(share / STEP) * STEP, 5), 0.99 if low <= 0 else 1 - STEP)
+        share = min(
+            round(ceil(share / HALF_WIDTH_STEP) * HALF_WIDTH_STEP, 5), 0.99 if low <= 0 else 1 - HALF_WIDTH_STEP
+        )
     unit = unit_of(tuple(key.split(".")), units)
     return Bounded(key, unit, value, share, float(low), float(high), limit, estimates)
 
@@ -217,7 +219,7 @@ def _experiment(record: IdentificationRecord) -> dict[str, Any]:
     """Return an experiment that the device can follow, with the identified friction and noise."""
     experiment: dict[str, Any] = {"name": "as identified"}
     bristles: dict[str, float] = {}
-    furthest = 0.9 * MOST_SAMPLES * record.sample_time * STROKE["speed"] / (pi * Operator().cycles)
+    furthest = 0.9 * MOST_SAMPLES * record.sample_time * STROKE["speed"] / (pi * MovingHand().cycles)
     if record.rotary or furthest < STROKE["to"]:
         experiment["operator"] = STROKE | {"to": min(STROKE["to"], float(f"{furthest:.2g}"))}
     if record.rotary:

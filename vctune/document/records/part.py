@@ -15,7 +15,7 @@ from vctune.model.fields import Shown
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
 
-NOTHING = 1e-20  # Size below which a number is 0 in a text
+SHOWN_AS_ZERO = 1e-20  # Size below which a number is 0 in a text
 
 
 class Row(NamedTuple):
@@ -32,7 +32,7 @@ def text(value: Any, digits: int = 5) -> str:
         low, high = ("inf" if edge is None else text(edge, digits) for edge in value)
         return f"{low} to {high}"
     if isinstance(value, float):
-        return f"{0.0 if abs(value) < NOTHING else value:.{digits}g}"
+        return f"{0.0 if abs(value) < SHOWN_AS_ZERO else value:.{digits}g}"
     return "none" if value is None else str(value)
 
 

@@ -22,7 +22,7 @@ QUANTITIES = {
 }
 # Quantity of each number whose quantity depends on the whole key, not only on the last part of the key
 BY_KEY = OF_KEYS | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
-SHARES = ("uncertainty", "weights")  # Tables of numbers that have no unit
+WITHOUT_UNIT = ("uncertainty", "weights")  # Tables of numbers that have no unit
 
 
 def units_stated(raw: dict[str, Any]) -> Units:
@@ -34,7 +34,7 @@ def units_stated(raw: dict[str, Any]) -> Units:
 def unit_of(path: KeyPath, units: Units) -> str:
     """Return the unit of a number in a problem file; "" for a number without a unit."""
     names = [step for step in path if isinstance(step, str) and step not in ("min", "max")]
-    if not names or any(name in SHARES for name in names):
+    if not names or any(name in WITHOUT_UNIT for name in names):
         return ""
     quantity = BY_KEY.get(".".join(names)) or next((each for each, keys in QUANTITIES.items() if names[-1] in keys), "")
     return units.of(quantity)

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_mo
 from vctune.document.schema.validation import schema_of
 from vctune.model.device import Device
 from vctune.model.display import DisplayName
-from vctune.model.experiment import Baseline, Environment, Friction, Operator, Sensors
+from vctune.model.experiment import Baseline, Environment, Friction, MovingHand, Sensors
 from vctune.model.fields import Edge, Flag, NotNegative, NotNegativeOrInf, Positive, Share, Text
 from vctune.model.gains import Coupling, Gains, SpringDamper
 from vctune.model.numbers.units import UnitSystem
@@ -94,7 +94,7 @@ class ExperimentTable(Table):
         description="Unique name of the experiment: letters, digits, spaces and _ . , + -",
     )
     environment: Environment = Environment()
-    operator: Operator = Operator()
+    operator: MovingHand = MovingHand()
     friction: Friction | None = None
     sensors: Sensors = Sensors()
     actuator: LimitTable = LimitTable()

@@ -12,7 +12,7 @@ from vctune.document.schema.number_units import unit_of, units_stated
 from vctune.document.schema.validation import Contradiction, KeyPath
 from vctune.document.text.hints import LONGEST_SAMPLE, in_finer_unit, seconds_meant
 from vctune.document.text.toml import number_at, value_at
-from vctune.model.experiment import Friction, Operator
+from vctune.model.experiment import Friction, MovingHand
 from vctune.model.fields import keys_of_table
 from vctune.model.hands import HAND
 from vctune.model.numbers.units import KEYS, LINEAR, ROTARY, SPRING_KEYS
@@ -390,7 +390,7 @@ def _names(file: Stated) -> Found:
 
 def _motion(file: Stated) -> Found:
     """Yield a hand that is not connected or does not move, and strokes that are too short or too long."""
-    usual = _defaults(Operator)
+    usual = _defaults(MovingHand)
     start, end, speed, cycles, damping, stiffness = (file(f"experiment.operator.{key}", usual[key]) for key in MOTION)
     samples = abs(end - start) / (speed if speed > 0 else nan) / file.T
     if damping == 0 and stiffness == 0:
@@ -468,7 +468,7 @@ def _defaults(table: type) -> dict[str, Any]:
 
 def _rotary_defaults(file: Stated) -> Found:
     """Yield those absent keys of a rotary experiment whose defaults are in the units of a linear device."""
-    for name, usual, model in (("operator", {}, Operator), ("friction", None, Friction)):
+    for name, usual, model in (("operator", {}, MovingHand), ("friction", None, Friction)):
         stated = file.raw["experiment"].get(name, usual)
         for key, default in _defaults(model).items() if isinstance(stated, dict) and file.units is ROTARY else ():
             unit, of_rotary = (unit_of(("experiment", name, key), units) for units in (LINEAR, ROTARY))

@@ -25,7 +25,7 @@ def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
     )
 
 
-def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
+def llewellyn_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
     """Return 2 (Re(N conj D) + Re Z_h |N|^2) R, (N s/m)^2. Without an operator it equals `modulus_excess`."""
     excess = modulus_excess(loop, ops)
     return excess if loop.operator_relief is None else excess - loop.operator_relief
@@ -33,7 +33,7 @@ def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
 
 def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
     """Return R, the least feasible Re Z_c (model/README.md, section 4)."""
-    return llewellyn_demand(loop, ops) / (2 * loop.resistance)
+    return llewellyn_excess(loop, ops) / (2 * loop.resistance)
 
 
 def passive_alone(loop: LoopResponse, Z_c: Pair) -> tuple[Number, Number]:

@@ -12,9 +12,14 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, nothing
 from vctune.model.numbers.pair import EvenOdd
 from vctune.model.sampled.circle import Circle, OfParts, circle
-from vctune.model.sampled.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
-from vctune.model.sampled.loop_in_worlds import Offered as OfferedBySeries
-from vctune.model.sampled.loop_in_worlds import Seen, offered_at
+from vctune.model.sampled.impedance_display import (
+    ForceInHand,
+    Required,
+    YOffered,
+    firmware_filter,
+    offered_by_spring,
+)
+from vctune.model.sampled.loop_in_worlds import ZOffered, ZSeen, offered_at
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand, equations, numerators
 from vctune.model.sampled.servo_in_hand import blur_of, seen_of_servo
 
@@ -110,12 +115,12 @@ def required_in_limp_hand(
     return Required(P.even * F.odd - P.odd * F.even, F.abs2())
 
 
-def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic) -> Seen:
+def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic) -> ZSeen:
     """Return `seen_in_hand` divided by rho^2, with the swing also divided by s, for K_p = 0."""
     F, felt = _next_to_rest(plant, velocity, theta, rest, ops)
     lost = velocity * (felt.even * F.even + F.square * (felt.odd * F.odd))
     swing = velocity * rest.turned * (felt.even * F.odd - felt.odd * F.even)
-    return Seen(-lost, swing, F.abs2())
+    return ZSeen(-lost, swing, F.abs2())
 
 
 def _next_to_rest(
@@ -217,18 +222,18 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
     return Required(-0.5 * (P.odd * F.even - P.even * F.odd), F.abs2())
 
 
-def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
+def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> ZSeen:
     """Return Z_seen, the impedance that the loop in a hand presents to the environment."""
     required = required_in_hand(loop, gains)
     if isinstance(loop, CommandInHand):
-        return Seen(required.lost, 0.5 * loop.seen.even, 1)
+        return ZSeen(required.lost, 0.5 * loop.seen.even, 1)
     F, P = loop.closed(gains), loop.numerator(gains)
-    return Seen(required.lost, 0.5 * (P.even * F.even + F.square * (P.odd * F.odd)), required.size)
+    return ZSeen(required.lost, 0.5 * (P.even * F.even + F.square * (P.odd * F.odd)), required.size)
 
 
 def met_in_hand(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Number, ops: Arithmetic
-) -> tuple[OfferedBySeries, Seen]:
+) -> tuple[ZOffered, ZSeen]:
     """Return the two parts of the impedance that an environment meets: the coupling's and the loop's."""
     return offered_at(series_coupling(coupling), device.sample_time, theta, ops), seen_in_hand(loop, gains)
 
@@ -250,6 +255,6 @@ def room(
     return sampled_resistance(coupling, device.sample_time, theta, ops) * required.size - factor * required.lost
 
 
-def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> Offered:
+def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> YOffered:
     """Return 1/Z_c/sin^2(theta/2) of an impedance display's coupling in the firmware."""
     return offered_by_spring(coupling, device.sample_time, firmware_filter(device, theta, ops), theta, ops)

@@ -43,7 +43,7 @@ def firmware_filter(device: Device, theta: Number, ops: Arithmetic) -> Pair | No
     return once if estimate.filter_order == 1 else once * once
 
 
-class Offered(NamedTuple):
+class YOffered(NamedTuple):
     """1/Z_c/s^2 = (above + j spring/s)/below, m/(N s), with s = sin(theta/2) and below > 0."""
 
     above: Number  # Re Z_c, N s/m
@@ -58,16 +58,16 @@ class Offered(NamedTuple):
 
 def offered_by_spring(
     coupling: SpringDamper, sample_time: Number, low_pass: Pair | None, theta: Number, ops: Arithmetic
-) -> Offered:
+) -> YOffered:
     """Return 1/Z_c/sin^2(theta/2) of a spring-damper as a quotient (model/README.md, section 15)."""
     half, sin, cos = coupling.stiffness * sample_time / 2, ops.sin(theta / 2), ops.cos(theta / 2)
     if low_pass is None:
         resistance = coupling.damping + half
         loss, spring = sin * resistance, half * cos
-        return Offered(resistance, loss * loss + spring * spring, spring)
+        return YOffered(resistance, loss * loss + spring * spring, spring)
     resistance = coupling.damping * low_pass.re + half
     loss, spring = sin * resistance, half * cos - sin * (coupling.damping * low_pass.im)
-    return Offered(resistance, loss * loss + spring * spring, spring)
+    return YOffered(resistance, loss * loss + spring * spring, spring)
 
 
 def spring_forms(

@@ -14,10 +14,10 @@ from vctune.model.worlds import Worlds
 
 # Value that the code adds to a divisor that is a sum of magnitudes, because all the magnitudes may be 0; other divisors
 # and roots that may be 0 get this share of a quantity of the same unit
-NOTHING, SPECK = 1e-300, 1e-30
+ALMOST_ZERO, SPECK = 1e-300, 1e-30
 
 
-class Seen(NamedTuple):
+class ZSeen(NamedTuple):
     """The impedance that the loop in a hand presents to the environment, Z_seen = -lost/size - j swing/(s size)."""
 
     lost: Number  # R = lost/size, N s/m; the size is |F|^2, or 1 for a servo
@@ -25,7 +25,7 @@ class Seen(NamedTuple):
     size: Number
 
 
-class Offered(NamedTuple):
+class ZOffered(NamedTuple):
     """The impedance Z_c of the coupling as the firmware runs it."""
 
     resistance: Number  # Re Z_c, N s/m
@@ -41,14 +41,14 @@ class Disjuncts(NamedTuple):
     turned: tuple[Number, ...] | None
 
 
-def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Offered:
+def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> ZOffered:
     """Return Z_c at theta = omega T."""
-    return Offered(
+    return ZOffered(
         sampled_resistance(coupling, sample_time, theta, ops), sampled_reactance(coupling, sample_time, theta, ops)
     )
 
 
-def posed(worlds: Worlds, factor: float) -> tuple[str, ...]:
+def margin_names(worlds: Worlds, factor: float) -> tuple[str, ...]:
     """Return the names of the margins that can be positive in a box of environments."""
     turned = () if factor == 1 else ("turned",)
     above = () if _endless(worlds.high.mass) else ("above", *turned)
@@ -62,7 +62,13 @@ def real_at_nyquist(coupling: Coupling, worlds: Worlds) -> bool:
 
 
 def disjuncts(
-    offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
+    offered: ZOffered,
+    worlds: Worlds,
+    sample_time: Number,
+    seen: ZSeen,
+    factor: Number,
+    theta: Number,
+    ops: Arithmetic,
 ) -> Disjuncts:
     """Return margins, each times a positive number that contains |F|^2; at least one of them must be positive."""
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
@@ -82,7 +88,13 @@ def disjuncts(
 
 
 def limp_disjuncts(
-    offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
+    offered: ZOffered,
+    worlds: Worlds,
+    sample_time: Number,
+    seen: ZSeen,
+    factor: Number,
+    theta: Number,
+    ops: Arithmetic,
 ) -> Disjuncts:
     """Return `disjuncts` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness."""
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
@@ -98,7 +110,7 @@ def limp_disjuncts(
 
 def room_of(terms: tuple[Number, ...], absolute: Callable[[Number], Number]) -> Number:
     """Return the relative distance of a margin from 0: twice the sum of its terms over the sum of their magnitudes."""
-    return 2 * sum_of(terms) / (sum_of(tuple(map(absolute, terms))) + NOTHING)
+    return 2 * sum_of(terms) / (sum_of(tuple(map(absolute, terms))) + ALMOST_ZERO)
 
 
 def sum_of(terms: tuple[Number, ...]) -> Number:
@@ -139,7 +151,13 @@ class Shares(NamedTuple):
 
 
 def strip_in_walls(
-    offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, share: Number, theta: Number, ops: Arithmetic
+    offered: ZOffered,
+    worlds: Worlds,
+    sample_time: Number,
+    seen: ZSeen,
+    share: Number,
+    theta: Number,
+    ops: Arithmetic,
 ) -> Strip:
     """Return the ranges of p and r over the box."""
     sin, cos, low, high = ops.sin(theta / 2), ops.cos(theta / 2), worlds.low, worlds.high

@@ -61,7 +61,7 @@ def delays_of(device: Device) -> Delays:
     return Delays(loop, left > 0, felt, felt_left > 0)
 
 
-class Mechanism(NamedTuple):
+class MechanismInHand(NamedTuple):
     """E x' = A x + b u, the equation of a device in a hand, dimensionless."""
 
     names: list[str]  # names of the states
@@ -74,7 +74,7 @@ class Mechanism(NamedTuple):
     handle: str = "velocity"  # name of the state that is the handle's velocity
 
     @classmethod
-    def of(cls, rows: Rows, inertia: dict[str, Number] | None = None, **felt: Any) -> Mechanism:
+    def of(cls, rows: Rows, inertia: dict[str, Number] | None = None, **felt: Any) -> MechanismInHand:
         """Return the equations whose right sides are rows of coefficients by state."""
         rates = tuple(tuple(row.get(name, 0) for name in rows) for row in rows.values())
         push = tuple(row.get(COMMAND, 0) for row in rows.values())
@@ -143,7 +143,7 @@ def plants_in_spring(device: Device, hand: Hand, delays: Delays, ops: Arithmetic
 
 
 def over_sample(
-    parts: Mechanism,
+    parts: MechanismInHand,
     device: Device,
     delays: Delays,
     ops: Arithmetic,
@@ -203,13 +203,13 @@ class Sample(NamedTuple):
     older: Callable[[Number], Vector]  # b_1 as a function of the share of the sample for which the older force acts
 
 
-def _sample(parts: Mechanism, ops: Arithmetic, *, let_go: bool = False) -> Sample:
+def _sample(parts: MechanismInHand, ops: Arithmetic, *, let_go: bool = False) -> Sample:
     """Return a mechanism over one sample."""
     simple = len(parts.names) == 2  # without a mode that may be at a multiple of the sampling rate
     return _rigid(parts, ops) or (_held(parts, ops) if simple or not let_go else _let_go(parts, ops))
 
 
-def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
+def _rigid(parts: MechanismInHand, ops: Arithmetic) -> Sample | None:
     """Return the sample of a rigid device without further states, in closed form."""
     if len(parts.names) > 2 or ops.arrays is None:
         return None
@@ -228,7 +228,7 @@ def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
     return Sample(parts.rates, step, parts.push, older)
 
 
-def _held(parts: Mechanism, ops: Arithmetic) -> Sample:
+def _held(parts: MechanismInHand, ops: Arithmetic) -> Sample:
     """Return the sample of any mechanism by f(A), which keeps enclosures of boxes of hands narrow."""
     at = {name: index for index, name in enumerate(parts.names)}
     over = _over_inertia(parts, at)
@@ -241,7 +241,7 @@ def _held(parts: Mechanism, ops: Arithmetic) -> Sample:
     return Sample(parts.rates, _times_inertia(rounded, parts, at), parts.push, older)
 
 
-def _let_go(parts: Mechanism, ops: Arithmetic) -> Sample:
+def _let_go(parts: MechanismInHand, ops: Arithmetic) -> Sample:
     """Return the sample of a mechanism that nobody holds by e^A; f(A) has a pole at multiples of the sampling rate."""
     rows = driven(parts.rates, parts.push)
     change = exponential_less_one(rows, ops)[:-1]
@@ -255,7 +255,7 @@ def driven(rates: Matrix, push: Vector) -> Matrix:
     return (*((*row, force) for row, force in zip(rates, push, strict=True)), (0,) * (len(push) + 1))
 
 
-def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
+def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> MechanismInHand:
     """Return the equations of a device in a hand. The hand's force on the handle is -(M a + B v + K x)."""
     T, m, sensor = device.sample_time, device.mass, device.sensing
     one = 0 * T + 1  # a number of the arithmetic, so that the code encloses the quotient below
@@ -292,10 +292,10 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         sensed[driven], felt = carried, {"felt": -corner}  # divided by the corner: A/E then lacks the corner squared
     weightless = filtered or nothing(carried)
     felt_inertia = None if weightless else carried / inertia[handle]
-    return Mechanism.of(rows, inertia, sensed=sensed, felt=felt, felt_inertia=felt_inertia, handle=handle)
+    return MechanismInHand.of(rows, inertia, sensed=sensed, felt=felt, felt_inertia=felt_inertia, handle=handle)
 
 
-def _over_inertia(parts: Mechanism, at: dict[str, int]) -> Matrix:
+def _over_inertia(parts: MechanismInHand, at: dict[str, int]) -> Matrix:
     """Return A/E."""
     rows = [list(row) for row in parts.rates]
     handle = at[parts.handle]
@@ -308,7 +308,7 @@ def _over_inertia(parts: Mechanism, at: dict[str, int]) -> Matrix:
     return tuple(map(tuple, rows))
 
 
-def _times_inertia(matrix: Matrix, parts: Mechanism, at: dict[str, int]) -> Matrix:
+def _times_inertia(matrix: Matrix, parts: MechanismInHand, at: dict[str, int]) -> Matrix:
     """Return a matrix times E."""
     rows = [list(row) for row in matrix]
     handle = at[parts.handle]

@@ -25,21 +25,21 @@ BEYOND = 1e9  # Multiple of the disc's last frequency up to which r is constant
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class ServoSeen:
     """Z_seen = (even + j s odd)/(2 j s) at an angle."""
 
     even: Number  # the two parts, N s/m, regular at theta = 0
     odd: Number
 
 
-def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic) -> Seen:
+def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic) -> ServoSeen:
     """Return Z_seen, the impedance that a servo in a hand presents to the environment (model/README.md, section 17)."""
     at = circle(theta, ops)
     seen = _seen_at(plant, hand, at)
     if plant.pull is None:
         return seen
     other = _seen_at(plant.pull.plant, _pulling(plant.pull), at)
-    return Seen(seen.even + other.even, seen.odd + other.odd)
+    return ServoSeen(seen.even + other.even, seen.odd + other.odd)
 
 
 def _pulling(pull: Pull) -> Hand:
@@ -47,7 +47,7 @@ def _pulling(pull: Pull) -> Hand:
     return Hand(0, 0, pull.stiffness)
 
 
-def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> Seen:
+def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> ServoSeen:
     """Return the part of Z_seen that the hand causes through the force sensor."""
     s, c, y = at.sin, at.cos, at.square
     spring = times(hand.stiffness, plant.sample_time)
@@ -63,7 +63,7 @@ def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> Seen:
     even, odd = step[0] * spring - 2 * (s * turned.im), step[1] * spring + 2 * turned.re
     cos, sine = at.turned(plant.turns)
     even, odd = cos * even + y * (sine * odd), cos * odd - sine * even
-    return Seen(c * even, c * odd) if plant.interpolated else Seen(even, odd)
+    return ServoSeen(c * even, c * odd) if plant.interpolated else ServoSeen(even, odd)
 
 
 def _regular(plant: ServoPlant, hand: Hand, spring: Number, at: Circle) -> Pair:
@@ -114,7 +114,7 @@ def _reciprocal(x: Pair, ops: Arithmetic) -> Pair:
     return Pair(*ops.reciprocal(x.re, x.im))
 
 
-def blur_of(plant: ServoPlant, seen: Seen, theta: Number, ops: Arithmetic) -> Number:
+def blur_of(plant: ServoPlant, seen: ServoSeen, theta: Number, ops: Arithmetic) -> Number:
     """Return r |Z_seen|, the greatest increase of -odd/2 while Z_seen varies within its disc."""
     if not plant.radii:
         return 0

@@ -16,7 +16,7 @@ from vctune.model.parts import Structure
 from vctune.model.sampled.circle import circle
 from vctune.model.sampled.plant_in_hand import (
     Delays,
-    Mechanism,
+    MechanismInHand,
     PlantInHand,
     equations,
     mechanism_in_hand,
@@ -64,7 +64,7 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
 class Flexible(NamedTuple):
     """A flexible device about its centre of mass, where an uncertain mass does not move the resonance."""
 
-    parts: Mechanism
+    parts: MechanismInHand
     mass: Number  # mass with the load of the handle, and the handle's share of it
     handle_share: Number
 
@@ -94,7 +94,7 @@ def _about_centre_of_mass(device: Device, structure: Structure, ops: Arithmetic)
     force = drive_rows(rows, device, ops)
     rows["velocity"] |= pushed(force, one)
     rows["bending"] |= pushed(force, 1 / motor_share)
-    return Flexible(Mechanism.of(rows), mass, handle_share)
+    return Flexible(MechanismInHand.of(rows), mass, handle_share)
 
 
 def return_difference(of: PlantLetGo, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:

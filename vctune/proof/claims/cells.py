@@ -62,9 +62,9 @@ from vctune.proof.prover import Proofs, prove
 
 # The names of the rows of a straight line that bounds R in all hands
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
-STEP = 1.05  # Ratio of the edges of a piece
+PIECE_RATIO = 1.05  # Ratio of the edges of a piece
 # Shares of each range of the hands at which the code evaluates R before it proves a piece
-SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
+TRIED_SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
 WITHIN = 5  # Number of angles of a piece at which the code evaluates R
 # Relative amount by which the first attempt raises a piece above the evaluated hands, and factor of this amount from
 # one attempt to the next
@@ -96,7 +96,7 @@ class Envelope:
 @np.errstate(all="ignore")
 def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
     """Bound R from above in all hands, by a straight line over each piece of the angle."""
-    low, high = band_of(0.0, HALF_TURN, STEP)
+    low, high = band_of(0.0, HALF_TURN, PIECE_RATIO)
     theta = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, WITHIN)
     some = _some_of(hands) if hands is not None else None
     # where R <= 0, also where R is -inf, a coupling may be arbitrarily small: the bound is 0 there
@@ -126,7 +126,7 @@ def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
 
 def _some_of(hands: Hands) -> Hand:
     """Return a sample of the hands of a box, with numbers of shape (h, 1)."""
-    places = (np.unique(a + (b - a) * np.array(SHARES)) for a, b in hands.ranges.values())
+    places = (np.unique(a + (b - a) * np.array(TRIED_SHARES)) for a, b in hands.ranges.values())
     return Hand(*(number.reshape(-1, 1) for number in np.meshgrid(*places, indexing="ij")))
 
 
@@ -281,7 +281,7 @@ def _above_envelope(cells: Covered, hands: Hands | None) -> Flags:
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class FailingPlaces:
     """The places where a constraint may fail throughout a cell, for n cells; None for constraints that the problem does
     not have."""
 
@@ -290,13 +290,13 @@ class Places:
     theta: Floats | None = None  # angles for any passive hand on an impedance display, rad, shape (any number, n)
     in_hands: PlacesInHands | None = None  # angles, each with a hand, shape (any number, n); the most critical first
 
-    def subset(self, at: Integers) -> Places:
+    def subset(self, at: Integers) -> FailingPlaces:
         """Return the places of some of the cells."""
         omega, theta = (None if of is None else of[:, at] for of in (self.omega, self.theta))
-        return Places(self.theta_S[at], omega, theta, None if self.in_hands is None else self.in_hands[:, at])
+        return FailingPlaces(self.theta_S[at], omega, theta, None if self.in_hands is None else self.in_hands[:, at])
 
 
-def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
+def refuted(demands: Demands, cells: Cells, places: FailingPlaces) -> Flags:
     """Return the cells in which no design meets all constraints."""
     fails = np.zeros(len(cells), bool)
     for at in by_integrator(cells):
@@ -337,7 +337,7 @@ def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, F
     return np.where(none, np.inf, np.where(r > 0, least, 0.0)), np.where(none, 0.0, np.where(r > 0, most, np.inf))
 
 
-def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
+def no_damping(demands: Demands, cells: Cells, places: FailingPlaces) -> Flags:
     """Return the cells in which no b_c between the cell's edges meets the constraints on Re Z_c."""
     # rows in the order of `KEYS`: 2 is b_c, 3 is m_c, 4 is b_0
     least, most = cells.low[2].copy(), cells.high[2].copy()

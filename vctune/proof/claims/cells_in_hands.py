@@ -15,20 +15,20 @@ from vctune.model.problem import Demands
 from vctune.proof.box_tests import Margin, beside_zero, either, narrowed, positive, sufficient
 from vctune.proof.boxes import FREQUENCY, HALF_TURN, Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands
 from vctune.proof.claims.cases import over
-from vctune.proof.claims.loop_claims import STEP
-from vctune.proof.claims.margins_of_claims import SHARES, hand_margin, limp_hand_margin, margin_in_spring
+from vctune.proof.claims.loop_claims import BAND_RATIO
+from vctune.proof.claims.margins_of_claims import RHO_SHARES, hand_margin, limp_hand_margin, margin_in_spring
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
 from vctune.proof.halving import Effort
 from vctune.proof.prover import Test, prove
 
 EFFORT = Effort(max_halvings=80, max_boxes=30_000, few=0)
-TOGETHER = 128  # Number of cells that the prover treats together, so that their boxes fit into memory
+CELLS_AT_ONCE = 128  # Number of cells that the prover treats together, so that their boxes fit into memory
 # Greatest K_p T^2/m, as a share of the width of the first interval of angles, for which the prover treats a cell
 # separately near theta = 0
-AT_REST = 0.1
+NEAR_REST = 0.1
 ROUNDING = 1e-9  # Allowance for the rounding of a share's limits, relative to them
 
-MASS = "coupling.mass"
+COUPLING_MASS = "coupling.mass"
 
 
 def hold_in_hands(demands: Demands, cells: Cells) -> Flags:
@@ -47,7 +47,7 @@ def _senses_force_in_a_loop(demands: Demands) -> bool:
 
 
 def _few(at: Integers) -> Iterator[Integers]:
-    return (at[i : i + TOGETHER] for i in range(0, len(at), TOGETHER))
+    return (at[i : i + CELLS_AT_ONCE] for i in range(0, len(at), CELLS_AT_ONCE))
 
 
 def _next_to_rest(demands: Demands, cells: Cells) -> Flags:
@@ -55,7 +55,7 @@ def _next_to_rest(demands: Demands, cells: Cells) -> Flags:
     assert demands.hands is not None
     if not _senses_force_in_a_loop(demands) or demands.hands.low.stiffness > 0:
         return np.zeros(len(cells), bool)
-    return np.asarray(cells.low[1] <= AT_REST * _stiffness_of(demands, _band()[1][0]))
+    return np.asarray(cells.low[1] <= NEAR_REST * _stiffness_of(demands, _band()[1][0]))
 
 
 def _stiffness_of(demands: Demands, theta: float) -> float:
@@ -65,7 +65,7 @@ def _stiffness_of(demands: Demands, theta: float) -> float:
 
 
 def _band() -> tuple[Floats, Floats]:
-    return band_of(0.0, HALF_TURN, STEP)
+    return band_of(0.0, HALF_TURN, BAND_RATIO)
 
 
 def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
@@ -92,7 +92,7 @@ def _or_every_stiffness(demands: Demands, test: Test) -> Test:
 
 def _by_drag(margin: Margin) -> Margin:
     """Return the margin with only the drag of the coupling, a lower bound of the margin with the whole coupling."""
-    return lambda theta, v: margin(theta, {**v, MASS: Enclosure(0.0)})
+    return lambda theta, v: margin(theta, {**v, COUPLING_MASS: Enclosure(0.0)})
 
 
 def _proved_apart(demands: Demands, cells: Cells) -> Flags:
@@ -123,11 +123,11 @@ def _parted(band: tuple[Floats, Floats]) -> tuple[tuple[Floats, Floats], tuple[F
 
 
 def _with_shares(boxes: Boxes) -> Boxes:
-    """Return boxes of hands and cells with the rows of `SHARES` added, each with its full range."""
+    """Return boxes of hands and cells with the rows of `RHO_SHARES` added, each with its full range."""
     there = [boxes.high[boxes.names.index(key)].max(initial=0.0) > 0 for key in (KEYS[1], HAND[2])]
     rows = np.repeat(np.array(there, float)[:, None], len(boxes), axis=1)
     low, high = np.vstack((boxes.low, np.zeros_like(rows))), np.vstack((boxes.high, rows))
-    return first_boxes((*boxes.names, *SHARES), low, high, boxes.owner, boxes.whole_samples)
+    return first_boxes((*boxes.names, *RHO_SHARES), low, high, boxes.owner, boxes.whole_samples)
 
 
 def _with_possible_shares(demands: Demands, boxes: Boxes) -> Boxes:
@@ -138,7 +138,7 @@ def _with_possible_shares(demands: Demands, boxes: Boxes) -> Boxes:
     law, grip = ((low[key], high[key]) for key in (KEYS[1], HAND[2]))
     turned = tuple(2 * np.sin(edge[FREQUENCY] / 2) * unit for edge in (low, high))
     rest = turned[0] + grip[0], turned[1] + grip[1]
-    for share, (least, most), others in zip(SHARES, (law, grip), (rest, turned), strict=True):
+    for share, (least, most), others in zip(RHO_SHARES, (law, grip), (rest, turned), strict=True):
         # 0/0 limits nothing
         low[share] = np.fmax(low[share], least / (least + others[1]) * (1 - ROUNDING))
         high[share] = np.fmin(high[share], most / (most + others[0]) * (1 + ROUNDING))

@@ -15,7 +15,7 @@ from vctune.model.hands import MASS, STIFFNESS, Hand, Hands, stacked
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import keys_of
 from vctune.model.problem import Demands
-from vctune.model.sampled.loop_in_worlds import LEADS, Disjuncts, posed, real_at_nyquist, sum_of
+from vctune.model.sampled.loop_in_worlds import LEADS, Disjuncts, margin_names, real_at_nyquist, sum_of
 from vctune.proof.box_tests import Margin, beside_zero, either, misses_zero, positive, sufficient
 from vctune.proof.boxes import HALF_TURN, SAMPLES_BEFORE, Boxes, Values, band_of, over_band
 from vctune.proof.claims.cases import COUPLING_SHARE, Case, exact_case, over
@@ -24,7 +24,7 @@ from vctune.proof.claims.delays import DELAY_ROWS, NEXT_TO, Ends, Part, parts_of
 from vctune.proof.claims.loop_claims import in_rad_per_s, of_design
 from vctune.proof.claims.margins_of_claims import (
     AT_REST,
-    SHARES,
+    RHO_SHARES,
     any_hand_before_wall,
     any_hand_margin,
     any_hand_size,
@@ -183,7 +183,7 @@ def margins_of(demands: Demands, lead: float) -> Callable[[Case, Number], Number
         return hand_margin
     if demands.worlds.corner is not None:
         return partial(walls_margins, lead=lead)
-    return partial(_sums_of, margins_in_worlds, posed(demands.worlds, demands.factor))
+    return partial(_sums_of, margins_in_worlds, margin_names(demands.worlds, demands.factor))
 
 
 def limp_margins_of(demands: Demands, lead: float) -> Callable[[Case, Number], Number] | None:
@@ -192,7 +192,7 @@ def limp_margins_of(demands: Demands, lead: float) -> Callable[[Case, Number], N
         return limp_hand_margin
     if demands.worlds.corner is not None:
         return partial(limp_walls_margin, lead=lead) if demands.worlds.high.mass < inf else None
-    names = [name for name in posed(demands.worlds, demands.factor) if name in ("resistive", "above")]
+    names = [name for name in margin_names(demands.worlds, demands.factor) if name in ("resistive", "above")]
     return partial(_sums_of, limp_margins_in_worlds, names) if names else None
 
 
@@ -367,7 +367,7 @@ def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float,
         return surely_negative(hand_margin(there, at))
     ends = theta == pi and real_at_nyquist(design.series, demands.worlds)  # and a pole may pass z = -1
     found = margins_in_worlds(there, ENCLOSURES.pi if ends else at)
-    names = ("resistive",) if ends else posed(demands.worlds, demands.factor)
+    names = ("resistive",) if ends else margin_names(demands.worlds, demands.factor)
     return all(surely_negative(sum_of(getattr(found, name))) for name in names)
 
 
@@ -388,7 +388,10 @@ def _ends(
     ends = {key: (least[key], most[key]) for key in least}
     if limp:
         spring = np.sign([hands.high.stiffness]) if hands is not None else np.ones(1)
-        ends |= {SHARES[0]: (np.zeros(1), np.zeros(1)), SHARES[1]: (np.zeros(1), spring)}  # without an integrator
+        ends |= {
+            RHO_SHARES[0]: (np.zeros(1), np.zeros(1)),
+            RHO_SHARES[1]: (np.zeros(1), spring),
+        }  # without an integrator
     if reserve is not None:
         ends[COUPLING_SHARE] = np.array([nextafter(1 / reserve, 0.0)]), np.ones(1)
     if box is not None:

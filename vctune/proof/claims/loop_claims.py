@@ -45,7 +45,7 @@ from vctune.proof.halving import Effort
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.proof.prover import Test, prove
 
-STEP = 1.4  # Ratio of the edges of the first intervals of frequency
+BAND_RATIO = 1.4  # Ratio of the edges of the first intervals of frequency
 DESIGN = Effort(max_halvings=80, max_boxes=400_000)  # twenty halvings in each of four rows
 CELL = Effort(max_halvings=10, max_boxes=4_000, few=0)  # the verdict on a cell must not depend on the other cells
 POINT = Effort(max_halvings=24, max_boxes=4_000, few=0)
@@ -108,7 +108,7 @@ class Covered:
 
     def over(self, low: float, high: float) -> Boxes:
         """Return the first boxes of each owner over a band."""
-        return over_band(self.names, self.low, self.high, band_of(low, high, STEP))
+        return over_band(self.names, self.low, self.high, band_of(low, high, BAND_RATIO))
 
     def around_circle(self) -> Boxes:
         """Return the first boxes over all theta = omega T, for each number of whole samples in a box's delays."""
@@ -119,7 +119,7 @@ class Covered:
             least, most = self.low.copy(), self.high.copy()
             least[row], most[row] = np.maximum(least[row], whole * T), np.minimum(most[row], (whole + 1) * T)
             if least[row, 0] <= most[row, 0]:
-                parts.append(over_band(self.names, least, most, band_of(0.0, HALF_TURN, STEP), whole))
+                parts.append(over_band(self.names, least, most, band_of(0.0, HALF_TURN, BAND_RATIO), whole))
         return joined(*parts)
 
 

@@ -9,7 +9,7 @@ from vctune.model.device import Device
 from vctune.model.gains import SpringDamper, coupling_impedance
 from vctune.model.hands import STIFFNESS
 from vctune.model.loop.device_response import device_response
-from vctune.model.loop.llewellyn import llewellyn_demand, moduli, passive_alone, required_resistance
+from vctune.model.loop.llewellyn import llewellyn_excess, moduli, passive_alone, required_resistance
 from vctune.model.loop.loop import LoopResponse, loop_constants, loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
@@ -26,9 +26,9 @@ from vctune.model.sampled.hand_loop import (
 from vctune.model.sampled.impedance_display import ForceInHand, Required
 from vctune.model.sampled.loop_in_worlds import (
     Disjuncts,
-    Offered,
-    Seen,
     Strip,
+    ZOffered,
+    ZSeen,
     disjuncts,
     limp_disjuncts,
     offered_at,
@@ -41,7 +41,7 @@ from vctune.proof.boxes import FREQUENCY
 from vctune.proof.claims.cases import Case
 
 # The names of the rows for the shares of rho (model/README.md, section 14)
-SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
+RHO_SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
 # The names of the two rows that both begin at 0 in a box of hands next to rest: the angle and the stiffness
 AT_REST = (FREQUENCY, STIFFNESS)
 
@@ -53,7 +53,7 @@ def conditions_margin(case: Case, omega: Number) -> Number:
     if case.demands.alone:
         held, driven = passive_alone(loop, offered)
         return held + case.factor * driven
-    return 2 * loop.resistance * offered.re - case.factor * llewellyn_demand(loop, case.ops)
+    return 2 * loop.resistance * offered.re - case.factor * llewellyn_excess(loop, case.ops)
 
 
 def clamped_margin(case: Case, omega: Number) -> Number:
@@ -185,7 +185,7 @@ def strip_of_walls(case: Case, theta: Number) -> Strip:
 def limp_strip_of_walls(case: Case, theta: Number) -> Strip:
     """Return `strip_of_walls` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness."""
     seen, T, ops = _seen_at_rest(case, theta), case.design.device.sample_time, case.ops
-    whole = Seen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
+    whole = ZSeen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
     offered = offered_at(case.design.series, T, theta, ops)
     return strip_in_walls(offered, _met(case).worlds, T, whole, case.share, theta, ops)
 
@@ -327,7 +327,7 @@ def _met(case: Case) -> WorldsMet:
     return case.met
 
 
-def _met_by_environment(case: Case, theta: Number) -> tuple[Offered, Seen]:
+def _met_by_environment(case: Case, theta: Number) -> tuple[ZOffered, ZSeen]:
     """Return the impedances that an environment meets: of the coupling and of the loop."""
     seen = seen_in_hand(loop_in_hand(case.held(), theta, case.ops), case.design.gains)
     return offered_at(case.design.series, case.design.device.sample_time, theta, case.ops), seen
@@ -337,14 +337,14 @@ def _next_to_rest(case: Case, theta: Number) -> tuple[PlantInHand, NextToRest]:
     """Return the plant, and the sum rho with its shares, which are rows of the boxes (model/README.md, section 14)."""
     plant, v = case.held(), case.values
     assert isinstance(plant, PlantInHand)  # only a velocity loop has K_p
-    integrator, others = v[SHARES[0]], 1 - v[SHARES[0]]
+    integrator, others = v[RHO_SHARES[0]], 1 - v[RHO_SHARES[0]]
     stiffness = case.hand.stiffness + case.design.gains.position
     stiffness = stiffness * (plant.sample_time * plant.sample_time / plant.mass)
-    turned, spring = others * (1 - v[SHARES[1]]), others * v[SHARES[1]]
+    turned, spring = others * (1 - v[RHO_SHARES[1]]), others * v[RHO_SHARES[1]]
     return plant, NextToRest(2 * case.ops.sin(theta / 2) + stiffness, turned, spring, integrator)
 
 
-def _seen_at_rest(case: Case, theta: Number) -> Seen:
+def _seen_at_rest(case: Case, theta: Number) -> ZSeen:
     plant, rest = _next_to_rest(case, theta)
     return seen_in_limp_hand(plant, case.design.gains.velocity, theta, rest, case.ops)
 
