@@ -7,9 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg
 from agreement import contains
 from balls import BALLS
 from flint import arb, ctx
+from hypothesis import given
+from hypothesis import strategies as st
 from mpmath.ctx_mp import MPContext
 
 from vctune.model.numbers.arithmetic import FLOATS
@@ -149,3 +152,10 @@ def test_products_of_matrices_of_enclosures():
 def test_the_norm_bounds_every_row():
     assert norm_of(((1.0, -2.0), (0, 2.5)), FLOATS) == 3.0
     assert norm_of(((Enclosure(np.array([1.0, -4.0]), np.array([1.0, 0.5])),),), ENCLOSURES) >= 4.5
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-9, 9))
+def test_the_exponential_of_floats_is_that_of_scipy(seed, decades):
+    matrix = np.random.default_rng(seed).normal(size=(4, 4)) * np.exp(decades / 3)
+    found, expected = exponential_less_one(tuple(map(tuple, matrix.tolist())), FLOATS), scipy.linalg.expm(matrix)
+    assert np.abs(np.eye(4) + np.array(found) - expected).max() <= 1e-11 * max(1.0, np.abs(expected).max())

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import parts_in_time
 import pytest
-import scipy.linalg
 from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,7 +18,7 @@ from vctune.model.experiment import Baseline, Environment, Experiment, Friction,
 from vctune.model.gains import Coupling, Gains
 from vctune.model.parts import Structure, VelocityEstimate
 from vctune.simulation.controller import FLOATS, Measurement, at_rest, control, controller_of
-from vctune.simulation.plant import GIVEN, exponential_less_one, plant
+from vctune.simulation.plant import GIVEN, plant
 from vctune.simulation.run import run
 from vctune.simulation.sample import (
     COLUMNS,
@@ -96,13 +95,6 @@ def test_the_firmware_solves_its_equations_of_a_sample(controller):
         state, command = control(c, state, Measurement(x, v, force), FLOATS)
         expected = K_v * (v_e - v) + K_p * (x_e - x) + K_i * missed
         assert command.given == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
-@given(st.integers(0, 2**32 - 1), st.floats(-9, 9))
-def test_matrix_exponential(seed, decades):
-    matrix = np.random.default_rng(seed).normal(size=(4, 4)) * np.exp(decades / 3)
-    expected = scipy.linalg.expm(matrix)
-    assert np.abs(np.eye(4) + exponential_less_one(matrix) - expected).max() <= 1e-11 * max(1.0, np.abs(expected).max())
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -9,7 +9,7 @@ from math import inf, pi
 
 import numpy as np
 
-from vctune.analysis.extrema import Floats, local_minima
+from vctune.analysis.extrema import Floats, last_to_hold, local_minima
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling
 from vctune.model.hands import Hand, Hands
@@ -101,10 +101,7 @@ def _stiffest_in_disc(device: Device, hands: Hands, coupling: AnyCoupling, facto
         return -inf
     while bears(high):
         low, high = high, 2 * high
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if bears(middle) else (low, middle)
-    return low
+    return last_to_hold(bears, low, high, HALVINGS)
 
 
 def _angles(device: Device) -> Floats:

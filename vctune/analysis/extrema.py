@@ -78,6 +78,15 @@ def frequency_grid(
     return grid
 
 
+def last_to_hold(holds: Callable[[float], bool], good: float, bad: float, halvings: int) -> float:
+    """Return the number nearest to `bad` for which a condition holds, of halvings between one that has it and one that
+    has it not."""
+    for _ in range(halvings):
+        middle = 0.5 * (good + bad)
+        good, bad = (middle, bad) if holds(middle) else (good, middle)
+    return good
+
+
 def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
     """Find the local minima of f over the grid's span, ends included."""
 

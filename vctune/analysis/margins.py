@@ -7,23 +7,23 @@ from dataclasses import dataclass, replace
 from math import inf, pi
 
 import numpy as np
+from scipy.optimize import root
+from scipy.optimize.elementwise import find_root
 
-from vctune.analysis.extrema import Floats, frequency_grid, local_minima, with_resonance
+from vctune.analysis.extrema import Floats, frequency_grid, last_to_hold, local_minima, with_resonance
 from vctune.analysis.sampled_loop import Complex, loop_gain, return_difference_at
 from vctune.analysis.stability import makes_no_turn, unit_circle
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.numbers.pair import Pair
 
-BISECTIONS = 40  # Number of bisections of an interval of the grid
+HALVINGS = 10  # Number of halvings of a step of the delay
 MARGIN_POINTS_PER_DECADE = 100  # Number of points per decade of the grid for crossings
 DECADES_BELOW_NYQUIST = 7  # Number of decades below Nyquist that the code searches
 # Number of steps in which the code increases the delay to its estimated margin, and the multiple of this margin at
 # which it stops
 STEPS, FARTHEST = 16, 32
-NEWTON_STEPS = 8  # Number of Newton steps
-DIFFERENCE = 1e-6  # Step of the central differences in Newton's method, in log omega and in delay over sample time
-FARTHEST_CORRECTION = 0.05  # Greatest share of the delay by which Newton's method may correct a bisection
+FARTHEST_CORRECTION = 0.05  # Greatest share of the delay by which the root may differ from the halved interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,15 +89,11 @@ def _delay_margin(device: Device, gains: Gains, estimate: float) -> float:
     first = next((k for k in range(STEPS * FARTHEST) if not stable(k * step)), None)
     if not first:
         return 0.0 if first == 0 else inf
-    low, high = (first - 1) * step, first * step
-    for _ in range(BISECTIONS // 4):
-        middle = (low + high) / 2
-        low, high = (middle, high) if stable(middle) else (low, middle)
-    return _at_zero(device, gains, (low + high) / 2)
+    return _at_zero(device, gains, last_to_hold(stable, (first - 1) * step, first * step, HALVINGS))
 
 
 def _at_zero(device: Device, gains: Gains, delay: float) -> float:
-    """Return the delay with which F = 0 somewhere on the circle, by Newton's method in (log omega, delay)."""
+    """Return the delay with which F = 0 somewhere on the circle, a root in (log omega, delay)."""
     position, unit = gains.position > 0, device.sample_time
 
     def F(point: Floats) -> Floats:
@@ -112,23 +108,13 @@ def _at_zero(device: Device, gains: Gains, delay: float) -> float:
         return np.asarray(parts.closed(gains).abs2() / parts.open.abs2())
 
     point = np.array([np.log(local_minima(size, _grid(device)).omega[0]), delay / unit])
-    for _ in range(NEWTON_STEPS):
-        value = F(point)
-        slopes = [(F(point + step) - F(point - step)) / (2 * DIFFERENCE) for step in DIFFERENCE * np.eye(2)]
-        point = point - np.linalg.solve(np.array(slopes).T, value)
-    corrected = float(point[1]) * unit
+    corrected = float(root(F, point).x[1]) * unit
     near = np.isfinite(corrected) and abs(corrected - delay) <= FARTHEST_CORRECTION * delay
     return corrected if near else delay
 
 
 def _roots(f: Callable[[Floats], Floats], grid: Floats) -> Floats:
-    """Return the frequencies at which f changes its sign, by bisecting all intervals at once."""
+    """Return the frequencies at which f changes its sign."""
     values = f(grid)
     at = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
-    low, high = grid[at], grid[at + 1]
-    rising = values[at + 1] > 0
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        up = (f(middle) > 0) == rising
-        low, high = np.where(up, low, middle), np.where(up, middle, high)
-    return (low + high) / 2
+    return np.asarray(find_root(f, (grid[at], grid[at + 1])).x)

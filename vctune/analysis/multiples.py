@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, pi
+from math import exp, inf, log, pi
 from typing import NamedTuple
 
 import numpy as np
 
-from vctune.analysis.extrema import Floats, with_resonance
+from vctune.analysis.extrema import Floats, last_to_hold, with_resonance
 from vctune.analysis.hardest_hands import needs_in_hands, rooms_at_walls
 from vctune.analysis.in_hands import RatioInHand
 from vctune.analysis.loops_in_hands import loops_in_hands
@@ -192,9 +192,7 @@ def least_ratio_with_walls(
     while len(tried) < WALL_STEPS and bool(room(tried[-1] * step).min() > 0) == holds:
         tried.append(tried[-1] * step)
     good, bad = sorted((tried[-1], tried[-1] * step), reverse=True)
-    for _ in range(HALVINGS):
-        middle = (good * bad) ** 0.5
-        good, bad = (middle, bad) if room(middle).min() > 0 else (good, middle)
+    good = exp(last_to_hold(lambda x: bool(room(exp(x)).min() > 0), log(good), log(bad), HALVINGS))
     hand, angle = np.unravel_index(int(np.argmin(room(bad))), room(bad).shape)
     place = where.hands.mapped(lambda number: float(number[hand].item()))
     return RatioInHand(1 / good, float(where.theta[angle]) / device.sample_time, place)

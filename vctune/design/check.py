@@ -6,12 +6,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from math import ceil, floor, log10
+from math import ceil, exp, floor, log, log10
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from vctune.analysis.extrema import last_to_hold
 from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.worst_hand import suspects
 from vctune.design.advice.parameter_changes import ParameterChange
@@ -220,9 +221,7 @@ def _limit(problem: Problem, judgement: Judgement, name: str, low: float, high: 
     good, bad = (low, high) if stiff else (high, low)
     if not _holds(problem, judgement, name, good):
         return None
-    for _ in range(HALVINGS):
-        middle = (good * bad) ** 0.5
-        good, bad = (middle, bad) if _holds(problem, judgement, name, middle) else (good, middle)
+    good = exp(last_to_hold(lambda x: _holds(problem, judgement, name, exp(x)), log(good), log(bad), HALVINGS))
     for reserve in RESERVES:
         value = _rounded(good * (1 - reserve), up=False) if stiff else _rounded(good * (1 + reserve), up=True)
         if _holds_up_to(problem, judgement, name, value):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil, log2, pi, sqrt
+from math import pi, sqrt
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from vctune.model.experiment import MovingHand
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.filters import Rows, drive_rows, drive_states, plain_low_pass_rates
 from vctune.model.numbers.arithmetic import FLOATS, Floats, Number
+from vctune.model.numbers.matrices import exponential_less_one
 
 # Inputs of the states. "command" is the held command that has arrived (a force, or a servo's velocity), and "friction"
 # is the force of the friction. "push" is the force, N, that the hand's spring and damper would exert on a handle at
@@ -36,7 +37,8 @@ class Plant:
     def change(self, time: float) -> Floats:
         """Return e^(rates t) - 1, the change of the states and of the given inputs over a time, s."""
         scaled = self.rates * self.units / self.units[:, None]
-        return exponential_less_one(scaled * time) / self.units * self.units[:, None]
+        rows = tuple(map(tuple, (scaled * time).tolist()))
+        return np.array(exponential_less_one(rows, FLOATS), float) / self.units * self.units[:, None]
 
 
 RowOf = dict[str, Floats]  # row of each state and given input, by name
@@ -131,25 +133,10 @@ def _low_pass(name: str, bandwidth_hz: float, order: int, source: Floats, row_of
     return {name: corner * rate, f"{name}_rate": corner * (source - value - sqrt(2) * rate)}
 
 
-def applied(row: Floats, values: Sequence[Number]) -> Number:
-    """Return the product of a row and values. The function skips factors of 0."""
+def row_times(row: Floats, values: Sequence[Number]) -> Number:
+    """Return the product of a row and values. Factors of 0 are left out, also of the C code."""
     total: Number = 0.0
     for factor, value in zip(row.tolist(), values, strict=True):
         if factor != 0:
             total = total + factor * value
     return total
-
-
-def exponential_less_one(matrix: Floats) -> Floats:
-    """Return e^matrix - 1 of a small matrix, by scaling, Taylor's series and squaring."""
-    norm = float(np.abs(matrix).sum(axis=1).max())
-    # halved to a norm of at most 1/4, at which the series to order 17 is exact to rounding
-    halvings = max(0, ceil(log2(norm)) + 2) if norm > 0 else 0
-    scaled = matrix / 2.0**halvings
-    excess = term = scaled
-    for order in range(2, 18):
-        term = term @ scaled / order
-        excess = excess + term
-    for _ in range(halvings):
-        excess = 2 * excess + excess @ excess
-    return excess

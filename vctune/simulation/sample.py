@@ -27,7 +27,7 @@ from vctune.simulation.controller import (
     controller_of,
     encoded,
 )
-from vctune.simulation.plant import GIVEN, Plant, applied, plant
+from vctune.simulation.plant import GIVEN, Plant, plant, row_times
 from vctune.simulation.scene import Equilibrium, Scene, equilibrium, push_matrix
 
 SERIES_BELOW = 0.01  # Argument y at which the code changes from the series of phi_2 to its formula
@@ -66,10 +66,10 @@ def friction_step(change: Floats, h: float, friction: Friction, at: Sliding, ops
     slope = friction.stiffness * h * phi_2 + damping * phi_1
     rubbing = len(change) - len(GIVEN) + GIVEN.index("friction")
     compliance = -float(change[0, rubbing])  # reduction of the motor's travel per newton, m/N
-    w = (applied(change[0], at.values) - compliance * (stiffness * at.z)) / (h + compliance * slope)
+    w = (row_times(change[0], at.values) - compliance * (stiffness * at.z)) / (h + compliance * slope)
     held = [*at.values]
     held[rubbing] = stiffness * at.z + slope * w
-    values = [value + applied(row, held) for value, row in zip(at.values, change, strict=True)]
+    values = [value + row_times(row, held) for value, row in zip(at.values, change, strict=True)]
     # v + (v - w), where w is about the velocity at the middle of the step
     return Sliding(values, at.z + h * phi_1 * (w - rate * at.z), 2 * values[1] - w)
 
@@ -156,7 +156,7 @@ def build(scene: Scene) -> Step:
     body, held = now["body"], _acting(scene, now["commands"])[-1]
     z: Any = now["bristles"][0] if now["bristles"] else 0.0
     values = [*body, held, _rubbing(scene, body[1], z), *push]
-    sensed = now["between"][0] if now["between"] else applied(moving.sensed, values)
+    sensed = now["between"][0] if now["between"] else row_times(moving.sensed, values)
     read = (now["unread"] or [sensed])[-1] + (inputs[NOISE] if scene.force_noise > 0 else 0.0)
     after = {"filtered": [], "unread": [sensed, *now["unread"]][: when.unread]}
     if (share := device.sensing.filter_coefficient) is not None:
@@ -167,7 +167,7 @@ def build(scene: Scene) -> Step:
     memory, command = control(c, _like(rest, now["memory"]), Measurement(body[0], body[1], read), CASADI_OPERATIONS)
     after["memory"], commands = _listed(memory), [command.given, *now["commands"]]
     after["commands"] = commands[:-1]
-    record = [applied(row, values) for row in (moving.position, moving.velocity, moving.force)]
+    record = [row_times(row, values) for row in (moving.position, moving.velocity, moving.force)]
     record += [memory.reference, memory.desired, command.environment, command.given, read, *body[:2]]
     after |= _moved(scene, moving, when, [*body, held, 0.0, *push], z, _acting(scene, commands)[-2:])
     names = ca.vertcat(*(symbol for symbols in now.values() for symbol in symbols))
@@ -231,13 +231,13 @@ def _moved(
         values[command] = early if end <= when.early else late
         if scene.friction is None:
             change = moving.change(end - begin)
-            values = [value + applied(row, values) for value, row in zip(values, change, strict=True)]
+            values = [value + row_times(row, values) for value, row in zip(values, change, strict=True)]
         else:
             values, z = _slid(scene, scene.friction, moving, values, z, end - begin)
         if end == when.instant:
             felt = [*values]
             felt[rubbing] = _rubbing(scene, values[1], z)
-            after["between"] = [applied(moving.sensed, felt)]
+            after["between"] = [row_times(moving.sensed, felt)]
     return after | {"body": values[:n], "bristles": [] if scene.friction is None else [z]}
 
 

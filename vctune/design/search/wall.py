@@ -11,6 +11,7 @@ from math import exp, inf, log
 
 import numpy as np
 
+from vctune.analysis.extrema import last_to_hold
 from vctune.analysis.in_hands import least_multiples
 from vctune.analysis.loops_in_hands import loops_in_any_hand
 from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
@@ -72,10 +73,7 @@ def _stiffest(posed: Posed, multiples: Sequence[Multiple], needed: float) -> Spr
         low, high = log(least), log(max(greatest, least))
         if stable(high) or not stable(low):
             return exp(high) if stable(high) else 0.0
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if stable(middle) else (low, middle)
-        return exp(low)
+        return exp(last_to_hold(stable, low, high, HALVINGS))
 
     def worth(damping: float) -> tuple[float, float]:
         """Minus the stiffness, and the error."""
