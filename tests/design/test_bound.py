@@ -15,7 +15,7 @@ from dense import NAMES, band, below, error, least_damping, within_bounds
 from random_problems import random_designs, random_texts
 
 from vctune.bench.evaluator import cases, required, sensitivity
-from vctune.design.bound.relaxation import Minorants, least_coupling, lower_bounds, objective_of, relaxation
+from vctune.design.bound.relaxation import ImposedPlaces, least_coupling, lower_bounds, objective_of, relaxation
 from vctune.design.bound.search import Optimality, bound
 from vctune.design.judging.judge import Judgement, Status
 from vctune.design.prepared import pose, prepare
@@ -102,7 +102,7 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     omega, upto = np.geomspace(*band(problem), 30), np.geomspace(problem.nyquist * 1e-3, problem.nyquist, 20)
     posed = pose(problem)
     devices, objective = ([case.device for case in cases] for cases in (posed.cases, posed.objective))
-    relaxed = relaxation(problem, devices, Minorants(omega, upto), objective_of(problem, objective, 24))
+    relaxed = relaxation(problem, devices, ImposedPlaces(omega, upto), objective_of(problem, objective, 24))
     K_v, K_p, b_c, m_c, b_0 = designs
     inner = np.array([K_v, K_p, m_c / b_c, b_0])
     size = 10.0 ** rng.uniform(-4, 1, (2, 4, count)) * (rng.random((2, 4, count)) < 0.8)

@@ -11,7 +11,7 @@ import pytest
 from vctune.analysis.demands import sensitivity_maxima, transparency_error
 from vctune.analysis.in_hands import least_ratios
 from vctune.api.bounding import bound
-from vctune.design.bound.relaxation import Minorants, lower_bounds, objective_of, relaxation
+from vctune.design.bound.relaxation import ImposedPlaces, lower_bounds, objective_of, relaxation
 from vctune.document.reading import read_problem
 from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.hands import Hand, PlacesInHands
@@ -50,13 +50,13 @@ def feasible_designs(problem: Problem, rng: np.random.Generator, count: int) -> 
     return found
 
 
-def random_places(problem: Problem, rng: np.random.Generator, count: int) -> Minorants:
+def random_places(problem: Problem, rng: np.random.Generator, count: int) -> ImposedPlaces:
     """Return frequencies and hands at random, many of them at the ends of their ranges."""
     nyquist, low, high = problem.nyquist, astuple(problem.hands.low), astuple(problem.hands.high)
     omega = np.concatenate(([0.0, nyquist], nyquist * 10 ** rng.uniform(-3, 0, count - 2)))
     shares = np.round(rng.uniform(-0.5, 1.5, (3, count)).clip(0.0, 1.0), 2)
     hand = [a + (b - a) * share for a, b, share in zip(low, high, shares, strict=True)]
-    return Minorants(np.zeros(0), np.geomspace(1.0, nyquist, 20), PlacesInHands(omega, Hand(*hand)))
+    return ImposedPlaces(np.zeros(0), np.geomspace(1.0, nyquist, 20), PlacesInHands(omega, Hand(*hand)))
 
 
 def check_bounds(name: str, designs: int, places: int, damping: float = 0.0) -> float:

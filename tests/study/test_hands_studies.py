@@ -19,7 +19,7 @@ import vctune
 from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.advice import repair as repairing
 from vctune.design.bound.conditions import conditions_in_hands
-from vctune.design.bound.relaxation import Minorants, lower_bounds, objective_of, relaxation
+from vctune.design.bound.relaxation import ImposedPlaces, lower_bounds, objective_of, relaxation
 from vctune.design.prepared import pose
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
@@ -239,7 +239,7 @@ def test_a_box_around_a_certified_design_costs_no_more_than_it():
     relaxed = relaxation(
         problem,
         [problem.device],
-        Minorants(np.zeros(0), np.array([500.0]), places),
+        ImposedPlaces(np.zeros(0), np.array([500.0]), places),
         objective_of(problem, [problem.device], 24),
     )
     for size in (0.0, 1e-3, 0.1, 1.0):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import inf, pi
 
 import numpy as np
@@ -35,6 +36,7 @@ class Margins:
     delay: float  # least additional delay of the device, s, that makes the sampled loop unstable
 
 
+@lru_cache(maxsize=16)
 def loop_margins(device: Device, gains: Gains) -> Margins:
     """Return the margins of a stable loop, from L on the upper half of the unit circle."""
     if not gains.closed:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, replace
-from math import degrees, log10, pi
+from math import degrees, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +14,6 @@ from vctune.analysis.demands import response, transparency_error
 from vctune.analysis.extrema import Floats
 from vctune.analysis.feel import feel
 from vctune.analysis.in_worlds import binding_world
-from vctune.analysis.margins import loop_margins, unstable_poles
-from vctune.analysis.sampled_loop import spectral_radius
 from vctune.design.felt_record import CONTACT, contact_record, in_hand_record
 from vctune.design.judging.judge import Judgement, LeastRatio
 from vctune.design.nlp.solution import Polished
@@ -32,7 +30,6 @@ from vctune.document.records.certificate_json import (
     DeviceRecord,
     HandsRecord,
     InnerLoopRecord,
-    NyquistRecord,
     PerturbationRecord,
     WallRecord,
     WallsRecord,
@@ -47,6 +44,7 @@ from vctune.document.records.design_json import (
     UncertaintyRecord,
 )
 from vctune.document.records.gains_json import ProblemRecord, TransparencyRecord, stated_units
+from vctune.document.records.part import made
 from vctune.document.records.rows_json import FeltRecord
 from vctune.document.text.errors import Note
 from vctune.model.device import Device
@@ -59,8 +57,8 @@ from vctune.model.numbers.units import finite_hertz, hertz
 from vctune.model.problem import Problem
 from vctune.model.servo import numbers_to_state
 from vctune.proof.claims.delays import delay_in_samples
-from vctune.proof.claims.registry import BEFORE_WALL, CLAIMS, IN_HANDS, claims_about
-from vctune.proof.outcome import Outcome, Verdict, worst_verdict
+from vctune.proof.claims.registry import BEFORE_WALL, CLAIMS, IN_HANDS
+from vctune.proof.outcome import Outcome, worst_verdict
 from vctune.running import OutOfTimeError, unlimited
 from vctune.version import versions
 
@@ -180,9 +178,8 @@ def _warned(problem: Problem, judgement: Judgement) -> Iterator[tuple[Any, str]]
 
 
 def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
-    gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
-    worst, band, display = judgement.worst, problem.stability.band, _display(problem)
-    in_any, outcomes = judgement.in_any_hand, certificate.outcomes
+    gains, coupling = judgement.gains, judgement.coupling
+    display, in_any, outcomes = _display(problem), judgement.in_any_hand, judgement.certificate.outcomes
     any_hand = AnyHandRecord(**_claimed(problem, outcomes["any_hand"], in_any)) if in_any else None
     also = {
         "hands": _in_hands(problem, judgement),
@@ -195,18 +192,8 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
         "gains": gains,
         "coupling": coupling,
         "transparency": TransparencyRecord(**asdict(judgement.transparency), **_apart(problem), **display),
-        "certificate": CertificateRecord(
-            verdict=certificate.verdict.value,
-            band_hz=[finite_hertz(band.min), finite_hertz(band.max)] if problem.passive else None,
-            proved_ratio=certificate.proved_ratio,
-            min_ratio=judgement.min_ratio,
-            worst_hz=finite_hertz(worst),
-            boxes=certificate.boxes,
-            claims=claim_records(problem, judgement),
-            **_present(also),
-            **display,
-        ),
-        "inner_loop": _inner_loop(problem, judgement) if problem.device.kind.own_loop else None,
+        "certificate": made(CertificateRecord, judgement, claims=claim_records(problem, judgement), **also, **display),
+        "inner_loop": made(InnerLoopRecord, judgement) if problem.device.kind.own_loop else None,
         "uncertainty": _uncertainty(problem, judgement),
     }
 
@@ -307,24 +294,6 @@ def _uncertainty(problem: Problem, judgement: Judgement) -> UncertaintyRecord | 
         worst_error=transparency_error(worst, *design).error,
         worst_device=device_record(worst.device, problem),
         min_ratio_device=device_record(judgement.tightest, problem),
-    )
-
-
-def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
-    device, gains, outcomes = problem.device, judgement.gains, judgement.certificate.outcomes
-    poles = [outcomes[claim].verdict for claim in claims_about("poles") if claim in outcomes]
-    margins = loop_margins(device, gains)
-    return InnerLoopRecord(
-        stable=False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True,
-        spectral_radius=spectral_radius(device, gains),
-        peak_sensitivity=judgement.peak_sensitivity,
-        peak_sensitivity_hz=finite_hertz(judgement.worst_sensitivity),
-        gain_margin_db=20 * log10(margins.gain),
-        phase_margin_deg=degrees(margins.phase),
-        delay_margin_s=margins.delay,
-        nyquist=NyquistRecord(
-            N=unstable_poles(device, gains), P=0, Z=0 if outcomes["stable"].verdict is Verdict.PROVED else None
-        ),
     )
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.judging.judge import Status
-from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN
+from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN, SHOWN_COLUMNS
 from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_file import Study, number_keys
 from vctune.document.text.json import printed
@@ -113,7 +113,7 @@ class Table:
         """The unit of each column that has one."""
         units = UNITS[self.system]
         found = {key: unit_of(number_keys()[key], units) for key in self.axes}
-        found |= {name: units.of(QUANTITY_OF_COLUMN[name]) for name in self.numbers}
+        found |= {name: units.of(SHOWN_COLUMNS[name].of) or SHOWN_COLUMNS[name].unit for name in self.numbers}
         return {name: unit for name, unit in found.items() if unit}
 
     def row(self, i: int) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import asdict, dataclass, field
-from math import inf, isfinite, pi
+from math import inf, isfinite
 from time import perf_counter
 from typing import Any
 
@@ -17,7 +17,7 @@ from vctune.design.judging.said import open_claims
 from vctune.design.result import Solved
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for, point
-from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN, RowRecord
+from vctune.document.records.rows_json import COLUMN_OF_KEY, FROM_VERDICT, QUANTITY_OF_COLUMN, RowRecord
 from vctune.document.schema.validation import dotted
 from vctune.document.study_file import Study
 from vctune.document.text.errors import InputError
@@ -64,15 +64,14 @@ def row_of(solved: Solved) -> dict[str, Any]:
     terms, design = asdict(judgement.transparency), point(judgement.gains, judgement.coupling)
     numbers = {name if name == "error" else f"{name}_term": number for name, number in terms.items()}
     numbers |= {COLUMN_OF_KEY[key]: number for key, number in zip(keys_for(problem), design, strict=True)}
-    numbers |= {"min_ratio": judgement.min_ratio, "worst_hz": judgement.worst / (2 * pi)}
-    numbers |= {"peak_sensitivity": judgement.peak_sensitivity}
+    numbers |= {name: mark.value(judgement) for name, mark in FROM_VERDICT.items()}
     numbers |= {"stability_high_hz": problem.stability.band.hz[1]} if problem.passive else {}
     return {
         "status": solved.status.value,
         "idle": judgement.idle,
         "reason": "; ".join(open_claims(judgement)) or None,
         **dict.fromkeys(QUANTITY_OF_COLUMN),
-        **{name: number if isfinite(number) else None for name, number in numbers.items()},
+        **{name: number if number is not None and isfinite(number) else None for name, number in numbers.items()},
         **felt_record(problem.device, judgement.gains, judgement.coupling).model_dump(),
         **yardstick,
     }

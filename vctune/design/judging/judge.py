@@ -25,6 +25,7 @@ from vctune.analysis.in_hands import (
     least_ratios_of_devices,
 )
 from vctune.analysis.in_worlds import corner_of
+from vctune.analysis.margins import Margins, loop_margins
 from vctune.analysis.multiples import least_ratio_in_worlds, least_ratio_with_walls
 from vctune.analysis.responses import Loop
 from vctune.analysis.worst_hand import suspects, worst_before_wall
@@ -198,6 +199,17 @@ class Judgement:
         if self.before_wall:
             return "least unstable multiple of the wall"
         return f"least {self.kind.ratio}" if self.certificate.demands.worlds is None else OVER_LIMIT
+
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """The band of the claim about any passive hand, rad/s; None without this claim."""
+        demands = self.certificate.demands
+        return demands.band if demands.passive else None
+
+    @property
+    def loop_margins(self) -> Margins:
+        """The gain, phase and delay margin of the sampled velocity loop."""
+        return loop_margins(self.device, self.gains)
 
     def loop(self, hand: Hand | None = None) -> Loop:
         """Return the sampled loop of the nominal device with this design, for arrays, state space and python-control.

@@ -1,20 +1,21 @@
 """Define the records of the claims about a design and about its velocity loop."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
-from math import inf, radians
+from collections.abc import Callable, Iterator, Mapping
+from math import degrees, inf, log10, radians
 from typing import Annotated
 
 from pydantic import Field
 
-from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof, Row, how_shown, text
+from vctune.analysis.margins import unstable_poles
+from vctune.analysis.sampled_loop import spectral_radius
+from vctune.document.records.part import DisplayPart, From, Number, Pair, Part, Proof, Row, how_shown, made, text
 from vctune.model.fields import Shown
 from vctune.model.hands import Hand, Hands, LeastOperator, passive_hand
-from vctune.model.numbers.units import Units, in_full
+from vctune.model.numbers.units import Units, finite_hertz, in_full
 from vctune.model.parts import Unmodelled
 from vctune.model.worlds import OVER_LIMIT, World, Worlds
-from vctune.proof.claims.registry import ClaimId
+from vctune.proof.claims.registry import ClaimId, claims_about
+from vctune.proof.outcome import Outcome, Verdict
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
 
@@ -203,12 +204,21 @@ class WholeSampleRecord(Part):
 class CertificateRecord(DisplayPart):
     """The claims about a design, and the numbers that describe them."""
 
-    verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]  # "proved" if every claim is proved
-    band_hz: Annotated[Pair | None, Shown("band", "Hz; outside it nothing is claimed of the ratio")]
-    proved_ratio: Number
-    min_ratio: Annotated[Number, Shown("{measured}", "at {worst_hz} Hz")]
-    worst_hz: Number
-    boxes: int
+    # "proved" if every claim is proved
+    verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes"), From(lambda of: of.certificate.verdict.value)]
+    band_hz: Annotated[
+        Pair | None,
+        Shown("band", "Hz; outside it nothing is claimed of the ratio"),
+        From(lambda of: [*map(finite_hertz, of.band)] if of.band else None),
+    ]
+    proved_ratio: Annotated[Number, From(lambda of: of.certificate.proved_ratio)]
+    min_ratio: Annotated[
+        Number, Shown("{measured}", "at {worst_hz} Hz"), From(lambda of: of.min_ratio, Shown("least Re Z_c / R"))
+    ]
+    worst_hz: Annotated[
+        Number, From(lambda of: finite_hertz(of.worst), Shown("where the ratio is least", of="frequency"))
+    ]
+    boxes: Annotated[int, From(lambda of: of.certificate.boxes)]
     claims: list[ClaimRecord]
     hands: HandsRecord | None = None  # claims in hands; null if the problem does not make them
     any_hand: AnyHandRecord | None = None
@@ -241,28 +251,38 @@ class CertificateRecord(DisplayPart):
 class NyquistRecord(Part):
     """Nyquist's count for the sampled loop: Z = N + P unstable poles of the closed loop."""
 
-    N: int | None
-    P: int
+    N: Annotated[int | None, From(lambda of: unstable_poles(of.device, of.gains))]
+    P: Annotated[int, From(lambda of: 0)]
     Z: Annotated[
         int | None,
-        Shown(
-            "unstable poles",
-            "= N + P: {N} encirclements of -1 and {P} poles of the open loop",
-        ),
+        Shown("unstable poles", "= N + P: {N} encirclements of -1 and {P} poles of the open loop"),
+        From(lambda of: 0 if of.certificate.outcomes["stable"].verdict is Verdict.PROVED else None),
     ]
+
+
+def _stable(outcomes: Mapping[ClaimId, Outcome]) -> bool | None:
+    """Return whether the loop is proved stable; None if that is undecided."""
+    poles = [outcomes[claim].verdict for claim in claims_about("poles") if claim in outcomes]
+    return False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True
 
 
 class InnerLoopRecord(Part):
     """The sampled velocity loop of a device with a loop of its own. A margin that is infinite is null."""
 
-    stable: bool | None
-    spectral_radius: Annotated[Number, Shown("spectral radius", "{stability}")]
-    peak_sensitivity: Annotated[Number, Shown("peak |S|", "at {peak_sensitivity_hz} Hz")]
-    peak_sensitivity_hz: Number
-    gain_margin_db: Annotated[Number, Shown("gain margin", "dB")]
-    phase_margin_deg: Annotated[Number, Shown("phase margin", "deg")]
-    delay_margin_s: Annotated[Number, Shown("delay margin", "s")]
-    nyquist: NyquistRecord
+    stable: Annotated[bool | None, From(lambda of: _stable(of.certificate.outcomes))]
+    spectral_radius: Annotated[
+        Number, Shown("spectral radius", "{stability}"), From(lambda of: spectral_radius(of.device, of.gains))
+    ]
+    peak_sensitivity: Annotated[
+        Number,
+        Shown("peak |S|", "at {peak_sensitivity_hz} Hz"),
+        From(lambda of: of.peak_sensitivity, Shown("peak |S|")),
+    ]
+    peak_sensitivity_hz: Annotated[Number, From(lambda of: finite_hertz(of.worst_sensitivity))]
+    gain_margin_db: Annotated[Number, Shown("gain margin", "dB"), From(lambda of: 20 * log10(of.loop_margins.gain))]
+    phase_margin_deg: Annotated[Number, Shown("phase margin", "deg"), From(lambda of: degrees(of.loop_margins.phase))]
+    delay_margin_s: Annotated[Number, Shown("delay margin", "s"), From(lambda of: of.loop_margins.delay)]
+    nyquist: Annotated[NyquistRecord, From(lambda of: made(NyquistRecord, of))]
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, including Nyquist's count."""

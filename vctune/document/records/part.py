@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache
 from math import inf, isfinite
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, get_type_hints
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -15,6 +16,8 @@ from vctune.model.fields import Shown
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
 
+T = TypeVar("T")
+P = TypeVar("P", bound=BaseModel)
 SHOWN_AS_ZERO = 1e-20  # Size below which a number is 0 in a text
 
 
@@ -82,13 +85,33 @@ class Document(Part):
         return {"schema": self.SCHEMA} | self.model_dump(mode="json", exclude_unset=True)
 
 
+@dataclass(frozen=True, slots=True)
+class From:
+    """How a field follows from what its record is made of, so that the field alone adds a number everywhere."""
+
+    value: Callable[[Any], Any]
+    column: Shown | None = None  # how sweeps show the number, which then have it as a column
+
+
 @cache
-def how_shown(part: Any) -> dict[str, Shown]:
-    """Return how each displayed field of a class of records is displayed."""
+def marks(part: Any, kind: type[T]) -> dict[str, T]:
+    """Return the marks of one kind on the fields of a class of records, by the fields' names."""
     hints = get_type_hints(part, include_extras=True)
     order = part.model_fields if issubclass(part, BaseModel) else hints
-    marks = {name: getattr(hints[name], "__metadata__", ()) for name in order}
-    return {name: mark for name, found in marks.items() for mark in found if isinstance(mark, Shown)}
+    each = {name: getattr(hints[name], "__metadata__", ()) for name in order}
+    return {name: mark for name, found in each.items() for mark in found if isinstance(mark, kind)}
+
+
+def how_shown(part: Any) -> dict[str, Shown]:
+    """Return how each displayed field of a class of records is displayed."""
+    return marks(part, Shown)
+
+
+def made(part: type[P], of: Any, **given: Any) -> P:
+    """Return a part of a record, its fields computed as `From` says; a field that does not exist is left out."""
+    found = {name: mark.value(of) for name, mark in marks(part, From).items()} | given
+    asked = part.model_fields
+    return part(**{name: value for name, value in found.items() if value is not None or asked[name].is_required()})
 
 
 def rows(part: Any, units: Units) -> Iterator[Row]:

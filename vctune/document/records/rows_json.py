@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from vctune.document.records.part import Document, Number, Part, how_shown
+from pydantic import create_model
+
+from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord
+from vctune.document.records.part import Document, From, Number, Part, how_shown, marks
 from vctune.model.fields import Shown
 from vctune.model.numbers.units import SYMBOLS
 
@@ -39,8 +42,7 @@ class RowYardstickRecord(Part):
 
 
 class NumbersRecord(Part):
-    """The error, its unweighted terms, the design, the least ratio, its frequency, and the greatest |S|; null without a
-    design."""
+    """The error, its unweighted terms, and the design; null without a design."""
 
     error: Annotated[Number, Shown("transparency error")]
     admittance_term: Annotated[Number, Shown("|Z_0 G_hh|")]
@@ -52,14 +54,28 @@ class NumbersRecord(Part):
     coupling_mass: Annotated[Number, Shown("m_c", of="mass")]
     coupling_drag: Annotated[Number, Shown("b_0", of="damping")]
     coupling_stiffness: Annotated[Number, Shown("k_c", of="stiffness")] = None
-    min_ratio: Annotated[Number, Shown("least Re Z_c / R")]
-    worst_hz: Annotated[Number, Shown("where the ratio is least", of="frequency")]
-    peak_sensitivity: Annotated[Number, Shown("peak |S|")]
+
+
+# The numbers of a design's record that a sweep has as columns
+FROM_VERDICT = {
+    name: mark
+    for part in (CertificateRecord, InnerLoopRecord)
+    for name, mark in marks(part, From).items()
+    if mark.column
+}
+_verdict_columns: Any = {name: (Annotated[Number, mark.column], ...) for name, mark in FROM_VERDICT.items()}
+VerdictRecord: Any = create_model("VerdictRecord", __base__=Part, **_verdict_columns)
+
+
+class BandRecord(Part):
+    """The band of Llewellyn's conditions."""
+
     stability_high_hz: Annotated[Number, Shown("upper edge of the stability band, if required", of="frequency")]
 
 
+ROW_PARTS = (NumbersRecord, VerdictRecord, BandRecord, FeltRecord, RowYardstickRecord)
 # How tables display the columns of numbers, in order
-SHOWN_COLUMNS = how_shown(NumbersRecord) | how_shown(FeltRecord) | how_shown(RowYardstickRecord)
+SHOWN_COLUMNS = {name: shown for part in ROW_PARTS for name, shown in how_shown(part).items()}
 # Quantity of each column (`vctune.model.numbers.units`)
 QUANTITY_OF_COLUMN = {name: shown.of for name, shown in SHOWN_COLUMNS.items()}
 # Column of each number of a design, by its key
@@ -70,7 +86,7 @@ COLUMN_OF_KEY = {
 }
 
 
-class RowRecord(RowYardstickRecord, FeltRecord, NumbersRecord):
+class RowRecord(RowYardstickRecord, FeltRecord, BandRecord, VerdictRecord, NumbersRecord):
     """A line of rows.jsonl: a finished point."""
 
     key: str  # digest of everything that determines the point
