@@ -18,7 +18,7 @@ from vctune.design.felt_record import CONTACT, contact_record, in_hand_record
 from vctune.design.judging.judge import Judgement, LeastRatio
 from vctune.design.nlp.solution import Polished
 from vctune.design.nlp.working_set import CONSTRAINT_KINDS, ConstraintPoint, stacked
-from vctune.design.prepared import pose, problems_beside
+from vctune.design.prepared import problems_beside
 from vctune.design.result import Solved
 from vctune.design.variables import design_of, keys_for, near, point, ranges
 from vctune.document.doubts import file_doubts
@@ -281,7 +281,7 @@ def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
 
 def _uncertainty(problem: Problem, judgement: Judgement) -> UncertaintyRecord | None:
     """Return the box, the errors that show the cost of robustness, and the devices on which the design is worst."""
-    posed, design = pose(problem), (judgement.gains, judgement.coupling)
+    posed, design = judgement.posed, (judgement.gains, judgement.coupling)
     box, uncertainty = posed.box, problem.uncertainty
     if box is None or uncertainty is None:
         return None
@@ -325,7 +325,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
     """Return the active constraints of a design, with kind, frequency and multiplier, the greatest multiplier first."""
     if solved.polished is None:
         return [] if solved.judgement is None else _at_limit(solved.problem, solved.judgement)
-    if not solved.polished.solution.converged:
+    if not solved.polished.solution.converged or solved.judgement is None:
         return []
     at, multipliers = solved.polished.working_set, [float(f"{m:.{DIGITS}g}") for m in _priced(solved.polished)]
     coupled = _coupled(solved.problem)
@@ -341,7 +341,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
     for place in at.tracked_peaks:
         where += [("|S| <= max_sensitivity", place), ("", None)]
     where += [("greatest error", None)] * solved.polished.structure.mean_errors
-    several, found = len(pose(solved.problem).cases) > 1, list[ActiveRecord]()
+    several, found = len(solved.judgement.posed.cases) > 1, list[ActiveRecord]()
     for (demand, where_at), multiplier in zip(where, multipliers, strict=True):
         if demand and multiplier > ACTIVE:
             hz = hertz(where_at.omega / solved.problem.device.sample_time) if where_at else None

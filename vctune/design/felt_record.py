@@ -11,7 +11,6 @@ import numpy as np
 from vctune.analysis.contact import drag_at_rest, greatest_drag, stiffest_contact
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, felt_impedance
 from vctune.design.judging.judge import Judgement, Status, certified
-from vctune.design.prepared import pose
 from vctune.document.records.felt_json import ContactRecord, InHandRecord, LatencyPartRecord
 from vctune.model.design import Design
 from vctune.model.device import Device
@@ -35,7 +34,7 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
     hands = problem.hands_met
     if problem.device.servo is None or hands is None or (problem.worlds is not None and problem.worlds.nothing):
         return None
-    devices = list(dict.fromkeys(case.device.modelled for case in pose(problem).hand_cases))
+    devices = list(dict.fromkeys(case.device.modelled for case in judgement.posed.hand_cases))
     factor, K = problem.stability.safety_factor, hands.high.stiffness
     slowest = max(devices, key=_latency)
     parts = {name: seconds for name, seconds in asdict(latency(slowest, FLOATS)).items() if seconds > 0}
@@ -79,7 +78,7 @@ def _stiffest(
     stiffest = _floored(bears)
     if bears == inf or stiffest <= hands.low.stiffness:
         return None, None
-    posed = pose(problem)
+    posed = judgement.posed
     softer = Hands(hands.low, replace(hands.high, stiffness=stiffest))
     design = Design(posed.demands.device, judgement.gains, judgement.coupling)
     worlds = judgement.certificate.demands.worlds

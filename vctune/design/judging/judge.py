@@ -91,8 +91,8 @@ class Judgement:
 
     Attributes
     ----------
-    device : Device
-        The nominal device.
+    posed : Posed
+        The problem with its devices and constraints.
     gains, coupling : Gains and AnyCoupling
         The design.
     transparency : TransparencyError
@@ -111,7 +111,7 @@ class Judgement:
         of the margins and of the greatest ``|S|``.
     """
 
-    device: Device
+    posed: Posed
     gains: Gains
     coupling: AnyCoupling
     transparency: TransparencyError
@@ -121,6 +121,11 @@ class Judgement:
     worst_sensitivity: float
     certificate: Certificate
     cut: bool = False
+
+    @property
+    def device(self) -> Device:
+        """The nominal device."""
+        return self.posed.problem.device
 
     @property
     def status(self) -> Status:
@@ -312,7 +317,7 @@ def judgement_of(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate:
         with unlimited():
             in_hands = margins_in_hands(posed.demands, devices[:1], gains, coupling, climbed=False)
     return Judgement(
-        device=posed.problem.device,
+        posed=posed,
         gains=gains,
         coupling=coupling,
         transparency=transparency,
