@@ -7,6 +7,7 @@ from math import pi
 from typing import Any
 
 import numpy as np
+from draws import admittance, decades, decimal
 
 from vctune.bench import stress
 from vctune.document.reading import problem_at
@@ -15,15 +16,6 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
-
-
-def decimal(x: float) -> float:
-    """Return a number with six digits, as a file has it."""
-    return float(f"{x:.6g}")
-
-
-def decades(rng: np.random.Generator, low: float, high: float) -> float:
-    return decimal(10 ** rng.uniform(low, high))
 
 
 def parts(rng: np.random.Generator, ideal: dict[str, Any], rates: tuple[float, float], share: float) -> dict[str, Any]:
@@ -99,21 +91,9 @@ def frequencies(device: Device, rng: np.random.Generator, count: int) -> np.ndar
 
 def ordinary(rng: np.random.Generator, *, held: float = 0.3) -> Device:
     """Return a device as they are built, with about half of the parts; in the hand of an operator with a chance."""
-    T, mass = decades(rng, -4, -2.7), decades(rng, -1.3, 1)
-    ideal: dict[str, Any] = {"mass": mass, "damping": decimal(mass / T * 10 ** rng.uniform(-4, -1)), "sample_time": T}
-    ideal |= {"hold": str(rng.choice(["zoh", "zoh", "lag"]))}
-    if rng.random() < 0.5:
-        ideal["delay"] = decimal(T * rng.uniform(0, 2.5))
-    document = {"device": ideal | parts(rng, ideal, (-1.7, 0.3), 0.5)}
-    tables = document["device"]
-    if "structure" in tables:  # as stiff and as damped as machines are
-        tables["structure"] |= {"handle_mass": decimal(mass * rng.uniform(0.05, 0.6))}
-        tables["structure"] |= {"frequency_hz": decades(rng, -1.7, -0.4) / T, "damping_ratio": decades(rng, -2.3, -0.7)}
-    if "delay" in tables.get("force_sensor", {}):
-        tables["force_sensor"] |= {"delay": decimal(T * rng.uniform(0, 2.5))}
-    if hand := operator(rng, ideal, held):
-        document["operator"] = hand
-    problem, faults = problem_at(document, "ordinary")
+    device = admittance(rng) | {"hold": str(rng.choice(["zoh", "zoh", "lag"]))}
+    document = {"device": device, "operator": operator(rng, device, held)}
+    problem, faults = problem_at({name: table for name, table in document.items() if table}, "ordinary")
     assert problem is not None, faults
     return problem.device
 

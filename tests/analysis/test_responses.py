@@ -7,11 +7,11 @@ from dataclasses import replace
 from math import degrees, inf, pi
 
 import control
+import draws
 import numpy as np
 import pytest
 import random_devices
-import random_servos
-from conftest import DEVICE, for_passive_hands
+from conftest import DEVICE, for_passive_hands, mostly_slow
 from device_pairs import device_of
 from matplotlib.figure import Figure
 
@@ -52,24 +52,14 @@ def stable_device(rng, number):
             return device, gains
 
 
-def against_python_control(number):
+@pytest.mark.parametrize("number", mostly_slow(range(50), [0, 1]))
+def test_python_control_has_the_same_margins(number):
     device, gains = stable_device(np.random.default_rng((39, number)), SEVEN * number)
     loop = vctune.Loop(device, gains)
     assert loop.L.to_control().dt == device.sample_time
     ours, (factor, phase) = loop_margins(device, gains), margins_of(loop.L)
     assert ours.gain == pytest.approx(factor, rel=1e-9)
     assert degrees(ours.phase) == pytest.approx(phase, rel=1e-9)
-
-
-@pytest.mark.parametrize("number", range(2))
-def test_python_control_has_the_same_margins(number):
-    against_python_control(number)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", range(2, 50))
-def test_python_control_has_the_same_margins_of_fifty_devices(number):
-    against_python_control(number)
 
 
 def test_python_control_is_told_names_and_frequencies():
@@ -118,7 +108,7 @@ DEVICE_IN_HANDS = {
 def test_what_a_loop_has_not_is_refused():
     device, nothing = Device(0.4, 2.0, 1e-3), Gains(0.0, 0.0)
     loop = vctune.Loop(device, Gains(100.0, 0.0))
-    servo = vctune.Loop(device_of(random_servos.random_servo(np.random.default_rng(1))), nothing)
+    servo = vctune.Loop(device_of(draws.servo(np.random.default_rng(1))), nothing)
     impedance = vctune.Loop(replace(device, display="impedance"), nothing, hand=Hand(1.0, 0.0, 0.0))
     refused = [
         (loop, "Z_seen", "state one, hand="),

@@ -10,6 +10,7 @@ from arithmetic import DIGITS
 from conftest import drawn, mostly_slow
 from frequency import demanded, offered
 from loop import Loop, radius, sensitivity
+from random_devices import parts
 
 from vctune.design.judging.judge import Status
 from vctune.design.solve import solve
@@ -30,25 +31,7 @@ def document(seed):
     delay = T * rng.uniform(0, 3) if rng.random() < 0.4 else 0.0
     damping = mass / (T / 2 + delay) * 10 ** rng.uniform(-8, 0) if rng.random() < 0.9 else 0.0
     device = {"mass": mass, "damping": damping, "sample_time": T, "delay": delay}
-    if rng.random() < 0.5:
-        device["velocity"] = {
-            "from": str(rng.choice(["difference", "measured"])),
-            "filter_hz": 10 ** rng.uniform(-2, -0.35) / T,
-            "filter_order": int(rng.integers(1, 3)),
-        }
-    if rng.random() < 0.5:
-        device["actuator"] = {"bandwidth_hz": 10 ** rng.uniform(-1.5, 2) / T, "order": int(rng.integers(1, 3))}
-    if rng.random() < 0.5:
-        device["force_sensor"] = {"bandwidth_hz": 10 ** rng.uniform(-2, 2) / T, "order": int(rng.integers(1, 3))}
-        device["force_sensor"]["delay"] = T * rng.uniform(0, 5) if rng.random() < 0.5 else 0.0
-    if rng.random() < 0.4:
-        ratio = 10 ** rng.uniform(-3, 0) if rng.random() < 0.8 else 0.0
-        rate = 10 ** rng.uniform(-1.5, 1) / T
-        device["structure"] = {
-            "handle_mass": mass * rng.uniform(0.01, 0.9),
-            "frequency_hz": rate,
-            "damping_ratio": ratio,
-        }
+    device |= parts(rng, device, (-2, 1.5), 0.5)
     operator = {"operator": {"damping": damping * rng.uniform(0.1, 3)}} if damping > 0 and rng.random() < 0.3 else {}
     tables = {"coupling": {"drag": {"min": 0.0, "max": mass / T}}, "stability": {"criterion": "passive"}}
     return {"device": device, **operator, **tables}

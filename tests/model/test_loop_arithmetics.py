@@ -22,7 +22,7 @@ from vctune.model.hands import Hand
 from vctune.model.loop.device_response import device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import G_hh_abs2, loop_response, tracking_abs2
-from vctune.model.numbers.arithmetic import CURVATURE_BELOW, FLOATS, Arithmetic, Number
+from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
@@ -41,8 +41,6 @@ from vctune.proof.claims.margins_of_claims import (
     low_margin,
     model_curve,
 )
-from vctune.proof.enclosures import elementary
-from vctune.proof.enclosures.elementary import PHI_ERROR
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, between, decimal
 from vctune.proof.enclosures.taylor import Taylor, variables
 from vctune.proof.enclosures.taylor_functions import TAYLOR
@@ -191,21 +189,3 @@ def test_every_formula_is_the_same_in_every_arithmetic(kind, count):
                 assert contains(found, exact), (case, name)
                 away = abs(NUM.number(value(name, case, x)) - exact)
                 assert not np.isfinite(found.rad) or away <= 4 * float(found.rad), (case, name)
-
-
-def curvature(x: Any) -> Any:
-    """Return (1 - sin(x)/x)/x^2 with 150 digits."""
-    x = NUM.number(x)
-    return (1 - NUM.context.sin(x) / x) / x**2
-
-
-def test_the_curvature_of_sinc():
-    """Doubles as accurate as the proof takes them for; enclosures contain the value."""
-    rng = np.random.default_rng(38)
-    sizes = [CURVATURE_BELOW * (1 - 1e-9), CURVATURE_BELOW, 1e-9, 1e-3, pi, 2 * pi, *10 ** rng.uniform(-6, 2.5, 200)]
-    for x in map(float, sizes):
-        true = curvature(x)
-        assert abs(float(elementary.sinc_curvature(x)) / true - 1) <= PHI_ERROR, x
-        for width in (1e-14, 1e-6, 1e-2, 0.5):
-            place = wider(x, width, rng)
-            assert contains(ENCLOSURES.sinc_curvature(place), true), (x, width)

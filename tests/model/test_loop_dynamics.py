@@ -191,7 +191,7 @@ def test_check_numbers(device, required, sensitivity, radius):
 def test_low_frequency_limits():
     """At 1e-60 of the sampling rate, with 400 digits: with operator, with K_p = 0, without damping, on a spring."""
     kinds = set()
-    for made, rng in cases("far apart", 25, 300):
+    for made, rng in cases("far apart", 25, 150):
         undamped = replace(made.device, damping=0.0)
         case = replace(made, device=undamped) if rng.random() < 0.2 else made
         s = FURTHER.i * FURTHER.number("1e-60") / FURTHER.number(case.device.sample_time)
@@ -211,16 +211,3 @@ def test_low_frequency_limits():
         else:
             assert float(Z_c.real / true.required) == pytest.approx(limit.coupling / limit.required, rel=1e-12), case
     assert len(kinds) == 16
-
-
-def test_a_spring_s_loss_eases_the_limit():
-    """R -> b^2/(4 (b + K_v - tau K_p + c K_p^2/k^2)); here the last term is what makes the resistance positive."""
-    device, gains = Device(1.0, 2.0, 1e-3, structure=Structure(0.3, 20.0, 0.5)), Gains(10.0, 25000.0)
-    reduced, swing = 0.7 * 0.3, 2 * pi * 20.0
-    loss = 2 * 0.5 * reduced * swing * gains.position**2 / (reduced * swing**2) ** 2
-    rigid = device.damping + gains.velocity - 0.5e-3 * gains.position
-    assert rigid < 0 < rigid + loss
-    limit = low_frequency_limit(device, gains, Coupling(1.0, 1.0, 1.0))
-    assert limit.required == pytest.approx(device.damping**2 / (4 * (rigid + loss)), rel=1e-12)
-    found = Case(device, gains, Coupling(1.0, 1.0, 1.0), "").at(1e-12).required
-    assert float(found) == pytest.approx(limit.required, rel=1e-9)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from dense import spectral_radius as radius_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from vctune.analysis.sampled_loop import spectral_radius
-from vctune.analysis.stability import clearly_stable, makes_no_turn, unit_circle
+from vctune.analysis.stability import clearly_stable
 from vctune.bench.evaluator import Scene
 from vctune.model.design import Design
 from vctune.model.device import Device
@@ -36,7 +35,7 @@ def loops(draw):
     )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(loops())
 def test_spectral_radius_and_its_proof_agree_with_matrix_exponentials(case):
     device, gains = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh"), Gains(case.K_v, case.K_p)
@@ -46,23 +45,7 @@ def test_spectral_radius_and_its_proof_agree_with_matrix_exponentials(case):
     assert stable_loop(device, gains, model=False) is (radius < 1)
 
 
-@settings(max_examples=100, deadline=None)
-@given(loops())
-def test_crossings_of_the_negative_axis_count_the_turns(case):
-    """The scan's count against np.unwrap, and against the poles wherever those are not too near the circle."""
-    device = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh")
-    gains, integrator = Gains(np.array([case.K_v]), np.array([case.K_p])), case.K_p > 0
-    circle = unit_circle(device, position=integrator)
-    F = circle.closed(gains)
-    stable = bool(makes_no_turn(F))
-    turns = np.unwrap(np.arctan2(F.im, F.re))
-    assert stable == (abs(turns[-1] - turns[0]) < np.pi / 2 and F.re[-1] > 0)
-    radius = radius_of(case)
-    assume(abs(radius - 1) > 1e-2)
-    assert stable == (radius < 1)
-
-
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(loops(), st.sampled_from(["zoh", "lag"]))
 def test_what_is_clearly_stable_is_proved_so_and_what_clearly_is_not_is_not(case, hold):
     device, gains = Device(case.mass, case.damping, case.sample_time, case.delay, hold), Gains(case.K_v, case.K_p)
@@ -78,15 +61,6 @@ def test_too_much_integral_action_is_not_taken_for_stable_without_damping():
     assert clearly_stable(device, gains) is False
 
 
-def test_velocity_loop_without_delay_is_stable_up_to_its_closed_form_gain():
-    """z = a - K_v (1 - a)/b: stable while K_v < b (1 + a)/(1 - a)."""
-    device = Device(0.4, 2.0, 1e-3, 0.0, "zoh")
-    a = np.exp(-2.0 * 1e-3 / 0.4)
-    limit = 2.0 * (1 + a) / (1 - a)
-    assert stable_loop(device, Gains(limit * (1 - 1e-9), 0.0), model=False) is True
-    assert stable_loop(device, Gains(limit * (1 + 1e-9), 0.0), model=False) is False
-
-
 def test_no_position_in_the_loop_without_position_gain():
     """With K_p = 0 the free integrator from velocity to position does not count (model/README.md, section 7)."""
     device = Device(0.4, 0.0, 1e-3, 0.0, "zoh")
@@ -99,7 +73,7 @@ def test_whole_samples_snaps_rounding_noise():
     assert (whole, fraction) == (2, pytest.approx(0.5))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(loops(), st.sampled_from(["lag", "zoh"]))
 def test_poles_of_the_frequency_model(case, hold):
     """Routh-Hurwitz for "lag" without delay; for the rest: stable well below the phase limit, unstable well above."""

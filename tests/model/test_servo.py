@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import astuple, replace
-from math import pi
+from math import pi, sqrt
 
+import draws
 import numpy as np
 import pytest
 from balls import BALLS, PRECISION, ball
@@ -13,7 +14,6 @@ from device_pairs import device_of, tables_of
 from flint import arb, ctx
 from loop import Loop
 from loop import seen as oracle
-from random_servos import latency_of, random_servo
 
 from vctune.model.device import Device
 from vctune.model.hands import Hand, Hands
@@ -57,6 +57,16 @@ def required_of_servo(plant, hand, theta, ops) -> Required:
     return Required(blur_of(plant, seen, theta, ops) - 0.5 * seen.odd, 1)
 
 
+def latency_of(device: draws.Tables) -> float:
+    """Return the time by which the force of a spring is late at rest, s."""
+    late = device["sample_time"] * (1.0 if device["servo"].get("command") == "position" else 0.5)
+    for part in (device["servo"], device.get("force_sensor", {})):
+        late += part.get("delay", 0.0)
+        lag = {1: 1.0, 2: sqrt(2)}[part.get("order", 1)]
+        late += lag / (2 * pi * part["bandwidth_hz"]) if "bandwidth_hz" in part else 0.0
+    return late
+
+
 def plant_of(device: Device):
     return servo_plant(device, sensed_delay(device), FLOATS)
 
@@ -90,7 +100,7 @@ def test_digits(device, hand, expected):
 def test_matrix_exponentials(number, filtered):
     """Servo, then hand, then sensor, each with its own delay; a filter of the samples multiplies the force."""
     random = np.random.default_rng((71, number))
-    table, share = random_servo(random), float(random.uniform(0.02, 0.9)) if filtered else 1.0
+    table, share = draws.servo(random), float(random.uniform(0.02, 0.9)) if filtered else 1.0
     if filtered:
         table["force_sensor"] = table.get("force_sensor", {}) | {"filter_coefficient": share}
     device, theta = device_of(table), np.concatenate((10 ** random.uniform(-2, 0.49, 20), [pi]))
@@ -121,7 +131,7 @@ def test_whole_samples(whole, order):
 
 @pytest.mark.parametrize("number", range(4))
 def test_at_rest_the_drag_is_stiffness_times_latency(number):
-    table = random_servo(np.random.default_rng((72, number)))
+    table = draws.servo(np.random.default_rng((72, number)))
     device = device_of(table)
     with ctx.workprec(PRECISION):
         exact = device.converted(ball)
@@ -131,51 +141,6 @@ def test_at_rest_the_drag_is_stiffness_times_latency(number):
     assert float(parts.total) == pytest.approx(latency_of(table), rel=1e-14)
     hands = Hands(Hand(0.0, 0.0, 0.0), Hand(2.0, 30.0, 1000.0))
     assert demand_of(device, hands).at(np.zeros(1)) == pytest.approx(1000 * latency_of(table), rel=1e-9)
-
-
-def test_only_the_sum_of_both_delays_counts():
-    theta = np.linspace(0.05, pi, 9)
-    near = servo_device(1e-3, Servo(0.0041, 25.0), ForceSensor(120.0, 2, 0.0009))
-    far = servo_device(1e-3, Servo(0.0009, 25.0), ForceSensor(120.0, 2, 0.0041))
-    hand = Hand(1.0, 5.0, 800.0)
-    assert seen_at(near, hand, theta) == pytest.approx(seen_at(far, hand, theta), rel=1e-10)
-
-
-@pytest.mark.parametrize("number", range(3))
-def test_the_demand_is_that_of_the_worst_hand(number):
-    """Of 200 hands of a box none asks for more than its vertices, in a disc neither, and one of these for as much."""
-    random = np.random.default_rng((73, number))
-    device, radii = device_of(random_servo(random)), ((3.0, 0.02), (30.0, 0.3))
-    high = 10 ** random.uniform([-2, 0, 0], [1.3, 2, 4.5])
-    low, theta = high * random.choice([0, 0, 0.3], 3), np.geomspace(1e-3, pi, 40)
-    hands = Hands(Hand(*map(float, low)), Hand(*map(float, high)))
-    hz = theta / (2 * pi * device.sample_time)
-    r = np.interp(np.log(np.maximum(hz, 1e-9)), *np.log(np.array(radii)).T)
-    r = np.where(hz < radii[0][0], np.log(radii[0][1] * hz / radii[0][0]), r)
-    units = np.array([seen(device, unit, theta) for unit in UNIT_HANDS])
-    for disc in ((), radii):
-        there = replace(device, servo=replace(device.servo, radii=disc))
-        most, asked = demand_of(there, hands).at(theta), []
-        for share in [*random.uniform(0, 1, (200, 3)), *np.array(np.meshgrid(*[[0, 1]] * 3)).reshape(3, -1).T]:
-            Z = (low + share * (high - low)) @ units
-            asked.append(-Z.real + (np.exp(r) * np.abs(Z) if disc else 0.0))
-        scale = np.max(np.abs(asked))
-        assert (np.max(asked, axis=0) <= most + 1e-7 * scale).all()
-        assert np.max(asked, axis=0) == pytest.approx(most, abs=1e-6 * scale)
-
-
-def test_balls_hold_what_doubles_say():
-    """The formula is one, and enclosures of a delay that is not known contain what each delay gives."""
-    spread = ball(0.0143) + arb(0, 1e-4)
-    device = replace(B.converted(ball), servo=replace(B.servo, delay=spread, bandwidth_hz=ball(30.0)))
-    wide = servo_plant(device, sensed_delay(B), BALLS)
-    hand = Hand(1.0, 10.0, 500.0)
-    for theta in (0.0, 0.01, 0.4, pi):
-        required = required_of_servo(wide, Hand(*map(ball, (1.0, 10.0, 500.0))), arb(theta), BALLS)
-        found = required.lost / required.size
-        for delay in (0.01421, 0.0143, 0.01439):
-            one = replace(B, servo=replace(B.servo, delay=delay))
-            assert found.contains(arb(float(required_at(one, hand, np.array([theta]))[0]), 1e-8))
 
 
 LATE = ForceSensor(50.0, 2, 0.004, 0.2)

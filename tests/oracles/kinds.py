@@ -7,25 +7,39 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf, pi
 from typing import Any
 
 import frequency
 import numpy as np
 from arithmetic import DIGITS, DOUBLES
-from loop import NOTHING, Loop, matrix, offered, radius, seen, sensitivity, turn
+from draws import (
+    LEAST,
+    Rng,
+    Tables,
+    admittance,
+    angles,
+    coupling_for,
+    decades,
+    decimal,
+    delays_are_clear,
+    ends_of,
+    gains_for,
+    hands_for,
+    impedance,
+    number_of,
+    scaled,
+    servo,
+    spring_for,
+    stable_in,
+    stated,
+    triple,
+    widths_of,
+    with_numbers,
+)
+from loop import Loop, matrix, offered, radius, seen, sensitivity, turn
 from worst import worst
-
-Tables = dict[str, Any]
-Rng = np.random.Generator
-NUMBERS = ("mass", "damping", "stiffness")
-UNCERTAIN = (
-    "mass", "damping", "delay", "velocity.filter_hz", "actuator.bandwidth_hz", "force_sensor.bandwidth_hz",
-    "structure.frequency_hz", "structure.handle_mass", "force_sensor.delay", "structure.damping_ratio",
-)  # fmt: skip
-"""Numbers of an admittance display that may be uncertain; the last two only without hands."""
-LEAST = 1e-3
-"""Least angle of a scan, rad."""
 
 
 @dataclass(frozen=True)
@@ -46,150 +60,11 @@ class Drawn:
     claim : its identifier
     tables : of a side, relative to the limit
     missed : whether the oracles agree, in 50 digits, that the demand is missed at a witness
-    loop : of a side and a hand, for what moves in time; None where the claim is about frequencies alone
     """
 
     claim: str
     tables: Callable[[float], Tables]
     missed: Callable[[Tables, Witness], bool]
-    loop: Callable[[Tables, tuple[float, float, float]], Loop] | None = None
-
-
-def decimal(x: float) -> float:
-    """Return a number with six digits, as a file has it."""
-    return float(f"{x:.6g}")
-
-
-def decades(rng: Rng, low: float, high: float) -> float:
-    """Return a random number between two powers of 10."""
-    return decimal(10 ** rng.uniform(low, high))
-
-
-def late(rng: Rng, most: float) -> float:
-    """Return samples of delay that are not next to a whole number: there a proof covers other delays as well."""
-    return float(rng.integers(0, int(most) + 1) + rng.choice([0.0, 0.0, rng.uniform(0.1, 0.9)]))
-
-
-def sums_are_clear(device: Tables) -> bool:
-    """Return whether the sum of both delays is not next to a whole number of samples either, or is one."""
-    own = device.get("servo", device).get("delay", 0.0) + device.get("force_sensor", {}).get("delay", 0.0)
-    part = own / device["sample_time"] % 1
-    return 0.06 < part < 0.94 or (own == 0)
-
-
-def admittance(rng: Rng, *, flexible: bool = True) -> Tables:
-    """Return a device with about half of the parts, as they are built."""
-    while True:
-        T, mass = decades(rng, -4, -2.7), decades(rng, -1.3, 1)
-        device: Tables = {"mass": mass, "sample_time": T, "damping": decimal(mass / T * 10 ** rng.uniform(-4, -1))}
-        device["delay"] = decimal(T * late(rng, 2)) if rng.random() < 0.6 else 0.0
-        if rng.random() < 0.4:
-            device["velocity"] = {"from": str(rng.choice(["measured", "difference"]))}
-            if rng.random() < 0.5:
-                device["velocity"] |= {
-                    "filter_hz": decades(rng, -1.7, -0.4) / T,
-                    "filter_order": int(rng.integers(1, 3)),
-                }
-        if rng.random() < 0.3:
-            device["actuator"] = {"bandwidth_hz": decades(rng, -1.4, 0.3) / T, "order": int(rng.integers(1, 3))}
-        if rng.random() < 0.4:
-            device["force_sensor"] = {"bandwidth_hz": decades(rng, -1.4, 0.3) / T, "order": int(rng.integers(1, 3))}
-        if rng.random() < 0.3:
-            device.setdefault("force_sensor", {})["delay"] = decimal(T * late(rng, 2))
-        if flexible and rng.random() < 0.3:
-            device["structure"] = {"handle_mass": decimal(mass * rng.uniform(0.05, 0.6))}
-            device["structure"] |= {
-                "frequency_hz": decades(rng, -1.7, -0.5) / T,
-                "damping_ratio": decades(rng, -2.2, -0.7),
-            }
-        if sums_are_clear(device):
-            return device
-
-
-def servo(rng: Rng) -> Tables:
-    """Return a vendor's servo."""
-    while True:
-        T = decades(rng, -3.3, -2.1)
-        table = {"delay": decimal(T * late(rng, 20)), "bandwidth_hz": decimal(min(decades(rng, 0.3, 2.3), 0.45 / T))}
-        table |= {"order": int(rng.integers(1, 3)), "command": str(rng.choice(["velocity", "velocity", "position"]))}
-        device: Tables = {"sample_time": T, "servo": table}
-        if rng.random() < 0.4:
-            device["force_sensor"] = {"bandwidth_hz": decades(rng, 1, 2.7), "order": int(rng.integers(1, 3))}
-        if rng.random() < 0.4:
-            device.setdefault("force_sensor", {})["delay"] = decimal(T * late(rng, 3))
-        if sums_are_clear(device):
-            return device
-
-
-def lag_of(device: Tables) -> float:
-    """Return about how late a command acts, s."""
-    return 1.5 * device["sample_time"] + device.get("delay", 0.0)
-
-
-def gains_for(rng: Rng, device: Tables, share: float = 0.5) -> tuple[float, float]:
-    """Return gains of a size that may be stable, with an integrator by chance."""
-    velocity = decimal(device["mass"] / lag_of(device) * 10 ** rng.uniform(-1.5, -0.3))
-    return velocity, decimal(velocity / lag_of(device) * 10 ** rng.uniform(-3, -1)) if rng.random() < share else 0.0
-
-
-def coupling_for(rng: Rng, device: Tables, impedance: float, share: float = 0.5) -> tuple[float, float, float]:
-    """Return b_c, m_c and b_0, the last with a chance."""
-    b_c = decimal(impedance * 10 ** rng.uniform(-1, 1))
-    drag = decimal(b_c * 10 ** rng.uniform(-3, -0.5)) if rng.random() < share else 0.0
-    return b_c, decimal(b_c * lag_of(device) * 10 ** rng.uniform(0, 2)), drag
-
-
-def hands_for(rng: Rng, mass: float, T: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a box as human hands or of the device's own size; its least numbers are 0 half of the time."""
-    high = np.array([0.5, 30.0, 3000.0]) * 10 ** rng.uniform(-1, 0.3, 3)
-    if rng.random() < 0.5:
-        high = np.array([mass, mass / T, mass / T**2]) * 10 ** rng.uniform([-2, -3, -5], [0.3, -0.7, -0.7])
-    low = high * rng.uniform(0, 0.9, 3) * (rng.random(3) < 0.5)
-    return np.array([*map(decimal, low)]), np.array([*map(decimal, high)])
-
-
-def stated(
-    device: Tables,
-    gains: tuple[float, float] | None,
-    coupling: tuple[float, ...],
-    stability: Tables,
-    box: tuple[np.ndarray, np.ndarray] | None = None,
-    more: Tables | None = None,
-) -> Tables:
-    """Return a problem's tables."""
-    names = ("damping", "stiffness") if device.get("display") == "impedance" else ("damping", "mass", "drag")
-    found: Tables = {"device": device, "coupling": dict(zip(names, map(float, coupling), strict=True)), **(more or {})}
-    if gains is not None:
-        laws = ("velocity",) if device.get("display") == "impedance" else ("velocity", "position")
-        found["gains"] = dict(zip(laws, gains, strict=False))
-    if box is not None:
-        ends = zip(NUMBERS, *box, strict=True)
-        found["operator"] = {name: {"min": float(low), "max": float(high)} for name, low, high in ends}
-    found["stability"] = stability
-    return found
-
-
-def scaled(coupling: tuple[float, ...], by: float) -> tuple[float, ...]:
-    """Return a coupling whose impedance is so many times as great."""
-    return tuple(number * by for number in coupling)
-
-
-def angles(device: Tables, count: int = 160) -> np.ndarray:
-    """Return angles omega T from `LEAST` to pi, logarithmic and even, more of them for a long delay."""
-    own = device.get("servo", device).get("delay", 0.0) + device.get("force_sensor", {}).get("delay", 0.0)
-    even = count + int(16 * own / device["sample_time"])
-    found = [np.geomspace(LEAST, pi, count), np.linspace(0.01, pi, even)]
-    if "structure" in device:
-        resonance = 2 * pi * device["structure"]["frequency_hz"] * device["sample_time"]
-        found += [resonance * (1 + np.geomspace(1e-3, 0.5, 20)), resonance * (1 - np.geomspace(1e-3, 0.5, 20))]
-    together = np.unique(np.concatenate(found))
-    return together[together <= pi]
-
-
-def triple(numbers: Any) -> tuple[float, float, float]:
-    """Return mass, damping and stiffness as plain numbers."""
-    mass, damping, stiffness = (float(x) for x in numbers)
-    return mass, damping, stiffness
 
 
 # ------------------------------------------------------------------ in continuous time
@@ -230,94 +105,92 @@ def band_of(rng: Rng, device: Tables) -> tuple[float, float]:
     return decimal(nyquist * 10 ** rng.uniform(-3.5, -2)), decimal(nyquist * 10 ** rng.uniform(-1.3, -0.1))
 
 
-def passive(rng: Rng) -> Drawn:
-    """Llewellyn's condition on a band, often in the hand of a least operator."""
+POINT = np.zeros(0), np.zeros(0)
+UNCERTAIN = (
+    "mass", "damping", "delay", "velocity.filter_hz", "actuator.bandwidth_hz", "force_sensor.bandwidth_hz",
+    "structure.frequency_hz", "structure.handle_mass", "servo.delay", "servo.bandwidth_hz",
+)  # fmt: skip
+"""Numbers that may be uncertain in hands."""
+ALONE = (*UNCERTAIN[:8], "force_sensor.delay", "structure.damping_ratio")
+
+
+@dataclass(frozen=True)
+class OnBand:
+    """Llewellyn's condition at a place: numbers of a device, or turn and share of a response of a disc."""
+
+    device: Tables
+    gains: tuple[float, float]
+    operator: Tables
+    keys: list[str]
+    radii: list[list[float]]
+
+    def tables(self, place: Any) -> Tables:
+        device = with_numbers(self.device, self.keys, place) if self.keys and place is not None else self.device
+        return {"device": device, "operator": self.operator}
+
+    def delta(self, omega: Any, place: Any) -> Any:
+        if not self.radii:
+            return 0
+        r = np.exp(np.interp(np.log(np.asarray(omega) / (2 * pi)), *np.log(np.array(self.radii)).T))
+        return r * min(place[1], 1.0) * np.exp(2j * pi * place[0])
+
+    def need(self, coupling: Any, omega: Any, place: Any) -> Any:
+        return needed(self.tables(place), self.gains, coupling, omega, self.delta(omega, place))
+
+    def exact(self, coupling: Any, omega: float, place: Any) -> float:
+        return exactly_needed(self.tables(place), self.gains, coupling, omega, complex(self.delta(omega, place)))
+
+
+def passive(rng: Rng, kind: str = "held") -> Drawn:
+    """Llewellyn's condition: often in the hand of a least operator, of a box of devices, or of a disc of responses."""
     while True:
-        device = admittance(rng) | {"hold": str(rng.choice(["zoh", "zoh", "lag"]))}
+        device = admittance(rng) | ({"hold": str(rng.choice(["zoh", "zoh", "lag"]))} if kind == "held" else {})
         gains, band, factor = gains_for(rng, device), band_of(rng, device), float(rng.choice([1.0, 1.05, 1.3]))
-        coupling, more = coupling_for(rng, device, gains[0]), {}
-        if rng.random() < 0.4:
-            more = {
-                "operator": {
-                    "mass": decimal(device["mass"] * decades(rng, -2, 0)),
-                    "damping": decimal(device["mass"] / device["sample_time"] * decades(rng, -5, -2)),
-                }
-            }
-        tables = {"device": device} | more
-        omega = frequencies(device, 2 * pi * band[0], 2 * pi * band[1])
-        values = needed(tables, gains, coupling, omega)
-        if (
-            not np.isfinite(values).all()
-            or not 0 < values.max() < 1e6
-            or abs(frequency.unstable_poles(tables, gains)) > 0.1
-        ):
+        coupling, (low, high) = coupling_for(rng, device, gains[0], 0.5 if kind == "held" else 1.0), POINT
+        operator: Tables = {}
+        widths: Tables = {}
+        radii: list[list[float]] = []
+        if kind == "held" and rng.random() < 0.4:
+            operator = {"mass": decimal(device["mass"] * decades(rng, -2, 0))}
+            operator["damping"] = decimal(device["mass"] / device["sample_time"] * decades(rng, -5, -2))
+        elif kind == "box":
+            widths = widths_of(rng, device, ALONE, int(rng.integers(1, 4)))
+            low, high = ends_of(device, widths)
+        elif kind == "disc":
+            radii = [[decimal(f), decades(rng, -2, -0.7)] for f in np.sort(10 ** rng.uniform(*np.log10(band), 3))]
+            low, high = np.array([0.0, 1.0]), np.ones(2)
+        posed = OnBand(device, gains, operator, [*widths], radii)
+        need = partial(posed.need, coupling)
+        omega = frequencies(device, 2 * pi * band[0], 2 * pi * band[1], 2000 if kind == "held" else 600)
+        some = rng.integers(0, 2, (8, len(low))) if kind == "box" else np.linspace(0, 1, 60)[:, None]
+        places = [low + (high - low) * share for share in some] if len(low) else [low]
+        if not all(np.isfinite(need(omega, place)).all() for place in places):
             continue
-        _, at, _ = worst(lambda w, _, t=tables, g=gains, c=coupling: needed(t, g, c, w), *_point(), omega, rng)
-        at = min(max(at, omega[0]), omega[-1])
-        need = exactly_needed(tables, gains, coupling, at)
-        break
-
-    def of(side: float) -> Tables:
-        stability = {"criterion": "passive", "band_hz": list(band), "safety_factor": factor, "max_sensitivity": 1e3}
-        return stated(device, gains, scaled(coupling, need * factor * (1 + side)), stability, more=more)
-
-    def missed(posed: Tables, witness: Witness) -> bool:
-        return exactly_needed(tables, gains, tuple(posed["coupling"].values()), witness.omega) * factor > 1
-
-    return Drawn("passive", of, missed)
-
-
-def _point() -> tuple[np.ndarray, np.ndarray]:
-    return np.zeros(0), np.zeros(0)
-
-
-def disc(rng: Rng) -> Drawn:
-    """Llewellyn's condition for every response within a radius of the mechanism's."""
-    while True:
-        device = admittance(rng)
-        gains, band = gains_for(rng, device), band_of(rng, device)
-        coupling, hz = coupling_for(rng, device, gains[0], 1.0), np.sort(10 ** rng.uniform(*np.log10(band), 3))
-        radii = [[decimal(f), decades(rng, -2, -0.7)] for f in hz]
-        tables = {"device": device}
-        omega = frequencies(device, 2 * pi * band[0], 2 * pi * band[1], 1000)
-
-        def delta(w: Any, place: np.ndarray, radii: Any = radii) -> Any:
-            r = np.exp(np.interp(np.log(np.asarray(w) / (2 * pi)), *np.log(np.array(radii)).T))
-            return r * min(place[1], 1.0) * np.exp(2j * pi * place[0])
-
-        def need(w: Any, place: np.ndarray, d: Any = device, g: Any = gains, c: Any = coupling, x: Any = delta) -> Any:
-            return needed({"device": d}, g, c, w, x(w, place))
-
-        low, high = np.array([0.0, 1.0]), np.array([1.0, 1.0])
-        around = np.linspace(0, 1, 60)
-        if not all(np.isfinite(need(omega, np.array([turned, 1.0]))).all() for turned in around):
+        if any(abs(frequency.unstable_poles(posed.tables(place), gains)) > 0.1 for place in places[:2]):
             continue
-        if abs(frequency.unstable_poles(tables, gains)) > 0.1:
-            continue
-        _, at, place = worst(need, low, high, omega, rng, some=40)
-        at = min(max(at, omega[0]), omega[-1])
-        most = exactly_needed(tables, gains, coupling, at, complex(delta(at, place)))
+        _, at, place = worst(need, low, high, omega, rng)
+        most = posed.exact(coupling, at := min(max(at, omega[0]), omega[-1]), place)
         if 0 < most < 1e6:
             break
 
     def of(side: float) -> Tables:
-        stability = {"criterion": "passive", "band_hz": list(band), "safety_factor": 1.05, "max_sensitivity": 1e3}
-        return stated(
-            device,
-            gains,
-            scaled(coupling, most * 1.05 * (1 + side)),
-            stability,
-            more={"uncertainty": {"unmodelled": radii}},
-        )
+        stability = {"criterion": "passive", "band_hz": list(band), "safety_factor": factor, "max_sensitivity": 1e3}
+        more = {"operator": operator} if operator else {}
+        if widths or radii:
+            more["uncertainty"] = widths or {"unmodelled": radii}
+        return stated(device, gains, scaled(coupling, most * factor * (1 + side)), stability, more=more)
 
-    def missed(posed: Tables, witness: Witness) -> bool:
-        own, w = tuple(posed["coupling"].values()), witness.omega
+    def missed(tables: Tables, witness: Witness) -> bool:
+        own, w = tuple(tables["coupling"].values()), witness.omega
+        if not radii:
+            place = None if witness.device is None else [witness.device[key] for key in widths]
+            return posed.exact(own, w, place) * factor > 1
         turns = np.linspace(0, 1, 1001)
         for _ in range(2):  # the second time 1000 times as close
             shares = [np.array([turned, share]) for turned in turns for share in (0.3, 0.7, 1.0)]
-            best = max(shares, key=lambda place: float(needed(tables, gains, own, w, delta(w, place))))
+            best = max(shares, key=lambda place: float(posed.need(own, w, place)))
             turns = best[0] + np.linspace(-1e-3, 1e-3, 1001)
-        return exactly_needed(tables, gains, own, w, complex(delta(w, best))) * 1.05 > 1 - 1e-6
+        return posed.exact(own, w, best) * factor > 1 - 1e-6
 
     return Drawn("passive", of, missed)
 
@@ -332,7 +205,7 @@ def peak(loop: Loop, rng: Rng) -> float:
         return np.abs(sensitivity(loop, turn(loop, theta)))
 
     theta = np.union1d(angles(dict(loop.device), 400), np.linspace(0.9 * pi, pi * (1 - 1e-9), 50))
-    return worst(size, *_point(), theta[theta < pi], rng)[0]
+    return worst(size, *POINT, theta[theta < pi], rng)[0]
 
 
 def loud(rng: Rng) -> Drawn:
@@ -396,7 +269,7 @@ def small_gain(rng: Rng) -> Drawn:
 
     theta = angles(device, 400)
     knots = 2 * pi * np.array([f for f, _ in radii]) * device["sample_time"]
-    most, _, _ = worst(size, *_point(), np.union1d(theta[theta < pi * (1 - 1e-9)], knots), rng)
+    most, _, _ = worst(size, *POINT, np.union1d(theta[theta < pi * (1 - 1e-9)], knots), rng)
 
     def of(side: float) -> Tables:
         known = [[f, r / most / (1 + side)] for f, r in radii]
@@ -424,15 +297,6 @@ def exact_need(loop: Loop, theta: float) -> float:
     return float(-seen(one, z).real / offered(one, z).real)
 
 
-def with_numbers(device: Tables, keys: list[str], numbers: Any) -> Tables:
-    """Return a device with other numbers at dotted keys."""
-    found = {key: dict(value) if isinstance(value, dict) else value for key, value in device.items()}
-    for key, number in zip(keys, numbers, strict=True):
-        table, _, name = key.rpartition(".")
-        (found[table] if table else found)[name] = float(number)
-    return found
-
-
 def in_hands(
     rng: Rng,
     device: Tables,
@@ -445,9 +309,7 @@ def in_hands(
     """Return a problem in a box of hands, and of devices, at its limit; None where more of the coupling is no help."""
     widths = widths or {}
     keys = [*widths]
-    middle = np.array([_number(device, key) for key in keys])
-    spread = middle * np.array([*widths.values()])
-    low, high = np.r_[box[0], middle - spread], np.r_[box[1], middle + spread]
+    low, high = (np.r_[hand, numbers] for hand, numbers in zip(box, ends_of(device, widths), strict=True))
 
     def loop(place: Any, coupling: tuple[float, ...] = coupling) -> Loop:
         return Loop(with_numbers(device, keys, place[3:]), gains, coupling, triple(place[:3]))
@@ -476,27 +338,11 @@ def in_hands(
         assert all(a <= x <= b for a, x, b in zip(box[0], witness.hand, box[1], strict=True))
         near = 1e-12
         ends = zip(low[3:], keys, high[3:], strict=True)
-        assert all(a * (1 - near) <= _number(known, key) <= b * (1 + near) for a, key, b in ends)
+        assert all(a * (1 - near) <= number_of(known, key) <= b * (1 + near) for a, key, b in ends)
         there = Loop(known, gains, tuple(posed["coupling"].values()), witness.hand)
         return exact_need(there, witness.omega * device["sample_time"]) * factor > 1
 
-    def moving(posed: Tables, hand: tuple[float, float, float]) -> Loop:
-        return Loop(device, gains, tuple(posed["coupling"].values()), hand)
-
-    return Drawn("hands", of, missed, None if widths else moving)
-
-
-def _number(device: Tables, key: str) -> float:
-    table, _, name = key.rpartition(".")
-    return float((device[table] if table else device)[name])
-
-
-def stable_in(device: Tables, gains: tuple[float, float], box: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Return whether the loop before an environment at rest is stable without a hand, in corners and in the middle."""
-    low, high = box
-    shares = [(0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), (0, 0, 1), (1, 0, 0), (1, 0, 1)]
-    some = [NOTHING, *(triple(low + (high - low) * np.array(share)) for share in shares)]
-    return all(radius(Loop(device, gains, hand=hand), at_rest=True) < 1 - 1e-9 for hand in some)
+    return Drawn("hands", of, missed)
 
 
 def hands(rng: Rng, *, integrator: bool = True) -> Drawn:
@@ -547,7 +393,7 @@ def whole_sample(rng: Rng) -> Drawn:
         def need(theta: Any, place: Any, d: Tables = device) -> Any:
             return need_of(Loop(d, (0.0, 0.0), coupling, triple(place)), theta)
 
-        _, at, place = worst(need, *box, angle, rng)
+        _, at, place = worst(need, *box, angle, rng, some=12, closer=2)
         loop = Loop(device, (0.0, 0.0), coupling, triple(place))
         found.append(max(exact_need(loop, angle) for angle in (at, 0.0, pi * (1 - 1e-9))))
 
@@ -564,113 +410,28 @@ def whole_sample(rng: Rng) -> Drawn:
     return Drawn("hands", of, missed)
 
 
-def uncertain(rng: Rng) -> Drawn:
-    """Every hand of a box on every device of a box: parts, a flexible handle or a servo, up to three numbers."""
+def uncertain(rng: Rng, *, dual: bool = False) -> Drawn:
+    """Every hand of a box on every device of a box: parts, a flexible handle, a servo or a display."""
     while True:
-        if rng.random() < 0.4:
+        if dual:
+            device = impedance(rng)
+            gains, coupling = (decimal(device["damping"] * rng.choice([0.0, 0.5])), 0.0), spring_for(rng, device)
+            box = hands_for(rng, device["mass"], device["sample_time"])
+        elif rng.random() < 0.4:
             device, gains = servo(rng), (0.0, 0.0)
             high = 10 ** rng.uniform([-1, 0, 1], [1, 2, 3.5])
             box = np.array([0.0, 0.0, 0.0]), np.array([*map(decimal, high)])
             coupling = (decades(rng, 0, 4), decades(rng, -1, 1.5), decades(rng, -1, 2))
-            keys = ["servo.delay", "servo.bandwidth_hz", "force_sensor.bandwidth_hz", "force_sensor.delay"]
         else:
             device = admittance(rng)
             gains = gains_for(rng, device, 1.0)
             box = hands_for(rng, device["mass"], device["sample_time"])
             coupling = coupling_for(rng, device, gains[0], 1.0)
-            keys = [*UNCERTAIN[:-2]]
-        there = [key for key in keys if _has(device, key)]
-        some = rng.permutation(there)[: int(rng.integers(1, 4))].tolist()
-        widths = {key: decimal(rng.uniform(0.02, 0.2)) for key in some}
+        widths = widths_of(rng, device, UNCERTAIN, int(rng.integers(1, 4)))
         if not delays_are_clear(device, widths) or ("servo" not in device and not stable_in(device, gains, box)):
             continue
         if found := in_hands(rng, device, gains, coupling, box, 1.05, widths):
             return found
-
-
-def _has(device: Tables, key: str) -> bool:
-    table, _, name = key.rpartition(".")
-    return bool((device.get(table, {}) if table else device).get(name))
-
-
-def delays_are_clear(device: Tables, widths: Tables) -> bool:
-    """Return whether no end of a range of delays is next to a whole number of samples."""
-    T, own = device["sample_time"], device.get("servo", device).get("delay", 0.0)
-    name = "servo.delay" if "servo" in device else "delay"
-    sensor, ends = device.get("force_sensor", {}).get("delay", 0.0), (-1, 1)
-    sums = [
-        own * (1 + a * widths.get(name, 0)) + sensor * (1 + b * widths.get("force_sensor.delay", 0))
-        for a in ends
-        for b in ends
-    ]
-    if name not in widths and "force_sensor.delay" not in widths:
-        return True
-    return all(0.06 < each / T % 1 < 0.94 for each in sums)
-
-
-def uncertain_passive(rng: Rng) -> Drawn:
-    """Llewellyn's condition on a band for every device of a box."""
-    while True:
-        device = admittance(rng)
-        gains, band = gains_for(rng, device), band_of(rng, device)
-        coupling = coupling_for(rng, device, gains[0], 1.0)
-        keys = UNCERTAIN
-        some = rng.permutation([key for key in keys if _has(device, key)])[: int(rng.integers(1, 4))].tolist()
-        widths = {key: decimal(rng.uniform(0.02, 0.2)) for key in some}
-        middle = np.array([_number(device, key) for key in some])
-        low, high = middle * (1 - np.array([*widths.values()])), middle * (1 + np.array([*widths.values()]))
-        omega = frequencies(device, 2 * pi * band[0], 2 * pi * band[1], 500)
-
-        def need(w: Any, place: Any, d: Any = device, k: Any = some, g: Any = gains, c: Any = coupling) -> Any:
-            return needed({"device": with_numbers(d, k, place)}, g, c, w)
-
-        corners = [low + (high - low) * rng.integers(0, 2, len(low)) for _ in range(8)]
-        if not all(np.isfinite(need(omega, place)).all() for place in corners):
-            continue
-        if any(
-            abs(frequency.unstable_poles({"device": with_numbers(device, some, place)}, gains)) > 0.1
-            for place in corners[:2]
-        ):
-            continue
-        _, at, place = worst(need, low, high, omega, rng, some=30)
-        at = min(max(at, omega[0]), omega[-1])
-        most = exactly_needed({"device": with_numbers(device, some, place)}, gains, coupling, at)
-        if 0 < most < 1e6:
-            break
-
-    def of(side: float) -> Tables:
-        stability = {"criterion": "passive", "band_hz": list(band), "safety_factor": 1.05, "max_sensitivity": 1e3}
-        return stated(
-            device, gains, scaled(coupling, most * 1.05 * (1 + side)), stability, more={"uncertainty": widths}
-        )
-
-    def missed(posed: Tables, witness: Witness) -> bool:
-        known = device if witness.device is None else with_numbers(device, some, [witness.device[key] for key in some])
-        return exactly_needed({"device": known}, gains, tuple(posed["coupling"].values()), witness.omega) * 1.05 > 1
-
-    return Drawn("passive", of, missed)
-
-
-def impedance(rng: Rng, *, parts: bool = True) -> Tables:
-    """Return an impedance display."""
-    T, mass = decades(rng, -4, -2.7), decades(rng, -1.5, 0.5)
-    device: Tables = {"display": "impedance", "mass": mass, "sample_time": T}
-    device |= {"damping": decimal(mass / T * 10 ** rng.uniform(-3.5, -1.5)), "delay": decimal(T * late(rng, 2))}
-    if rng.random() < 0.5:
-        device["velocity"] = {"filter_hz": decades(rng, -1.5, -0.5) / T, "filter_order": int(rng.integers(1, 3))}
-    if parts and rng.random() < 0.3:
-        device["actuator"] = {"bandwidth_hz": decades(rng, -1.2, 0) / T}
-    if parts and rng.random() < 0.3:
-        device["structure"] = {"handle_mass": decimal(mass * rng.uniform(0.05, 0.6))}
-        device["structure"] |= {"frequency_hz": decades(rng, -1.5, -0.5) / T, "damping_ratio": decades(rng, -2, -0.7)}
-    return device
-
-
-def spring_for(rng: Rng, device: Tables) -> tuple[float, float]:
-    """Return b_c and k_c whose limit is about what the device's damping allows."""
-    T, b = device["sample_time"], device["damping"]
-    k = decimal(2 * b / T / (1 + device["delay"] / T) ** 2)
-    return decimal(k * T * decades(rng, -2, 0)) if rng.random() < 0.6 else 0.0, k
 
 
 def display(rng: Rng) -> Drawn:
@@ -698,7 +459,7 @@ def any_hand(rng: Rng) -> Drawn:
         theta = np.union1d(np.geomspace(LEAST, pi * (1 - 1e-9), 60), np.linspace(0.2, pi * (1 - 1e-9), 40))
         if (offered(loop, turn(loop, theta)).real <= 0).any():
             continue
-        most, _, _ = worst(need, *_point(), theta, rng)
+        most, _, _ = worst(need, *POINT, theta, rng)
         if 0 < most < 1e6:
             break
 
@@ -790,25 +551,28 @@ def damping_asked(loop: Loop, box: Box, theta: np.ndarray) -> float:
     return best
 
 
+def held(rng: Rng, integrator: float, *, flexible: bool = True) -> tuple[Tables, Any, float, Any]:
+    """Return a servo or an own loop that is stable in its hands, its gains, about its impedance, and the hands."""
+    while True:
+        if rng.random() < 0.5:
+            device, gains, scale = servo(rng), (0.0, 0.0), float(10 ** rng.uniform(-0.5, 1.5))
+        else:
+            device = admittance(rng, flexible=flexible)
+            gains = gains_for(rng, device, integrator)
+            scale = gains[0]
+        T = device["sample_time"]
+        high = scale * np.array([T, 1, 1 / T]) * 10 ** rng.uniform((-1, -2, -2.5), (1, 0, -0.5))
+        share = rng.choice([0.0, rng.uniform(0, 1)], 3)
+        box = np.array([*map(decimal, share * high)]), np.array([*map(decimal, high)])
+        if "servo" in device or stable_in(device, gains, box):
+            return device, gains, scale, box
+
+
 def worlds(rng: Rng) -> Drawn:
     """Every hand of a box before every environment of a box; what is next to its limit is the environments' damping."""
     while True:
-        if rng.random() < 0.5:
-            device, gains, scale = servo(rng), (0.0, 0.0), 10 ** rng.uniform(-0.5, 1.5)
-        else:
-            device = admittance(rng)
-            gains = gains_for(rng, device, 0.8)
-            scale = gains[0]
+        device, gains, scale, box = held(rng, 0.8)
         T = device["sample_time"]
-        high = np.array(
-            [
-                scale * T * 10 ** rng.uniform(-1, 1),
-                scale * 10 ** rng.uniform(-2, 0),
-                scale / T / 10 ** rng.uniform(0.5, 2.5),
-            ]
-        )
-        share = rng.choice([0.0, rng.uniform(0, 1)], 3)
-        box = np.array([*map(decimal, share * high)]), np.array([*map(decimal, high)])
         b_c = inf if rng.random() < 0.2 else decimal(scale * 10 ** rng.uniform(-1.5, 0.5))
         m_c = decimal((scale if b_c == inf else b_c) * T * 10 ** rng.uniform(-0.5, 1.5))
         coupling = (b_c, m_c, decimal(scale * 10 ** rng.uniform(-3, -1)))
@@ -817,8 +581,6 @@ def worlds(rng: Rng) -> Drawn:
             (decimal(mass * rng.choice([0.0, 10 ** rng.uniform(-3, 0)])), decimal(stiff * rng.choice([0.0, 0.3]))),
             (float(rng.choice([mass, mass, inf])), float(rng.choice([stiff, stiff, inf]))),
         )
-        if "servo" not in device and not stable_in(device, gains, box):
-            continue
         theta = np.union1d(np.geomspace(1e-4, 0.1, 150), angles(device, 300))
         theta = theta[theta < pi * (1 - 1e-9)]
 
@@ -854,63 +616,10 @@ def worlds(rng: Rng) -> Drawn:
     return Drawn("worlds", of, missed)
 
 
-def nothing(rng: Rng) -> Drawn:
-    """Every hand of a box on an arm with nothing behind its coupling but any damper: the stiffest contact."""
-    met = Box((0.0, 0.0), (0.0, 0.0))
-    while True:
-        device, scale = servo(rng), 10 ** rng.uniform(0, 2)
-        T = device["sample_time"]
-        coupling = (inf, decimal(scale * 0.1 * 10 ** rng.uniform(-1, 1)), decimal(scale * 10 ** rng.uniform(-0.5, 0.5)))
-        heavy, damping = decimal(coupling[1] * 10 ** rng.uniform(-1.5, -0.3)), decimal(scale * rng.choice([0.0, 0.03]))
-        theta = angles(device)
-        theta = theta[theta < pi * (1 - 1e-9)]
-
-        def asked(
-            stiffness: float, d: Any = device, c: Any = coupling, m: float = heavy, b: float = damping, t: Any = theta
-        ) -> float:
-            loops = (Loop(d, (0.0, 0.0), c, (m * share, b, stiffness)) for share in np.linspace(0, 1, 5))
-            return max(damping_asked(loop, met, t) for loop in loops)
-
-        low, high = scale / T * 1e-5, scale / T
-        if asked(low) > 0 or asked(high) <= 0:
-            continue
-        for _ in range(30):
-            middle = (low * high) ** 0.5
-            low, high = (low, middle) if asked(middle) > 0 else (middle, high)
-        break
-
-    def of(side: float) -> Tables:
-        box = np.array([0.0, damping, 0.0]), np.array([heavy, damping, high * (1 - side)])
-        stability = {"criterion": "hands", "safety_factor": 1.0}
-        return stated(device, None, coupling, stability, box, {"environment": met.table(0.0)})
-
-    def missed(posed: Tables, witness: Witness) -> bool:
-        assert witness.hand is not None and witness.hand[2] <= posed["operator"]["stiffness"]["max"]
-        loop, angle = Loop(device, (0.0, 0.0), coupling, witness.hand), witness.omega * T
-        if radius(loop) > 1 + 1e-9:
-            return True
-        Y = complex(port_of(loop, np.array([angle]))[0])  # the damper that holds a pole there
-        poles = np.linalg.eigvals(matrix(replace(loop, world=(0.0, max(-Y.real, 0.0), 0.0))))
-        return Y.real < 0 and np.abs(poles - np.exp(1j * angle)).min() < 1e-5
-
-    return Drawn("worlds", of, missed)
-
-
-def walled(rng: Rng) -> tuple[Tables, Loop] | None:
+def walled(rng: Rng) -> tuple[Tables, Loop]:
     """Return a problem with walls, a stated corner and about the coupling that they need, and its loop in no hand."""
-    if rng.random() < 0.5:
-        device, gains, scale = servo(rng), (0.0, 0.0), 10 ** rng.uniform(-0.5, 1.5)
-    else:
-        device = admittance(rng, flexible=False)
-        gains = gains_for(rng, device, 1.0)
-        scale = gains[0]
+    device, gains, scale, box = held(rng, 1.0, flexible=False)
     T = device["sample_time"]
-    high = scale * np.array(
-        [T * 10 ** rng.uniform(-1, 1), 10 ** rng.uniform(-2, 0), 1 / T / 10 ** rng.uniform(0.5, 2.5)]
-    )
-    box = np.array([*map(decimal, rng.choice([0.0, rng.uniform(0, 1)], 3) * high)]), np.array([*map(decimal, high)])
-    if "servo" not in device and not stable_in(device, gains, box):
-        return None
     b_c = decimal(scale * 10 ** rng.uniform(-1, 1))
     coupling = (b_c, decimal(b_c * T * 10 ** rng.uniform(-0.5, 1.5)), decimal(scale * 10 ** rng.uniform(-2, 0)))
     mass, stiff = decimal(scale * T * 10 ** rng.uniform(0, 2)), decimal(scale / T * 10 ** rng.uniform(-3, -0.5))
@@ -927,8 +636,8 @@ def walled(rng: Rng) -> tuple[Tables, Loop] | None:
 
 KINDS = {
     "passive": passive,
-    "disc": disc,
-    "uncertain passive": uncertain_passive,
+    "disc": partial(passive, kind="disc"),
+    "uncertain passive": partial(passive, kind="box"),
     "loud": loud,
     "unstable": unstable,
     "small gain": small_gain,
@@ -937,8 +646,8 @@ KINDS = {
     "servo": servos,
     "whole sample": whole_sample,
     "uncertain hands": uncertain,
+    "uncertain display": partial(uncertain, dual=True),
     "display": display,
     "any hand": any_hand,
     "worlds": worlds,
-    "nothing": nothing,
 }

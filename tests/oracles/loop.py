@@ -26,7 +26,8 @@ class Loop:
 
     The coupling is (b_c, m_c, b_0), of an impedance display (b_c, k_c). Without a coupling nothing is behind the port.
     Resonators are mass, damping and stiffness of what hangs on a handle beside the hand. A rule is mass, damping and
-    stiffness of ROS 2's admittance_controller, which then takes the place of coupling and environment.
+    stiffness of ROS 2's admittance_controller, which then takes the place of the coupling: on a servo its spring pulls
+    at the measured position, and what it commands, a held velocity or an interpolated position, is one motion.
     """
 
     device: Mapping[str, Any]
@@ -232,7 +233,9 @@ def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> t
             v_e, out = given, force
         elif loop.rule is not None:  # the acceleration of the velocity and the position of a sample ago
             M, D, S = (num.number(x) for x in loop.rule)
-            v_e = out = get["v_e"][0] + T * (force - D * get["v_e"][0] - S * get["x_e"][0]) / M
+            pulled = D * get["v_e"][0] + S * (x if loop.kind == "servo" else get["x_e"][0])
+            pushed = force + extra + hard * get["p_e"][0] - k * get["x_e"][0]
+            v_e = out = (get["v_e"][0] + T * (pushed - pulled) / M) / (1 + T / M * (hard + d + k * T / 2))
         else:
             b_c, m_c, b_0 = loop.coupling
             rigid = math.isinf(b_c)
@@ -245,7 +248,8 @@ def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> t
                 [2 * v_e - get["p_c"][0] if rigid else get["p_c"][0] + 2 * soft / h_c * (v_e - get["p_c"][0])]
             )
         if loop.kind == "servo":
-            command = (v_e + get["v_e"][0]) / 2 if loop.device["servo"].get("command") == "position" else v_e
+            between = loop.device["servo"].get("command") == "position" and loop.rule is None
+            command = (v_e + get["v_e"][0]) / 2 if between else v_e
         else:
             led = get["x_e"][0] + (T / 2 if loop.rule is None else T) * v_e
             command = K_v * (v_e - new["smoothed"][-1]) + K_p * (led - x)
@@ -310,10 +314,11 @@ def matrix(loop: Loop, *, at_rest: bool = False) -> np.ndarray:
     one = loop.num.eye(Memory(loop).size)
     whole, at = step(loop, one, 0 * one[0] if at_rest else None)[0], Memory(loop).at
     body, x_e, before = at["body"].start, at["x_e"].start, at["before"].start
+    ruled, servo = loop.rule is not None and loop.rule[2] != 0, loop.kind == "servo"
     held, tied, hung = (
-        loop.hand[2] != 0 or loop.device.get("servo", {}).get("stiffness", 0.0) != 0,
+        loop.hand[2] != 0 or loop.device.get("servo", {}).get("stiffness", 0.0) != 0 or (ruled and servo),
         loop.kind == "admittance" and loop.gains[1] != 0,
-        (loop.world if loop.rule is None else loop.rule)[2] != 0 or at_rest,
+        loop.world[2] != 0 or (ruled and not servo) or at_rest,
     )
     drop = [x_e] if at_rest or (not hung and not tied) else []
     if not held and not (tied and hung):  # everything else is where it is from the motor

@@ -17,38 +17,44 @@ from typing import Any
 
 import numpy as np
 from arithmetic import DIGITS
-from kinds import (
+from draws import (
     NUMBERS,
+    Floats,
     Rng,
     Tables,
-    _number,
     admittance,
     angles,
+    built,
+    built_servo,
     coupling_for,
     decades,
     decimal,
     delays_are_clear,
+    ends_of,
     gains_for,
     hands_for,
-    impedance,
+    in_units,
     late,
+    samples_of,
     scaled,
+    short,
     spring_for,
     stable_in,
     stated,
+    sums_are_clear,
     triple,
+    widths_of,
     with_numbers,
-)  # fmt: skip
+)
 from loop import Loop, matrix, offered, radius, seen, sensitivity, turn
-from ros_controller import Arm, Rule
-from ros_controller import radius as radius_of_rule
 
 GROWS, SIMPLE = 1 + 1e-8, 1 + 1e-11
 """Greatest eigenvalue that may be a double or a simple pole on the circle, rounded."""
 NEAR = 0.005
-Floats = np.ndarray
-Place = Any
-"""Device numbers, hand and environment, each as a share of its range."""
+UNCERTAIN = (
+    "servo.delay", "servo.bandwidth_hz", "mass", "damping", "delay", "actuator.bandwidth_hz",
+    "force_sensor.bandwidth_hz", "velocity.filter_hz",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -183,86 +189,6 @@ def limit_of(grows: Callable[[float, Floats], bool], size: int, rng: Rng, trials
 # ------------------------------------------------------------------ devices and their boxes
 
 
-def _short(x: float) -> float:
-    """Return a number with three digits, of which a few are as many samples of delay exactly."""
-    return float(f"{x:.3g}")
-
-
-def built(rng: Rng, *parts: str) -> Tables:
-    """Return an admittance display with these parts alone."""
-    T, mass = _short(decades(rng, -3.7, -2.7)), decades(rng, -1.3, 1)
-    device: Tables = {"mass": mass, "sample_time": T, "damping": decimal(mass / T * 10 ** rng.uniform(-4, -1.5))}
-    sensor: Tables = {}
-    for part in parts:
-        if part == "delay":
-            device["delay"] = decimal(int(rng.integers(1, 4)) * T)
-        elif part == "part of a sample":
-            device["delay"] = decimal(float(rng.uniform(0.1, 0.9) + rng.integers(0, 2)) * T)
-        elif part == "difference":
-            device["velocity"] = device.get("velocity", {}) | {"from": "difference"}
-        elif part == "filter":
-            device["velocity"] = device.get("velocity", {}) | {
-                "filter_hz": decimal(decades(rng, -1.5, -0.5) / T),
-                "filter_order": int(rng.integers(1, 3)),
-            }
-        elif part == "actuator":
-            device["actuator"] = {"bandwidth_hz": decimal(decades(rng, -1.2, 0) / T), "order": int(rng.integers(1, 3))}
-        elif part == "structure":
-            device["structure"] = {"handle_mass": decimal(mass * rng.uniform(0.05, 0.6))}
-            device["structure"] |= {
-                "frequency_hz": decimal(decades(rng, -1.5, -0.5) / T),
-                "damping_ratio": decades(rng, -2, -0.7),
-            }
-        elif part == "low-pass":
-            sensor |= {"bandwidth_hz": decimal(decades(rng, -1.3, 0) / T), "order": int(rng.integers(1, 3))}
-        elif part == "late sensor":
-            sensor["delay"] = decimal(T * max(late(rng, 2), 0.3))
-        elif part == "coefficient":
-            sensor["filter_coefficient"] = decimal(rng.uniform(0.1, 0.9))
-    return device | ({"force_sensor": sensor} if sensor else {})
-
-
-def servo(rng: Rng, *parts: str, order: int = 1) -> Tables:
-    """Return a servo with these parts alone."""
-    T = _short(decades(rng, -3, -2.2))
-    whole = "whole samples" in parts
-    late_by = float(rng.integers(0, 8)) if whole else float(rng.integers(0, 8) + rng.uniform(0.1, 0.9))
-    table: Tables = {"delay": decimal(T * late_by), "bandwidth_hz": decades(rng, 0.5, 1.7), "order": order}
-    if "position" in parts:
-        table["command"] = "position"
-    sensor: Tables = {}
-    if "coefficient" in parts:
-        sensor["filter_coefficient"] = decimal(rng.uniform(0.15, 0.9))
-    if "late sensor" in parts:
-        sensor["delay"] = decimal(T * rng.uniform(0.2, 3))
-    if "low-pass" in parts:
-        sensor |= {"bandwidth_hz": decades(rng, 1, 2.5), "order": int(rng.integers(1, 3))}
-    if "spring" in parts:
-        table["stiffness"] = decades(rng, 0.5, 2.5)
-    return {"sample_time": T, "servo": table} | ({"force_sensor": sensor} if sensor else {})
-
-
-def samples_of(device: Tables) -> float:
-    """Return the delay of command and sensor together, in samples."""
-    own = device.get("servo", device).get("delay", 0.0) + device.get("force_sensor", {}).get("delay", 0.0)
-    return float(round(own / device["sample_time"], 5))
-
-
-def sums_are_clear(device: Tables) -> bool:
-    """Return whether a delay is one of whole samples or not next to one."""
-    return samples_of(device) % 1 == 0 or 0.06 < samples_of(device) % 1 < 0.94
-
-
-MASSES = {"mass", "handle_mass", "damping", "drag", "velocity", "position", "stiffness"}
-
-
-def heavier(tables: Any, by: float, key: str = "") -> Any:
-    """Return tables in another unit of mass, and so of force."""
-    if isinstance(tables, dict):
-        return {name: heavier(value, by, key if name in ("min", "max") else name) for name, value in tables.items()}
-    return float(f"{tables * by:.16g}") if key in MASSES and isinstance(tables, float) else tables
-
-
 def _between(ends: tuple[Floats, Floats], share: Floats) -> Floats:
     """Return what is between two ends; small numbers are drawn more often."""
     return ends[0] + (ends[1] - ends[0]) * share**3
@@ -316,10 +242,8 @@ class Drawn:
         return [Loop(side, self.gains, self.coupled(t), triple(hand), triple(world)) for side in sides]
 
     def grows(self, t: float, place: Floats) -> bool:
-        n = len(self.keys)
-        middle = np.array([_number(self.device, key) for key in self.keys])
-        spread = middle * np.array([*(self.widths or {}).values()])
-        numbers, hand = middle + spread * (2 * place[:n] - 1), _between(self.hands(t), place[n : n + 3])
+        n, (low, high) = len(self.keys), ends_of(self.device, self.widths or {})
+        numbers, hand = low + (high - low) * place[:n], _between(self.hands(t), place[n : n + 3])
         if self.world is None:
             return any(self.judged(loop, t) for loop in self.loops(t, hand, numbers))
         world = _between(self.worlds(t), place[n + 3 :])
@@ -333,7 +257,7 @@ class Drawn:
     def at(self, t: float, hand: Any, numbers: Any, omega: float) -> bool:
         """Return whether it grows in one hand, at a frequency."""
         theta = float(np.clip(omega * self.device["sample_time"], 1e-5, pi * (1 - 1e-6)))
-        middle = [_number(self.device, key) for key in self.keys]
+        middle = sum(ends_of(self.device, self.widths or {})) / 2
         loops = self.loops(t, np.array(hand) / self.unit, middle if numbers is None else numbers)
         return any(self._at(loop, t, theta) for loop in loops)
 
@@ -374,7 +298,8 @@ class Drawn:
         posed = stated(self.device, gains, self.coupled(t), stability, self.hands(t), more)
         if self.unit == 1:
             return posed
-        return heavier(posed, self.unit) | {"device": heavier(self.device, self.unit) | {"units": "rotary"}}
+        found = in_units(posed, self.unit, 1.0)
+        return found | {"device": found["device"] | {"units": "rotary"}}
 
     def at_limit(self, rng: Rng) -> Sentence | None:
         size = len(self.keys) + (3 if self.world is None else 6)
@@ -419,20 +344,11 @@ def own_loop(
             box[0][2] = 0.0
         coupling = coupling_for(rng, device, gains[0], 1.0 if number == "drag" or not box[0][1] else 0.5)
         met = _world(rng, gains[0], device["sample_time"], world) if world else None
-        widths = _widths(rng, device, uncertain)
+        widths = widths_of(rng, device, UNCERTAIN, uncertain)
         if not stable_in(device, gains, box) or not delays_are_clear(device, widths):
             continue
         if found := Drawn(device, gains, coupling, box, number, met, widths, unit=unit).at_limit(rng):
             return found
-
-
-def _widths(rng: Rng, device: Tables, many: int) -> Tables:
-    keys = ["servo.delay", "servo.bandwidth_hz"] if "servo" in device else ["mass", "damping", "delay"]
-    keys += ["actuator.bandwidth_hz", "force_sensor.bandwidth_hz", "velocity.filter_hz"]
-    there = [
-        key for key in keys if (device.get(key.partition(".")[0], {}) if "." in key else device).get(key.split(".")[-1])
-    ]
-    return {str(key): decimal(rng.uniform(0.02, 0.15)) for key in rng.permutation(there)[:many]}
 
 
 def of_servo(
@@ -446,7 +362,7 @@ def of_servo(
 ) -> Sentence:
     """A vendor's servo in its hands."""
     while True:
-        device = servo(rng, *parts, order=order)
+        device = built_servo(rng, *parts, order=order)
         if not sums_are_clear(device):
             continue
         high = 10 ** rng.uniform([-1, 0, 1], [0.7, 1.5, 3.3])
@@ -456,7 +372,7 @@ def of_servo(
         b_c = inf if rng.random() < 0.4 or world == "nothing" else decades(rng, 1, 3)
         coupling = (b_c, decades(rng, -0.5, 1.3), decades(rng, 0, 2))
         met = _world(rng, coupling[2], device["sample_time"], world) if world else None
-        widths = _widths(rng, device, uncertain)
+        widths = widths_of(rng, device, UNCERTAIN, uncertain)
         if not delays_are_clear(device, widths):
             continue
         drawn = Drawn(device, (0.0, 0.0), coupling, box, number, met, widths, r=decades(rng, -1.5, -0.5) * r)
@@ -464,14 +380,17 @@ def of_servo(
             return found
 
 
+def dual(rng: Rng, *parts: str) -> Tables:
+    """Return an impedance display with these parts alone."""
+    device = built(rng, *parts) | {"display": "impedance"}
+    device.pop("force_sensor", None)
+    return device | {"damping": decimal(device["mass"] / device["sample_time"] * 10 ** rng.uniform(-3, -1.5))}
+
+
 def display(rng: Rng, *parts: str, rigid: bool = False) -> Sentence:
     """An impedance display in its hands."""
     while True:
-        device = impedance(rng, parts=False)
-        extra = built(rng, *parts)
-        device.pop("velocity", None)
-        device |= {k: v for k, v in extra.items() if k in ("velocity", "actuator", "structure", "mass", "sample_time")}
-        device["damping"] = decimal(device["mass"] / device["sample_time"] * 10 ** rng.uniform(-3, -1.5))
+        device = dual(rng, *parts)
         device["delay"] = decimal(device["sample_time"] * late(rng, 2))
         gains = (0.0 if rigid else decimal(device["damping"] * rng.choice([0.0, 0.5])), 0.0)
         coupling = spring_for(rng, device)
@@ -502,11 +421,7 @@ def disc_of_hands(device: Tables, theta: Floats, aliases: int = 800) -> tuple[Fl
 def any_hand(rng: Rng, *parts: str, rigid: bool = False) -> Sentence:
     """An impedance display in any passive hand: against a wall, or before any passive environment."""
     while True:
-        device = impedance(rng, parts=False)
-        device.pop("velocity", None)
-        extra = built(rng, *parts)
-        device |= {k: v for k, v in extra.items() if k in ("velocity", "actuator", "sample_time")}
-        device["damping"] = decimal(device["mass"] / device["sample_time"] * 10 ** rng.uniform(-3, -1.5))
+        device = dual(rng, *parts)
         whole = float(rng.integers(0, 3)) if "part of a sample" not in parts else float(rng.uniform(0.1, 1.9))
         device["delay"] = decimal(device["sample_time"] * whole)
         K_v = 0.0 if rigid else decimal(device["damping"] * rng.choice([0.0, 0.3]))
@@ -562,51 +477,31 @@ def any_hand(rng: Rng, *parts: str, rigid: bool = False) -> Sentence:
 # ------------------------------------------------------------------ the velocity loop alone
 
 
-def alone(rng: Rng, what: str) -> Sentence:
-    """Poles, |S| or a disc of the velocity loop, at its gains' or radius' limit."""
+def disc(rng: Rng) -> Sentence:
+    """The velocity loop behind any all-pass in a disc, at the limit of its radius."""
     while True:
         device = admittance(rng)
-        gains, most = gains_for(rng, device), decimal(rng.uniform(1.2, 3))
-        theta = angles(device, 250)
-        theta = theta[theta < pi * (1 - 1e-6)]
-
-        def law(t: float, g: Any = gains) -> tuple[float, float]:
-            return g if what == "disc" else (g[0] / t, g[1] / t)
-
-        def grows(t: float, _: Any, only: Any = None, d: Any = device, a: Any = theta, of: Any = law, S: Any = most
-        ) -> bool:  # fmt: skip
-            loop = Loop(d, of(t))
-            if what == "disc":
-                return grows_in_disc(loop, 1 / t, only)
-            if radius(loop, at_rest=True) > GROWS or what == "poles":
-                return radius(loop, at_rest=True) > GROWS
-            at = lowest(lambda x: -abs(sensitivity(loop, turn(loop, x))), a) if only is None else [only]
-            return max(float(abs(sensitivity(loop, turn(loop, x)))) for x in at) > S
-
-        if what == "disc" and radius(Loop(device, gains), at_rest=True) > 1 - 1e-6:
-            continue
-        limit = limit_of(grows, 0, rng, 0)
-        if limit is None:
-            continue
-        break
+        loop = Loop(device, gains_for(rng, device))
+        limit = limit_of(lambda t, _, loop=loop: grows_in_disc(loop, 1 / t), 0, rng, 0)
+        if radius(loop, at_rest=True) < 1 - 1e-6 and limit is not None:
+            break
 
     def tables(s: float) -> Tables:
-        stability: Tables = {"criterion": "passive", "max_sensitivity": most if what == "sensitivity" else 1e9}
         hz = decimal(0.1 / device["sample_time"])
         radii = {"unmodelled": [[hz / 10, 1 / (limit * s)], [hz, 1 / (limit * s)]]}
-        more = {"uncertainty": radii} if what == "disc" else {}
-        return stated(device, law(limit * s), (1.0, 1.0, 1.0), stability, more=more)
+        stability = {"criterion": "passive", "max_sensitivity": 1e9}
+        return stated(device, loop.gains, (1.0, 1.0, 1.0), stability, more={"uncertainty": radii})
 
     def at(s: float, _hand: Any, _numbers: Any, omega: float) -> bool:
-        return grows(limit * s, None, omega * device["sample_time"]) or grows(limit * s, None)
+        r = 1 / (limit * s)
+        return grows_in_disc(loop, r, omega * device["sample_time"]) or grows_in_disc(loop, r)
 
-    claim = {"poles": "stable", "sensitivity": "sensitivity", "disc": "unmodelled"}[what]
-    return Sentence(claim, tables, at, limit)
+    return Sentence("unmodelled", tables, at, limit)
 
 
 def without_gains(rng: Rng) -> Sentence:
     """A mass on the hand's spring, without a loop: without damping its poles are on the circle."""
-    T, mass, stiffness = _short(decades(rng, -3.7, -2.7)), decades(rng, -1.3, 1), decades(rng, 1, 3)
+    T, mass, stiffness = short(decades(rng, -3.7, -2.7)), decades(rng, -1.3, 1), decades(rng, 1, 3)
     damping, box = decades(rng, -1, 0), np.array([0.0, 0.0, stiffness])
 
     def tables(s: float) -> Tables:
@@ -623,10 +518,16 @@ def without_gains(rng: Rng) -> Sentence:
 # ------------------------------------------------------------------ ROS 2
 
 
+def ruled(device: Tables, gains: Any, rule: tuple[float, float, float], t: float, hand: Any) -> float:
+    """Return the spectral radius with mass, a share of the joints' damping and stiffness of a controller."""
+    mass, rate, stiffness = rule
+    return radius(Loop(device, gains, hand=triple(hand), rule=(mass, mass * rate * t, stiffness)))
+
+
 def ros(rng: Rng, *parts: str) -> Sentence:
     """An admittance_controller around an own loop or a servo, at the limit of its joint damping."""
     while True:
-        device = servo(rng, "low-pass") if "servo" in parts else built(rng, "part of a sample", *parts)
+        device = built_servo(rng, "low-pass") if "servo" in parts else built(rng, "part of a sample", *parts)
         T = device["sample_time"]
         coefficient = float(rng.choice([1.0, 0.5, 0.3, 0.1]))
         if "servo" in parts:
@@ -643,23 +544,11 @@ def ros(rng: Rng, *parts: str) -> Sentence:
         rate = 0.05 / T
         if "servo" not in parts and not stable_in(device, gains, box):
             continue
-        arm = None
-        if "servo" in parts:
-            sensor = device["force_sensor"]
-            arm = Arm(T, device["servo"]["delay"], device["servo"]["bandwidth_hz"], device["servo"]["order"],
-                      sensor["bandwidth_hz"], sensor["order"])  # fmt: skip
+        known = device | {"force_sensor": device.get("force_sensor", {}) | {"filter_coefficient": coefficient}}
+        spectral = partial(ruled, known, gains, (mass, rate, stiffness))
 
-        def spectral(
-            t: float, hand: Any, d: Any = device, g: Any = gains, a: Any = arm, m: Any = mass, k: Any = stiffness,
-            f: Any = coefficient, r: Any = rate,
-        ) -> float:  # fmt: skip
-            if a is not None:
-                return radius_of_rule(a, triple(hand), Rule(m, 0.0, k, r * t, f)) - 1e-7
-            known = d | {"force_sensor": d.get("force_sensor", {}) | {"filter_coefficient": f}}
-            return radius(Loop(known, g, hand=triple(hand), rule=(m, m * r * t, k)))
-
-        def grows(t: float, place: Any, of: Any = spectral, b: Any = box, r: Any = rate, d: Any = device) -> bool:
-            return r * t * d["sample_time"] < 0.9 and of(t, _between(b, place)) > GROWS
+        def grows(t: float, place: Any, of: Any = spectral, b: Any = box, most: float = 0.9 / rate / T) -> bool:
+            return t < most and of(t, _between(b, place)) > GROWS
 
         limit = limit_of(grows, 3, rng, 300)
         if limit is None or not 1e-4 < limit * rate * T < 0.7:
@@ -667,8 +556,9 @@ def ros(rng: Rng, *parts: str) -> Sentence:
         break
 
     def tables(_: float) -> Tables:
-        stability = {"safety_factor": 1.0} | ({} if arm else {"max_sensitivity": 1e6})
-        found = stated(device, None if arm else gains, (1.0, 1.0, 1.0), stability, box)
+        servo = "servo" in parts
+        stability = {"safety_factor": 1.0} | ({} if servo else {"max_sensitivity": 1e6})
+        found = stated(device, None if servo else gains, (1.0, 1.0, 1.0), stability, box)
         del found["coupling"]
         return found
 
@@ -676,10 +566,6 @@ def ros(rng: Rng, *parts: str) -> Sentence:
         return spectral(limit * s, hand) > 1 + 1e-10
 
     return Sentence("", tables, at, limit, lambda s: (mass, stiffness, float(f"{rate * limit * s:.9g}"), coefficient))
-
-
-def _kinds(**kinds: Any) -> dict[str, Callable[[Rng], Sentence]]:
-    return kinds
 
 
 SENTENCES: dict[str, Callable[[Rng], Sentence]] = {
@@ -735,9 +621,7 @@ SENTENCES: dict[str, Callable[[Rng], Sentence]] = {
     "wall in any hand": lambda rng: any_hand(rng, rigid=True),
     "wall in any hand, parts": lambda rng: any_hand(rng, "filter", "actuator", "part of a sample", rigid=True),
     "any hand": lambda rng: any_hand(rng, "filter"),
-    "unstable": partial(alone, what="poles"),
-    "sensitivity": partial(alone, what="sensitivity"),
-    "disc": partial(alone, what="disc"),
+    "disc": disc,
     "ROS 2": ros,
     "ROS 2, differenced velocity": lambda rng: ros(rng, "difference"),
     "ROS 2 on a servo": lambda rng: ros(rng, "servo"),

@@ -13,7 +13,7 @@ Floats = np.ndarray
 
 def worst(
     need: Callable[[Floats, Floats], Floats], low: Floats, high: Floats, theta: Floats, rng: np.random.Generator,
-    some: int = 40, closer: int = 4,
+    some: int = 24, closer: int = 3,
 ) -> tuple[float, float, Floats]:  # fmt: skip
     """Return the greatest need, its angle and its place.
 

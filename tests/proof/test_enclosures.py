@@ -18,6 +18,7 @@ from vctune.document.reading import read_gains, read_problem
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
+from vctune.model.numbers.arithmetic import CURVATURE_BELOW
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
 from vctune.proof.box_tests import positive
@@ -79,6 +80,7 @@ FUNCTIONS = {
     "cos": (mp.cos, -1e6),
     "sinc": (mp.sinc, 0.0),
     "phi_1": (lambda x: -mp.expm1(-x) / x if x else mpf(1), 0.0),
+    "sinc_curvature": (lambda x: (1 - mp.sinc(x)) / x**2 if x else mpf(1) / 6, 0.0),
 }
 
 
@@ -136,12 +138,16 @@ def test_elementary_functions_are_as_accurate_as_their_roundings_tell():
     assert np.isnan(elementary.exponential(np.nan)) and elementary.exponential(-1e9) <= 1e-300
 
 
-def test_phi_1_is_as_accurate_as_the_proof_takes_them_for():
-    x = np.concatenate([TINY_NUMBERS, neighbours(np.array([PHI_BELOW])), 10.0 ** np.arange(-300, 101, 10.0)])
-    x = np.concatenate([x, np.geomspace(1e-3, 50, 300), np.linspace(0.9, 1.1, 50) * PHI_BELOW])
+@pytest.mark.parametrize(
+    ("name", "below", "most"), [("phi_1", PHI_BELOW, 1e101), ("sinc_curvature", CURVATURE_BELOW, 300)]
+)
+def test_series_are_as_accurate_as_the_proof_takes_them_for(name, below, most):
+    x = np.concatenate([TINY_NUMBERS, neighbours(np.array([below])), 10.0 ** np.arange(-300, 101, 10.0)])
+    x = np.concatenate([x, np.geomspace(1e-3, 50, 300), np.linspace(0.9, 1.1, 50) * below])
+    x = x[x < most]
     with mp.workdps(700):
-        exact = FUNCTIONS["phi_1"][0]
-        for at, value in zip(x.tolist(), elementary.phi_1(x).tolist(), strict=True):
+        exact = FUNCTIONS[name][0]
+        for at, value in zip(x.tolist(), getattr(elementary, name)(x).tolist(), strict=True):
             assert abs(mpf(value) / exact(mpf(at)) - 1) <= PHI_ERROR, at
 
 

@@ -76,34 +76,6 @@ def test_no_response_of_the_disc_falls_short(name):
     assert judgement.min_ratio == pytest.approx(FACTOR, rel=1e-4)
 
 
-def test_a_greater_disc_costs_more_and_one_of_nothing_costs_nothing():
-    text = DEVICES["ideal"] + DEMANDS
-    alone = solve(parse_problem(text, "x", "x")).judgement.error
-    errors = []
-    for size in (1e-9, 0.02, 0.05):
-        errors.append(
-            solve(parse_problem(f"{text}[uncertainty]\nunmodelled = [[1.0, {size}]]\n", "x", "x")).judgement.error
-        )
-    assert errors[0] == pytest.approx(alone, rel=1e-5)
-    assert errors == sorted(errors) and errors[2] > 1.01 * alone
-
-
-@pytest.mark.parametrize("name", DEVICES)
-def test_a_design_without_a_loop_is_passive_only_if_its_response_is(name):
-    """A mass answers at nearly -90 degrees: the disc holds responses that are behind it, which give energy."""
-    given = parse_problem(DEVICES[name] + DEMANDS + DISC, "x", "x")
-    idle = Gains(0.0, 0.0), Coupling(10.0, 1.0, 0.0)
-    alone = judge(replace(given, uncertainty=None), *idle)
-    assert alone.status is Status.CERTIFIED
-    judgement = judge(given, *idle)
-    assert judgement.status in (Status.UNDECIDED, Status.VIOLATED)
-    outcomes = judgement.certificate.outcomes
-    assert outcomes["unmodelled"].verdict is Verdict.PROVED, "there is no loop to make unstable"
-    assert outcomes["passive"].verdict is not Verdict.PROVED
-    P_hh = mechanism(tomllib.loads(DEVICES[name])["device"], 2j * pi * BAND[1], DOUBLES)[0]
-    assert (P_hh * (1 - 1j * radius(BAND[1]))).real < 0 < P_hh.real
-
-
 @pytest.mark.parametrize(
     ("radii", "hz", "greatest"),
     [
@@ -131,43 +103,6 @@ def test_a_radius_of_1_within_the_band_is_not_searched_for_a_design():
 def test_a_radius_below_1_within_the_band_is_no_theorems_business(radii):
     text = f"{DEVICES['ideal']}{DEMANDS}[uncertainty]\nunmodelled = [{radii}]\n"
     assert impossible(parse_problem(text, "x", "x")) is None
-
-
-def random_loop(rng):
-    """A two-mass device late by a little in a damped hand, and its gains, none of which need be a good one."""
-    tables = {
-        "device": {
-            "mass": 0.4,
-            "damping": 10 ** rng.uniform(-2, 1),
-            "sample_time": 1e-3,
-            "delay": 1e-3 * rng.uniform(0, 1),
-            "actuator": {"bandwidth_hz": 10 ** rng.uniform(2, 3)},
-            "structure": {
-                "handle_mass": rng.uniform(0.05, 0.35),
-                "frequency_hz": 10 ** rng.uniform(1.3, 2.2),
-                "damping_ratio": 10 ** rng.uniform(-2, -0.5),
-            },
-        },
-        "operator": {"damping": float(rng.choice([0, 1.0]))},
-    }
-    return tables, (10 ** rng.uniform(0, 2.3), rng.choice([0.0, 10 ** rng.uniform(1, 4)]))
-
-
-def test_a_disc_is_worst_at_its_edge():
-    """R is the greatest of functions that are harmonic where N is not 0, one for each hand."""
-    rng, met, edge = np.random.default_rng(3), 0, np.exp(2j * pi * np.linspace(0, 1, 2000))
-    inside = np.sqrt(rng.random(20_000)) * np.exp(2j * pi * rng.random(20_000))
-    for _ in range(400):
-        (tables, gains), r = random_loop(rng), rng.uniform(0.02, 0.7)
-        s = 2j * pi * tables["device"]["structure"]["frequency_hz"] * np.exp(rng.uniform(-1, 0.5))
-        around, within = (demanded(tables, gains, s, DOUBLES, r * place) for place in (edge, inside))
-        N = around.G_hh * around.D
-        turns = np.angle(N / np.roll(N, 1)).sum() / (2 * pi)
-        if (around.resistance > 0).all() and abs(turns) < 0.5:
-            met += 1
-            most = np.maximum(around.required, 0).max() * (1 + 1e-4) + 1e-9
-            assert (within.resistance > 0).all() and np.maximum(within.required, 0).max() <= most
-    assert met > 100
 
 
 SPRUNG = "[device]\nmass = 0.4\ndamping = 0.2\nsample_time = 1e-3\n"
