@@ -12,19 +12,14 @@ import pytest
 from conftest import ROOT, for_passive_hands, mostly_slow
 from loop import Loop, offered, seen, sensitivity
 
-from vctune.analysis.in_hands import least_ratios_in_hands, least_ratios_near
+from vctune.analysis.in_hands import least_ratios_in_hands
 from vctune.api.solving import solve
 from vctune.design.design_record import design_record
 from vctune.design.judging.judge import Status, judge
-from vctune.design.prepared import prepare
-from vctune.design.search.optimum import worst_near
-from vctune.design.search.scan import scan
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.text.errors import InputError
-from vctune.model import gains as model
-from vctune.model.hands import Hand as HeldHand
 from vctune.model.hands import Hands
-from vctune.proof.outcome import Outcome, Verdict
+from vctune.proof.outcome import Verdict
 
 FOLDER = ROOT / "tests/reference/hands"
 EXPECTED = json.loads((FOLDER / "expected.json").read_text())
@@ -35,13 +30,6 @@ HANDS = THREE + '[stability]\ncriterion = "hands"\n'
 @pytest.fixture(scope="module", params=mostly_slow(EXPECTED, ["hands-friction-wheel"]))
 def solved(request):
     return request.param, solve(FOLDER / f"{request.param}.toml")
-
-
-def test_reference_optima_are_met_and_certified(solved):
-    name, found = solved
-    assert found.status is Status.CERTIFIED
-    assert abs(found.judgement.error / EXPECTED[name]["error"] - 1) < 5e-3
-    assert set(found.judgement.certificate.outcomes) == {"sensitivity", "stable", "hands"}
 
 
 def test_an_oracle_finds_no_hand_below_the_safety_factor(solved):
@@ -86,15 +74,6 @@ def test_a_design_for_any_passive_hand_on_a_band_fails_in_a_human_hand_above_it(
 FLEXIBLE = "[device.structure]\nhandle_mass = 0.1\nfrequency_hz = 80.0\ndamping_ratio = 0.05\n"
 
 
-@pytest.mark.parametrize("display", ["admittance", "impedance"])
-def test_each_device_of_a_box_is_scanned_where_it_resonates(display):
-    """The grids of devices with other resonances differ; what is required is the most that any of them requires."""
-    text = HANDS.replace("1e-3", f'1e-3\ndisplay = "{display}"') + FLEXIBLE
-    prepared = [prepare(parse_problem(text + more, "x", "x")) for more in ("", "[uncertainty]\nmass = 0.2\n")]
-    alone, box = (scan(each.scaled).starts[0] for each in prepared)
-    assert box.admissible and box.error * prepared[1].units.error > alone.error * prepared[0].units.error
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("parts", "uncertain"),
@@ -111,27 +90,6 @@ def test_a_box_of_devices_is_met_in_every_hand(parts, uncertain):
         off = {key: found.problem.device.number(key) * (1 + float(w) * rng.uniform(-1, 1)) for key, w in widths.items()}
         device = found.problem.device.with_numbers(off)
         assert least_ratios_in_hands(device, found.problem.hands, K, C)[0].ratio >= 1.05 * (1 - 1e-9)
-
-
-def test_near_a_witness_the_worst_of_all_delays_is_found():
-    """The working set takes this delay, else each further proof refutes the design at another delay."""
-    text = THREE.replace("mass = 0.4", "mass = 0.148\ndelay = 0.01081").replace("1e-3", "3.352e-3")
-    given = parse_problem(text + "[uncertainty]\ndelay = 0.1498\n", "x", "x")
-    law, hand = (model.Gains(0.0726, 0.0), model.Coupling(0.957, 0.0082, 0.0025)), HeldHand(0.0, 0.0, 3000.0)
-    late = given.device.with_numbers({"delay": 0.0122})
-    device, worst = worst_near(prepare(given), law, Outcome(Verdict.REFUTED, 1, 130.0, late, hand), None)
-    delays = np.linspace(3.001 * 3.352e-3, 1.149 * 0.01081, 300)
-    others = least_ratios_near(
-        [late.with_numbers({"delay": float(delay)}) for delay in delays],
-        given.hands_met,
-        *law,
-        worst.omega,
-        worst.hand,
-    )
-    best = min(range(len(others)), key=lambda k: others[k].ratio)
-    assert 0 < best < len(others) - 1, "the worst delay is not an end of the range"
-    assert worst.ratio <= others[best].ratio
-    assert abs(device.delay - delays[best]) < 2 * (delays[1] - delays[0])
 
 
 def test_without_an_integrator_a_free_position_is_no_instability():

@@ -15,13 +15,6 @@ WORSE = 1e-3
 VALLEY = ROOT / "tests/basins/valley.toml"
 
 
-def assert_as_good(problem, seed, runs):
-    error, _ = global_search(problem, seed, runs)
-    judgement = solve(problem).judgement
-    assert judgement is not None or error == np.inf
-    assert judgement is None or judgement.error <= error * (1 + WORSE)
-
-
 @pytest.mark.slow
 def test_a_peak_that_moves_with_the_gains():
     """The design next to it at K_v = 17.1 errs by 1.5667."""
@@ -42,11 +35,13 @@ def test_an_answer_in_another_basin_than_its_start_is_sent_back():
     assert judgement.error <= global_search(problem, 1, runs=1)[0] * (1 + WORSE)
 
 
-@pytest.mark.parametrize("name", ["valley", "r25"])
-def test_the_optimiser_ends_where_it_knows_its_own_error(name):
-    """An NLP that does not know the frequency of the greatest error understates it."""
-    polished = solve(read_problem(ROOT / f"tests/basins/{name}.toml").problem).polished
-    assert polished.rounds[-1].error == pytest.approx(polished.error, rel=2e-4)
+@pytest.mark.parametrize("seed", mostly_slow(range(500), [2]))
+def test_nothing_better_is_found(seed):
+    problem = parse_problem(random_text(seed), "random.toml", "random")
+    error, _ = global_search(problem, seed, runs=2)
+    judgement = solve(problem).judgement
+    assert judgement is not None or error == np.inf
+    assert judgement is None or judgement.error <= error * (1 + WORSE)
 
 
 def test_the_global_search_judges_as_vctune_does():
@@ -58,14 +53,3 @@ def test_the_global_search_judges_as_vctune_does():
     assert violation == 0
     assert b_c == pytest.approx(coupling.damping, rel=1e-4)
     assert error == pytest.approx(transparency_error(problem, gains, coupling).error, rel=1e-4)
-
-
-@pytest.mark.parametrize("seed", mostly_slow(range(4), [2]))
-def test_nothing_better_is_found(seed):
-    assert_as_good(parse_problem(random_text(seed), "random.toml", "random"), seed, runs=1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(500))
-def test_nothing_better_is_found_for_many(seed):
-    assert_as_good(parse_problem(random_text(seed), "random.toml", "random"), seed, runs=2)

@@ -7,12 +7,11 @@ import re
 import tomllib
 from functools import cache, reduce
 from math import pi
-from signal import SIGINT
 
 import numpy as np
 import pytest
 from arithmetic import DIGITS
-from command import check_files, run, started, wait_for_work
+from command import check_files, run
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
 from frequency import demanded, offered
 from test_bound import infeasible_texts
@@ -27,6 +26,7 @@ from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.text.errors import InputError
+from vctune.document.text.toml import toml_text
 from vctune.exit_codes import ExitCode
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
@@ -98,24 +98,19 @@ def bounds(velocity="1.0, 1000.0", position="3e3, 1e5", damping="1e-3, 1e5", mas
 
 
 LATE = "[device.force_sensor]\ndelay = 20e-3\n"
-CAUSES_IN_HANDS = {
-    "no drag": wheel(bounds(drag="0.0")),
-    "no drag, both criteria": wheel(bounds(drag="0.0"), criterion="both"),
-    "K_v too great": wheel(bounds(velocity="1200.0, 2000.0")),
-    "K_v too small": wheel(bounds(velocity="1.0, 20.0", position="2e4, 1e5")),
-    "|S| too small": wheel(bounds(velocity="300.0, 1000.0"), sensitivity=1.05),
-    "late force sensor": wheel(bounds(damping="1e-3, 60.0", drag="0.0, 5.0"), device=LATE),
-}
-
-REPAIRS = {
-    "no drag": {"coupling.drag", "operator.stiffness.min"},
-    "no drag, both criteria": {"operator.damping.min"},
-    "K_v too great": {"gains.velocity.min", "device.sample_time"},
-    "K_v too small": {"gains.velocity.max", "stability.max_sensitivity"},
-    "|S| too small": {"stability.max_sensitivity"},
-    "late force sensor": {"device.force_sensor.delay", "gains.position.min"},
-}
-INFEASIBLE_IN_HANDS = {name: (text, REPAIRS[name]) for name, text in CAUSES_IN_HANDS.items()}
+INFEASIBLE_IN_HANDS = {
+    "no drag": (wheel(bounds(drag="0.0")), {"coupling.drag", "operator.stiffness.min"}),
+    "no drag, both criteria": (wheel(bounds(drag="0.0"), criterion="both"), {"operator.damping.min"}),
+    "K_v too great": (wheel(bounds(velocity="1200.0, 2000.0")), {"gains.velocity.min", "device.sample_time"}),
+    "K_v too small": (
+        wheel(bounds(velocity="1.0, 20.0", position="2e4, 1e5")), {"gains.velocity.max", "stability.max_sensitivity"}
+    ),
+    "|S| too small": (wheel(bounds(velocity="300.0, 1000.0"), sensitivity=1.05), {"stability.max_sensitivity"}),
+    "late force sensor": (
+        wheel(bounds(damping="1e-3, 60.0", drag="0.0, 5.0"), device=LATE),
+        {"device.force_sensor.delay", "gains.position.min"},
+    ),
+}  # fmt: skip
 """Causes of all kinds, and values whose change repairs each."""
 IN_HANDS = {
     "no drag": wheel(of("drag", 0.0)),
@@ -128,19 +123,6 @@ IN_HANDS = {
 
 def parsed(text: str) -> Problem:
     return parse_problem(for_passive_hands(text), "test.toml", "test")
-
-
-def toml_text(document: dict) -> str:
-    """Write tables of numbers, texts, pairs and ranges as TOML, one dotted key a line."""
-
-    def lines(table, prefix):
-        for key, value in table.items():
-            if isinstance(value, dict):
-                yield from lines(value, f"{prefix}{key}.")
-            else:
-                yield f"{prefix}{key} = {json.dumps(value) if isinstance(value, str) else repr(value)}"
-
-    return "\n".join(lines(document, "")) + "\n"
 
 
 def changed(text: str, key: str, value: float, needs: str) -> str:
@@ -207,7 +189,7 @@ def test_each_repair_suffices(name):
     each_repair_suffices(CAUSES[name])
 
 
-@pytest.mark.parametrize("name", REFUTED | IN_HANDS)
+@pytest.mark.parametrize("name", mostly_slow(REFUTED | IN_HANDS, ["b_c", "delay", "no drag"]))
 def test_each_repair_of_a_refuted_design(name):
     """A gain or a number of the coupling is among the changes, and at most one is of what is assumed."""
     found = each_repair_suffices((REFUTED | IN_HANDS)[name])
@@ -429,17 +411,6 @@ def test_a_sweep_looks_for_no_repairs(tmp_path, monkeypatch):
 
     monkeypatch.setattr(repairing, "parameter_changes", None)
     assert solve_point(parsed(QUICK["gains too high"]))["status"] == "infeasible"
-
-
-@pytest.mark.slow
-def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(tmp_path):
-    running = started("solve", ROOT / "problems/infeasible.toml", cwd=tmp_path)
-    wait_for_work(running, 0.6)
-    running.send_signal(SIGINT)
-    out, err = running.communicate(timeout=60)
-    assert (running.returncode, out) == (ExitCode.INTERRUPTED, "")
-    assert "Traceback" not in err and "internal error" not in err
-    assert not list(tmp_path.rglob("*.json")) and not list(tmp_path.rglob("*.html"))
 
 
 @pytest.mark.parametrize("band", ["[0.05, 100.0]", "[3.0, 7.0]", "[0.0, 500.0]"])

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
-from vctune.analysis.extrema import frequency_grid, local_minima
 from vctune.bench.evaluator import case_of, sensitivity
 from vctune.bench.solvers import reference_problems
 from vctune.bench.stress import device
@@ -18,16 +17,6 @@ from vctune.model.gains import Coupling, Gains
 
 PROBLEMS = reference_problems()
 ANY = Coupling(1.0, 1.0, 0.0)
-
-
-@pytest.mark.parametrize("place", [0.3, 1.0, 17.2, 399.0])
-def test_minima_of_a_smooth_function_are_found_to_seven_digits(place):
-    found = local_minima(lambda omega: np.cosh(np.log(omega / place)) + 0.1 * np.log(omega / place) ** 3, GRID)
-    assert found.omega[0] == pytest.approx(place, rel=1e-7)
-    assert found.value[0] == pytest.approx(1.0, rel=1e-14)
-
-
-GRID = frequency_grid(0.1, 1000.0)
 
 
 def test_slow_resonances_are_seen():

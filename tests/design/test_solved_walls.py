@@ -17,7 +17,6 @@ from vctune.design.advice.parameter_changes import parameter_changes
 from vctune.design.advice.repair import find_repairs
 from vctune.design.judging.judge import judge
 from vctune.document.building import problem
-from vctune.document.doubts import doubts
 from vctune.document.schema.statement import statement
 from vctune.document.text.errors import InputError
 from vctune.document.text.json import problem_digest
@@ -68,19 +67,6 @@ def test_what_is_not_proved_is_refused(tables: dict[str, object], said: str) -> 
     """With the reason and what to do."""
     with pytest.raises(InputError, match=said):
         problem({**WHEEL, "environment": {**BOX, "walls": True}, **tables})
-
-
-def test_an_experiment_at_a_wall_is_in_the_box() -> None:
-    """Unless a damper pushes with it."""
-
-    def doubted(**environment: object) -> bool:
-        box = {"mass": {"min": 0.0, "max": 5.0}, "stiffness": {"max": 2000.0}, "walls": True}
-        tables = {**WHEEL, "environment": box, "experiment": [{"name": "one", "environment": environment}]}
-        return any(note.code == "warn-environment" for note in doubts(problem(tables).problem))
-
-    assert not doubted(stiffness=1000.0, wall=True)
-    assert doubted(stiffness=1000.0, damping=5.0, wall=True)
-    assert doubted(stiffness=3000.0, wall=True)
 
 
 def test_given_gains_have_the_corner_with_most_room() -> None:

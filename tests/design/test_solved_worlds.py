@@ -31,7 +31,6 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem, Range
 from vctune.model.worlds import World, Worlds
-from vctune.proof.outcome import Verdict
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "worlds"
 EXPECTED = json.loads((REFERENCE / "expected.json").read_text())
@@ -44,17 +43,6 @@ HANDLE = {"mass": 0.1, "damping": 1.0, "sample_time": 1e-3, "display": "impedanc
 def reference(name: str) -> Problem:
     """Return a reference problem."""
     return read_problem(REFERENCE / f"{name}.toml").problem
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", EXPECTED)
-def test_reference_problems_are_certified(name: str) -> None:
-    """With an error at most 1 % above what differential evolution finds on grids."""
-    found = solve(REFERENCE / f"{name}.toml")
-    assert found.status is Status.CERTIFIED
-    assert found.judgement is not None
-    assert found.judgement.error <= 1.01 * EXPECTED[name]["error"]
-    assert found.judgement.certificate.outcomes["worlds"].verdict is Verdict.PROVED
 
 
 @pytest.mark.slow
@@ -75,19 +63,6 @@ def test_a_coupling_for_given_gains_is_certified() -> None:
     assert found.status is Status.CERTIFIED
     assert found.judgement is not None
     assert found.judgement.error <= 1.01 * EXPECTED[name]["error"]
-
-
-def test_what_the_grids_have_missed() -> None:
-    """The expected designs miss their limit between the frequencies of the grids that they come from, by 3.5 % of the
-    coupling."""
-    for name, expected in EXPECTED.items():
-        K_v, K_p, *coupling = expected["x"]
-        law = Gains(K_v, min(K_p, 1e5)), Coupling(*coupling)
-        judgement = judge(reference(name), *law)
-        outcome = judgement.certificate.outcomes["worlds"]
-        assert outcome.verdict is Verdict.REFUTED
-        assert outcome.hand is not None
-        assert 1 / 1.035 < judgement.in_hand.ratio / 1.05 < 1
 
 
 def test_a_problem_states_its_environments() -> None:
@@ -132,14 +107,11 @@ def test_what_is_not_proved_is_refused(tables: dict[str, object], said: str) -> 
 
 
 def test_experiments_outside_the_box_are_doubted() -> None:
-    """A mass below it, a wall, a mass by backward Euler; a spring by backward Euler is inside."""
+    """A mass below it, a mass by backward Euler; a spring by it is inside, and a wall in a box of walls."""
 
-    def doubted(**environment: object) -> bool:
-        tables = {
-            **WHEEL,
-            "environment": {"mass": {"min": 0.0, "max": 5.0}, "stiffness": {"max": 2000.0}},
-            "experiment": [{"name": "one", "environment": environment}],
-        }
+    def doubted(*, walls: bool = False, **environment: object) -> bool:
+        box = {"mass": {"min": 0.0, "max": 5.0}, "stiffness": {"max": 2000.0}, "walls": walls}
+        tables = {**WHEEL, "environment": box, "experiment": [{"name": "one", "environment": environment}]}
         return any(note.code == "warn-environment" for note in doubts(problem(tables).problem))
 
     assert not doubted(stiffness=1000.0)
@@ -148,6 +120,9 @@ def test_experiments_outside_the_box_are_doubted() -> None:
     assert doubted(mass=1.0, rule="backward")
     assert doubted(mass=6.0, rule="trapezoid")
     assert doubted(stiffness=1000.0, wall=True)
+    assert not doubted(walls=True, stiffness=1000.0, wall=True)
+    assert doubted(walls=True, stiffness=1000.0, damping=5.0, wall=True)
+    assert doubted(walls=True, stiffness=3000.0, wall=True)
 
 
 def test_the_doubt_about_an_experiment_names_its_place(tmp_path: Path) -> None:
@@ -206,7 +181,8 @@ def test_check_says_which_spring_and_which_tool_are_proved_beyond_the_box(tmp_pa
     ):
         other = re.sub(r"min = 0.02", f"min = {low}", re.sub(r"max = 2000.0", f"max = {high}", text))
         path.write_text(other)
-        assert (run("check", str(path), cwd=tmp_path).returncode == ExitCode.OK) is passes
+        posed = read_problem(path).problem
+        assert (judge(posed, *posed.fixed_design).status is Status.CERTIFIED) is passes
 
 
 @pytest.mark.slow

@@ -185,6 +185,10 @@ def test_a_region_holds_the_cells_that_were_decided(folder, ticks):
     assert part["interrupted"] is True
     assert part["areas"]["feasible"] <= complete["areas"]["feasible"]
     assert part["areas"]["infeasible"] <= complete["areas"]["infeasible"]
+    ticks()
+    done = run("region", "device.toml", "--resolution", 0.125, "--time-limit", 3, cwd=folder)
+    assert done.returncode == ExitCode.UNDECIDED and "holds what was decided before the time limit" in done.stderr
+    assert "some undecided cells were not examined" in (folder / "results/device/region.svg").read_text()
 
 
 def test_a_region_that_had_no_time_to_be_proved_again_is_not_lost(folder, ticks):
@@ -228,13 +232,6 @@ def test_a_point_of_a_sweep_that_takes_too_long_is_undecided_and_tried_again_wit
     assert run(*command, cwd=folder).returncode == ExitCode.OK
     last = [json.loads(line) for line in (folder / "results/study/rows.jsonl").read_text().splitlines()][-3:]
     assert {row["status"] for row in last} == {"certified"}
-
-
-def test_a_region_draws_what_it_has(folder, ticks):
-    ticks()
-    done = run("region", "device.toml", "--resolution", 0.125, "--time-limit", 3, cwd=folder)
-    assert done.returncode == ExitCode.UNDECIDED and "holds what was decided before the time limit" in done.stderr
-    assert "some undecided cells were not examined" in (folder / "results/device/region.svg").read_text()
 
 
 def test_the_limit_of_a_command_counts_from_the_start_of_its_process(monkeypatch):

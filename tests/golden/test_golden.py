@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 
 import pytest
-from answers import DESIGNS, FILE, answer, bad_files, bound, name_of, near, region, simulation, swept
-from conftest import mostly_slow
+from answers import DESIGNS, FILE, answer, bad_files, bound, coupling_of, name_of, near, region, simulation, swept
+from conftest import ROOT, mostly_slow
 from limits import BESIDE, HANDS, LIMITS, WHEEL, passes
 
 import vctune
@@ -43,6 +43,23 @@ def test_recorded_gains_and_gains_near_them_are_judged_as_they_were(path):
     then = GOLDEN[name_of(path)]
     now = near(path, then)
     assert {place: verdict for place, verdict in now.items() if not agree(then["near"][place], verdict)} == {}
+
+
+EXPECTED = {
+    f"tests/reference/{folder}{name}.toml": (known.get("error", known.get("coupling")), worse)
+    for folder, worse in (("hands/", 5e-3), ("real/", 3e-3), ("servo/", 1e-3), ("worlds/", 1e-2))
+    for name, known in json.loads((ROOT / f"tests/reference/{folder}expected.json").read_text()).items()
+}
+"""Least errors of searches on grids that share nothing with vctune, and by how much a design may be worse."""
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_recorded_designs_are_as_good_as_those_of_independent_searches(name):
+    """That they are found is asserted where they are recorded."""
+    (least, worse), known = EXPECTED[name], GOLDEN[name]
+    judged = vctune.judge(vctune.read_problem(ROOT / name).problem, vctune.Gains(*known["gains"]), coupling_of(known))
+    assert judged.status.value == "certified"
+    assert (judged.transparency.coupling if "servo" in name else judged.error) <= least * (1 + worse)
 
 
 @pytest.mark.parametrize("name", mostly_slow(LIMITS, list(LIMITS)[::3]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import resource
+from functools import cache
 
 import numpy as np
 import pytest
@@ -42,10 +43,16 @@ def held(repeated, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def moved():
-    """Six seconds of a slow motion."""
-    time = np.arange(6000) * T
+    """Four seconds of a slow motion."""
+    time = np.arange(4000) * T
     recorded = driven(DEVICE, FRICTION, 3.0 * np.sin(11 * time + 2 * np.sin(0.7 * time)))
     return {"time_s": time, "position_m": encoded(recorded["position"], 1e-6), "command_N": recorded["motor"]}
+
+
+@pytest.fixture(scope="module")
+def told(moved, tmp_path_factory):
+    """What is found of that motion with one file or another beside the log."""
+    return cache(lambda text: identified(moved, tmp_path_factory.mktemp("moved"), text))
 
 
 def identified(columns, folder, text="", name="log"):
@@ -64,8 +71,8 @@ def coded(said, code):
         ('[device.velocity]\nfrom = "measured"\n', "measured", False),
     ],
 )
-def test_the_file_says_how_the_velocity_is_known(moved, tmp_path, text, source, assumed):
-    found = identified(moved, tmp_path, text)
+def test_the_file_says_how_the_velocity_is_known(told, text, source, assumed):
+    found = told(text)
     estimate = found.file.problem.device.velocity
     assert (estimate.source if estimate else "measured") == source
     assert bool(coded(found.record.remarks, "remark-assumed-velocity")) == assumed
@@ -123,8 +130,8 @@ def estimates(**values):
     return [Estimate(key.replace("handle", "structure.handle_"), *each, "log") for key, each in values.items()]
 
 
-def test_a_handle_is_lighter_than_its_device(moved, tmp_path):
-    recording = identified(moved, tmp_path).found.studies[0].recording
+def test_a_handle_is_lighter_than_its_device(told):
+    recording = told("").found.studies[0].recording
     bounds = box(estimates(mass=(0.1, 1e-4), handlemass=(0.09, 0.005), delay=(T, 1e-5)), T)
     mass, handle, _ = readable(bounds, recording, T)
     assert bounds[1].high > mass.low > handle.high > 0.99 * mass.low and handle.low == bounds[1].low
@@ -180,13 +187,11 @@ def test_a_force_that_no_noise_explains_is_refused(moved, tmp_path):
 
 
 @pytest.mark.parametrize(("display", "code"), [("admittance", 2), ("impedance", 0)])
-@pytest.mark.parametrize("wave", ["moved", "repeated"])
-def test_a_spring_is_refused_unless_it_acts_as_a_hand_does(request, tmp_path, wave, display, code):
+def test_a_spring_is_refused_unless_it_acts_as_a_hand_does(moved, tmp_path, display, code):
     """The motor's force of another log pushes the device on a spring, which is a hand that nothing senses."""
     spring = MovingHand("reciprocate", 0.0, 1e-12, 1e-12, 1, mass=0.0, damping=0.0, stiffness=300.0)
-    known = request.getfixturevalue(wave)
-    recorded = driven(DEVICE, FRICTION, known["command_N"], hand=spring)
-    pulled = known | {"position_m": encoded(recorded["position"], 1e-8), "command_N": recorded["motor"]}
+    recorded = driven(DEVICE, FRICTION, moved["command_N"], hand=spring)
+    pulled = moved | {"position_m": encoded(recorded["position"], 1e-8), "command_N": recorded["motor"]}
     Log(pulled, f'[device]\ndisplay = "{display}"\n').write(tmp_path)
     done = run("identify", "log.csv", "--config", "log.toml", "--no-report", cwd=tmp_path)
     assert done.returncode == code and "follows the position by about 3e+02 N/m" in done.stdout + done.stderr
@@ -204,3 +209,26 @@ def test_a_log_slower_than_its_loop_holds_the_delay_within_a_row(moved, repeated
     assert mass.low <= DEVICE.mass <= mass.high and delay.low <= DEVICE.delay <= delay.high and delay.high >= 2 * T
     with pytest.raises(InputError, match="too fast"):  # a command that moves between the rows
         identified({name: values[::3] for name, values in repeated.items()}, tmp_path, f"sample_time = {T}\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "lag_in_delay"),
+    [("", True), ("[device]\ndelay = 7e-4\n", False), ("[device.actuator]\nbandwidth_hz = 200.0\n", False)],
+)
+def test_a_motion_shows_no_high_frequency_nor_what_of_a_delay_is_a_lag(told, text, lag_in_delay):
+    remarks = told(text).record.remarks
+    assert bool(coded(remarks, "remark-actuator-lag")) == lag_in_delay
+    assert bool(coded(remarks, "remark-slow-motion")) != bool(coded(remarks, "remark-highest-line"))
+
+
+@pytest.mark.parametrize(("share", "weak"), [(0.51, True), (0.49, False)])
+def test_a_delay_is_weak_if_its_interval_is_wider_than_its_middle(told, share, weak):
+    text = f"[device]\ndelay = 7e-4\ndelay_uncertainty = {share * 7e-4}\n"
+    assert bool(coded(told(text).record.remarks, "remark-weak-delay")) == weak
+
+
+def test_a_multisine_shows_nothing_above_its_highest_line(held):
+    (line,) = coded(held.record.remarks, "remark-highest-line")
+    (highest,) = re.findall(r"above (\S+) Hz", line)
+    assert float(highest) == pytest.approx(LINES[-1] / (512 * T), rel=0.1)
+    assert not coded(held.record.remarks, "remark-slow-motion")

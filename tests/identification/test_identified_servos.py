@@ -18,7 +18,6 @@ from vctune import check, identify, problem, solve
 from vctune.design.check import CheckVerdict
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.errors import ENDING, InputError
-from vctune.identification.stepped import Drive, response, stepped
 
 SERVO = {"T": 4e-3, "late": 3.4, "order": 1, "bandwidth": 12.0, "command": "velocity", "jitter": 0.0}
 MANY = range(drawn(75))
@@ -31,14 +30,6 @@ class Trial:
     kind: str
     inside: bool
     half_width: float
-
-
-def stepped_servo(T, velocity, delay, bandwidth_hz, order):
-    """Return the positions of a servo that is told velocities, from 0."""
-    lag = {1: 1.0, 2: np.sqrt(2)}[order] / (2 * np.pi * bandwidth_hz)
-    drive, first, n = Drive(T, velocity, servo=order), np.zeros((1, 1, 1)), len(velocity)
-    numbers = {"gain": 1.0, "delay": delay, "lag": lag}
-    return stepped(drive, [numbers], first, np.array([0]), n)[:, 0, 0, 0]
 
 
 def trial(case, folder) -> Trial:
@@ -68,32 +59,6 @@ def codes(said):
 
 def number(identified, name):
     return next(each.value for each in identified.record.recordings[0].numbers if each.name == name)
-
-
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("late", [0.3, 1.0, 41.7])
-def test_the_motion_is_exact(order, late):
-    """Against the sum of all step responses."""
-    T, random = 4e-3, np.random.default_rng(order)
-    velocity, time = random.normal(size=600), T * np.arange(600)
-    velocity[:3] = 0.0
-    expected = moved(time, velocity, time + late * T, 9.0, order)
-    assert stepped_servo(T, velocity, late * T, 9.0, order) == pytest.approx(
-        expected, abs=1e-12 * np.ptp(expected) * 600
-    )
-
-
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("late", [0.3, 1.0, 3.7])
-def test_the_sampled_response_is_that_of_an_impulse(order, late):
-    T, n = 1e-3, 2000
-    theta = np.array([0.01, 0.1, 1.0, 3.0])
-    steps = np.diff(stepped_servo(T, 1.0 * (np.arange(n) == 1), late * T, 30.0, order), prepend=0.0) / T
-    expected = [np.sum(steps * np.exp(-1j * each * (np.arange(n) - 1))) for each in theta]
-    lag = {1: 1.0, 2: np.sqrt(2)}[order] / (2 * np.pi * 30.0)
-    numbers = {"gain": 1.0, "delay": late * T, "lag": lag}
-    made = response(Drive(T, np.zeros(1), servo=order), numbers, theta / (2 * np.pi * T))
-    assert made == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", [2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 9, 76))])
@@ -319,7 +284,7 @@ def told(position, command):
     return "time_s,position_m,position_command_m\n" + "\n".join(rows) + "\n"
 
 
-@pytest.mark.parametrize("number", range(12))
+@pytest.mark.parametrize("number", range(6))
 def test_a_log_whose_command_is_not_of_its_motion_is_refused_without_a_word_of_numpy(tmp_path, number):
     """Moved before the command, long after it, at its end, by another command, or ahead of it."""
     rng, n = np.random.default_rng(number), 600
@@ -332,11 +297,11 @@ def test_a_log_whose_command_is_not_of_its_motion_is_refused_without_a_word_of_n
     position, command = (
         (early, late), (late, early), (late, at_end), (late, np.roll(early[::-1], 7)),
         (early, still + 1e-3 * (np.arange(n) == 300)), (np.roll(late, -5), late),
-    )[number % 6]  # fmt: skip
+    )[number]  # fmt: skip
     (tmp_path / "log.csv").write_text(told(position, command))
     done = run("identify", "log.csv", "--servo", "--no-report", cwd=tmp_path)
     if done.returncode == 0:  # late by seconds, and followed all the same
-        assert number % 6 == 1
+        assert number == 1
     else:
         assert done.returncode == 2 and ENDING.search(done.stderr.strip()), done.stderr
     assert "Warning" not in done.stderr and "Error" not in done.stderr
