@@ -20,7 +20,7 @@ from loop import radius as stepped
 
 from vctune import export
 from vctune.design.judging.judge import Status
-from vctune.design.prepared import problem_at as prepared
+from vctune.design.prepared import pose as prepared
 from vctune.design.ros import admittance_check
 from vctune.design.ros.admittance import as_problem, coupling_of_admittance, document_of_both
 from vctune.design.solve import solve

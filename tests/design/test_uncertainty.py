@@ -149,13 +149,6 @@ def test_operator_uncertainty_and_drag_combine():
     assert not failing(seen, numbers(found.judgement), devices).any()
 
 
-def test_a_box_that_shrinks_to_a_point_is_that_point():
-    for name in ("friction-wheel", "cobot-wrist"):
-        tiny = solved(name, "[uncertainty]\nmass = 1e-9\ndamping = 1e-9\ndelay = 1e-9\n")
-        assert tiny.status is Status.CERTIFIED
-        assert tiny.judgement.error == pytest.approx(solved(name).judgement.error, rel=1e-5)
-
-
 def test_a_delay_may_cross_whole_samples():
     """K_v is stable up to a delay between 2 and 3 samples: the box is proved below and refuted above."""
     base = (
