@@ -127,8 +127,7 @@ def test_no_sentence_is_wrong(kind, capsys, monkeypatch):
     """Half a per cent on the stable side of a limit that is stepped nothing is refuted, on the other nothing proved."""
     monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: Found())
     counts, wrong, took = Counter[str](), [], 0.0
-    many = max(DRAWS // 2, 2)
-    for number in range(many):
+    for number in range(MANY):
         case = at_limit(kind, number)
         for name, side in (("inside", 1 + NEAR), ("outside", 1 - NEAR)):
             began = perf_counter()
@@ -144,7 +143,7 @@ def test_no_sentence_is_wrong(kind, capsys, monkeypatch):
         sys.stdout.write(f"\n{kind}: {dict(sorted(counts.items()))}, {took:.1f} s")
     assert not wrong, "\n".join(wrong)
     open_outside = 0 if at_limit(kind, 0).on_edge else counts["outside undecided"]
-    assert counts["inside undecided"] + open_outside <= max(1, (1 - LEAST_DECIDED) * 2 * many), counts
+    assert counts["inside undecided"] + open_outside <= (1 - LEAST_DECIDED) * 2 * MANY, counts
 
 
 UNITS = [(32.0, 0.125), (2.0**40, 2.0**-40), (2.0**-40, 2.0**40), (2.0**-40, 2.0**-40)]

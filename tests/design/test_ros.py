@@ -424,3 +424,23 @@ def test_a_filter_below_a_tenth_of_the_nyquist_frequency_is_warned_of(arm, monke
     assert (
         any("[ros-slow-filter]" in warning for warning in found["warnings"]) == said == (corner_hz(coefficient, T) < 50)
     )
+
+
+def test_what_the_joints_lose_is_a_damping_of_every_axis():
+    """Six joints, stepped as the controller does, against one axis each: joint_damping is 1/s and scales with M."""
+    rng = np.random.default_rng(5)
+    jacobian, joints = rng.normal(size=(6, 6)) + 3 * np.eye(6), 12.0
+    mass, ratio, stiffness = (rng.uniform(1.0, 5.0, 6) for _ in range(3))
+    axes = [Admittance("x", *map(float, numbers), joints, 1) for numbers in zip(mass, ratio, stiffness, strict=True)]
+    damping = np.array([axis.damping for axis in axes])
+    q = q_dot = np.zeros(6)
+    v = x = np.zeros(6)
+    for force in rng.normal(size=(300, 6)):
+        wanted = (
+            force - 2 * ratio * np.sqrt(mass * stiffness) * (jacobian @ q_dot) - stiffness * (jacobian @ q)
+        ) / mass
+        q_dot = q_dot + T * (np.linalg.solve(jacobian, wanted) - joints * q_dot)
+        q = q + T * q_dot
+        v = v + T * (force - damping * v - stiffness * x) / mass
+        x = x + T * v
+        assert jacobian @ q_dot == pytest.approx(v, rel=1e-9, abs=1e-12)
