@@ -7,16 +7,20 @@ import re
 import shutil
 import tomllib
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from command import run as vctune
 from compilers import by_each_compiler, done, has, period, warned
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
+from kinds import servo
+from test_servos import CONTACT, WALKER, decades
 
 from vctune import InputError, export, write_export
 from vctune.document.reading import parse_problem, read_gains, read_problem
 from vctune.document.records.certificate_json import HandsRecord, WallsRecord
+from vctune.document.text.toml import toml_text
 from vctune.exit_codes import ExitCode
 from vctune.firmware.firmware import NO_ENVIRONMENT, certified, firmware, rounded
 from vctune.firmware.preamble import rendered
@@ -53,42 +57,40 @@ operator = { to = 0.01, speed = 0.1, cycles = 1, motion = "sine" }
 NAME = r"""name = 'a /* ??/ \ %d " é */ name'
 """
 """What a comment of C must not trip over."""
+OF_SERVOS = EXPERIMENTS.replace("friction = { coulomb = 0.3, stiction = 0.4 }\n", "")
+OF_SERVOS = OF_SERVOS.replace("position_resolution = 1e-5, ", "").replace("actuator = { limit = 2.0 }\n", "")
+SERVOS = {"velocity": toml_text(CONTACT) + OF_SERVOS, "position": toml_text(WALKER) + OF_SERVOS}
 PARTS = {
     "ideal": "",
     "filtered": '[device.velocity]\nfrom = "difference"\nfilter_hz = 200.0\nfilter_order = 2\n',
     "late": "[device.velocity]\nfilter_hz = 300.0\n[device.force_sensor]\nbandwidth_hz = 400.0\ndelay = 1.3e-3\n",
     "flexible": "[device.structure]\nhandle_mass = 0.1\nfrequency_hz = 200.0\ndamping_ratio = 0.05\n",
 }
+KINDS = {name: NAME + DEVICE + part + FIXED.format(160.0) + EXPERIMENTS for name, part in PARTS.items()} | SERVOS
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Folders of exported C by parts and precision: each made once, unproved ones for what they compute."""
-    found = {}
+    """Return the folder of exported C of a kind and a precision: made once, unproved ones for what they compute."""
 
-    def folder(parts="ideal", precision="double"):
-        if (parts, precision) not in found:
-            place = tmp_path_factory.mktemp(parts)
-            (place / "device.toml").write_text(NAME + DEVICE + PARTS[parts] + FIXED.format(160.0) + EXPERIMENTS)
-            told = export(place / "device.toml", precision=precision, unproved=True)
-            found[parts, precision] = write_export(told, place / "out")
-        return found[parts, precision]
+    def folder(kind="ideal", precision="double"):
+        place = tmp_path_factory.mktemp(kind)
+        (place / "device.toml").write_text(KINDS[kind])
+        return write_export(export(place / "device.toml", precision=precision, unproved=True), place / "out")
 
-    return folder
+    return cache(folder)
 
 
 @pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.slow)])
 @by_each_compiler
 def test_it_compiles_without_a_warning(made, name, precision, tmp_path):
-    for parts in PARTS:
-        folder = made(parts, precision)
-        assert warned(name, folder, tmp_path) == "", parts
+    for kind in KINDS:
+        assert warned(name, made(kind, precision), tmp_path) == "", kind
 
 
 @has("cppcheck")
 def test_cppcheck_has_nothing_to_say(made):
-    for parts, precision in (("ideal", "double"), ("filtered", "single")):
-        folder = made(parts, precision)
+    for folder in (made("ideal"), made("filtered", "single"), made("position")):
         options = ["--std=c99", "--enable=warning,style,performance,portability", "--error-exitcode=1", "-q"]
         found = done("cppcheck", *options, f"-DVCTUNE_TIMER_PERIOD_NS={period(folder)}", ".", cwd=folder)
         assert (found.returncode, found.stdout + found.stderr) == (0, "")
@@ -96,36 +98,41 @@ def test_cppcheck_has_nothing_to_say(made):
 
 @has("make", "gcc")
 @pytest.mark.parametrize("compiler", [pytest.param(name, marks=has(name)) for name in ("gcc", "clang")])
-@pytest.mark.parametrize("parts", PARTS)
-def test_double_precision_replays_to_the_last_bit(made, parts, compiler, tmp_path):
+@pytest.mark.parametrize("kind", KINDS)
+def test_double_precision_replays_to_the_last_bit(made, kind, compiler, tmp_path):
     """Friction, encoder, noise, a wall, a limit and the trapezoidal rule included: the same operations, every one."""
-    shutil.copytree(made(parts), tmp_path / "c")
+    shutil.copytree(made(kind), tmp_path / "c")
     found = done("make", "-s", "check", f"CC={compiler}", cwd=tmp_path / "c")
     assert found.returncode == 0, found.stdout + found.stderr
     assert found.stdout.count(" greatest difference 0 ulp  ok") == 3
 
 
 @has("make", "gcc")
-@pytest.mark.parametrize("parts", mostly_slow(PARTS, ["filtered"]))
-def test_single_precision_replays_within_the_bound_that_it_states(made, parts, tmp_path):
-    shutil.copytree(made(parts, "single"), tmp_path / "c")
+@pytest.mark.parametrize("kind", mostly_slow(KINDS, ["filtered"]))
+def test_single_precision_replays_within_the_bound_that_it_states(made, kind, tmp_path):
+    shutil.copytree(made(kind, "single"), tmp_path / "c")
     found = done("make", "-s", "check", cwd=tmp_path / "c")
     assert found.returncode == 0, found.stdout + found.stderr
     stated = float((tmp_path / "c/replay.c").read_text().split("#define VCTUNE_ALLOWED ")[1].split()[0])
-    greatest = max(float(line.split("difference ")[1].split()[0]) for line in found.stdout.splitlines())
+    lines = found.stdout.splitlines()
+    greatest = max(float(line.split("difference ")[1].split()[0]) for line in lines)
     assert greatest == pytest.approx(stated / 2, rel=0.02)  # what NumPy measured is what C comes to
+    unit = {"velocity": "m/s", "position": "m"}.get(kind, "N")
+    assert all(line.endswith(f" {unit}  ok") for line in lines)
 
 
 @has("make", "gcc")
-@pytest.mark.parametrize("constant", ["VELOCITY_GAIN", "COUPLING_STEP", "COUPLING_DECAY", "HALF_SAMPLE_TIME"])
-def test_a_constant_that_was_changed_in_its_last_digit_fails_the_check(made, constant, tmp_path):
-    shutil.copytree(made(), tmp_path / "c")
+@pytest.mark.parametrize(
+    "kind, constant",
+    [("ideal", name) for name in ("VELOCITY_GAIN", "COUPLING_STEP", "COUPLING_DECAY", "HALF_SAMPLE_TIME")]
+    + [("velocity", "RESISTANCE")],
+)
+def test_a_constant_that_was_changed_in_its_last_digit_fails_the_check(made, kind, constant, tmp_path):
+    shutil.copytree(made(kind), tmp_path / "c")
     header = tmp_path / "c/vctune_controller.h"
-    lines = header.read_text().splitlines(keepends=True)
-    k, line = next((k, line) for k, line in enumerate(lines) if f"#define VCTUNE_{constant} " in line)
-    number = line[line.index("(") + 1 : line.index(")")]
-    lines[k] = line.replace(number, repr(float(np.nextafter(float(number), np.inf))))
-    header.write_text("".join(lines))
+    text = header.read_text()
+    number = text.split(f"#define VCTUNE_{constant} (")[1].split(")")[0]
+    header.write_text(text.replace(f"({number})", f"({float(np.nextafter(float(number), np.inf))!r})"))
     found = done("make", "-s", "check", cwd=tmp_path / "c")
     assert found.returncode != 0 and "FAILED" in found.stdout
 
@@ -319,65 +326,40 @@ def test_behind_a_limit_the_position_error_stays_within_reach():
     assert abs(state.desired) < 1e-3
 
 
-@pytest.mark.slow
-@has("make", "gcc")
-@pytest.mark.parametrize("seed", range(20))
-def test_random_designs_replay_to_the_last_bit(seed, tmp_path):
-    """Random devices with random parts, gains with and without an integrator, random environments, both precisions."""
-    rng = np.random.default_rng(seed)
-    device = ordinary_device(rng)
-    T, mass = device["sample_time"], device["mass"]
+def random_tables(kind, rng):
+    """Return the tables of a random design with random parts before random environments."""
+    device = servo(rng) if kind == "servo" else ordinary_device(rng)
+    T, mass = device["sample_time"], device.get("mass", 1.0)
     gain = mass / T * 10 ** rng.uniform(-2, -0.3)
-    tables = {
-        "device": device,
-        "gains": {"velocity": gain, "position": 0.0 if seed % 4 == 0 else gain * 10 ** rng.uniform(0, 2)},
-        "coupling": {"damping": 10 ** rng.uniform(-1, 4), "mass": 10 ** rng.uniform(-2, 1), "drag": rng.uniform(0, 5)},
-        "experiment": [
-            {
-                "name": f"random {number}",
-                "environment": environment,
-                "operator": {"to": 0.01, "cycles": 1, "mass": rng.uniform(0, 0.3)},
-                "sensors": {"force_noise": 0.01},
-                "actuator": {"limit": 10 ** rng.uniform(-1, 2)},
-            }
-            for number, environment in enumerate(
-                [
-                    {"mass": rng.uniform(0, 1), "stiffness": 10 ** rng.uniform(0, 5), "zero": 0.005, "wall": True},
-                    {"mass": rng.uniform(0, 1), "damping": rng.uniform(0, 20), "stiffness": 10 ** rng.uniform(0, 3)},
-                    {"mass": rng.uniform(0.01, 1), "stiffness": 10 ** rng.uniform(0, 3), "rule": "trapezoid"},
-                ]
-            )
-        ],
-    }
-    replayed(tables, tmp_path)
+    environments = [
+        {"mass": rng.uniform(0, 1), "stiffness": decades(rng, 0, 5), "zero": 0.005, "wall": True},
+        {"mass": rng.uniform(0, 1), "damping": rng.uniform(0, 20), "stiffness": decades(rng, 0, 3)},
+        {"mass": rng.uniform(0.01, 1), "stiffness": decades(rng, 0, 3), "rule": "trapezoid"},
+    ]
+    own = {"operator": {"to": 0.01, "cycles": 1, "mass": rng.uniform(0, 0.3), "stiffness": 100.0}}
+    own |= {"sensors": {"force_noise": 0.01}, "actuator": {"limit": decades(rng, -1, 2)}}
+    law = {"gains": {"velocity": gain, "position": rng.integers(4) * gain * decades(rng, -1, 1.5)}}
+    law["coupling"] = {"damping": decades(rng, -1, 4), "mass": decades(rng, -2, 1), "drag": rng.uniform(0, 5)}
+    if kind == "impedance":
+        device |= {"display": "impedance"} | {name: {"from": "difference"} for name in ("velocity",) if name in device}
+        law = {"gains": {"velocity": rng.uniform(0, 2)}}
+        law["coupling"] = {"damping": rng.uniform(0, 0.1) * mass / T, "stiffness": mass / T**2 * decades(rng, -4, -1)}
+        del own["sensors"], own["operator"]["mass"]
+        device.pop("force_sensor", None)
+    if kind == "servo":
+        del law["gains"], own["actuator"]
+        law["coupling"]["drag"] = decades(rng, 1, 3)
+    named = [{"name": f"random {k}", "environment": each} | own for k, each in enumerate(environments)]
+    return {"device": device, **law, "experiment": named}
 
 
 @pytest.mark.slow
 @has("make", "gcc")
 @pytest.mark.parametrize("seed", range(20))
-def test_random_impedance_displays_replay_to_the_last_bit(seed, tmp_path):
-    rng = np.random.default_rng(100 + seed)
-    device = {name: value for name, value in ordinary_device(rng).items() if name != "force_sensor"}
-    if "velocity" in device:
-        device["velocity"] |= {"from": "difference"}
-    stiffness = device["mass"] / device["sample_time"] ** 2 * 10 ** rng.uniform(-4, -1)
-    environments = [
-        {"mass": rng.uniform(0, 1), "stiffness": 10 ** rng.uniform(0, 5), "zero": 0.005, "wall": True},
-        {"mass": rng.uniform(0, 1), "damping": rng.uniform(0, 20), "stiffness": 10 ** rng.uniform(0, 3)},
-        {"mass": rng.uniform(0.01, 1), "stiffness": 10 ** rng.uniform(0, 3), "rule": "trapezoid"},
-    ]
-    experiments = [
-        {"name": f"random {number}", "environment": environment, "operator": {"to": 0.01, "cycles": 1},
-         "actuator": {"limit": 10 ** rng.uniform(-1, 2)}}
-        for number, environment in enumerate(environments)
-    ]  # fmt: skip
-    tables = {
-        "device": device | {"display": "impedance"},
-        "gains": {"velocity": rng.uniform(0, 2)},
-        "coupling": {"damping": rng.uniform(0, 0.1) * device["mass"] / device["sample_time"], "stiffness": stiffness},
-        "experiment": experiments,
-    }
-    replayed(tables, tmp_path)
+@pytest.mark.parametrize("kind", ["admittance", "impedance", "servo"])
+def test_random_designs_replay_to_the_last_bit(kind, seed, tmp_path):
+    """With and without an integrator, in both precisions."""
+    replayed(random_tables(kind, np.random.default_rng(seed)), tmp_path)
 
 
 def replayed(tables, folder):
