@@ -13,11 +13,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from contextlib import chdir, redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 from unittest.mock import patch
+
+from vctune import interrupt
 
 PATIENCE = 300.0
 """What nothing here takes on the busiest machine, s; a wait that long has failed."""
@@ -115,6 +118,40 @@ def peak_memory(*arguments, cwd) -> int:
     command = [sys.executable, "-c", WITH_PEAK, *map(str, arguments)]
     done = subprocess.run(command, cwd=cwd, check=True, capture_output=True, text=True)
     return int(done.stderr.split()[-1])
+
+
+def strike(monkeypatch, at: int, *numbers: int) -> Iterator[int]:
+    """Let signals come when a search asks for the so-many-th time whether to stop; return the count of its askings."""
+    noted, asked = interrupt.interrupt_noted, count(1)
+
+    @contextmanager
+    def noting():
+        with noted() as stopped:
+
+            def check():
+                if next(asked) == at:
+                    for number in numbers:
+                        signal.raise_signal(number)
+                return stopped()
+
+            yield check
+
+    monkeypatch.setattr(interrupt, "interrupt_noted", noting)
+    return asked
+
+
+LIMITED = """
+import resource, signal
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (SIZE, SIZE))
+from vctune.cli import run; run()
+"""
+
+
+def on_a_full_disk(size: int, *arguments, cwd) -> subprocess.CompletedProcess:
+    """Run a command whose files the operating system lets grow to a size alone."""
+    command = [sys.executable, "-c", LIMITED.replace("SIZE", str(size)), *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
 def check_files(paths) -> list:

@@ -6,18 +6,13 @@ import json
 import re
 import shutil
 import signal
-from contextlib import contextmanager
 from itertools import count
 
 import pytest
-from command import run, strict
+from command import run, strict, strike
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 
-from vctune import interrupt, running
-from vctune.design.bound.search import bound
-from vctune.design.prepared import pose
-from vctune.design.solve import solve
-from vctune.document.reading import read_problem
+from vctune import running
 from vctune.document.records.design_json import read_design
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
@@ -71,34 +66,11 @@ def test_a_time_limit_leaves_the_bound_reached(folder, monkeypatch):
 
 def test_ctrl_c_leaves_the_bound_reached(folder, monkeypatch):
     """A signal in the twentieth round of a search that takes hundreds."""
-    design, noted, rounds = folder / "o/friction-wheel/design.json", interrupt.interrupt_noted, iter(range(1000))
-
-    @contextmanager
-    def struck():
-        with noted() as stopped:
-
-            def check():
-                if next(rounds) == 20:
-                    signal.raise_signal(signal.SIGINT)
-                return stopped()
-
-            yield check
-
-    monkeypatch.setattr(interrupt, "interrupt_noted", struck)
+    design, asked = folder / "o/friction-wheel/design.json", strike(monkeypatch, 20, signal.SIGINT)
     done = run("bound", "problem.toml", design, "--gap", "0.0001", cwd=folder)
     assert (done.returncode, done.stderr) == (ExitCode.UNDECIDED, "")
-    assert optimality(design)["lower_bound"] > 0 and next(rounds) == 21
+    assert optimality(design)["lower_bound"] > 0 and next(asked) == 21
     assert not [path for path in design.parent.iterdir() if path.name.startswith(".")]
-
-
-def test_what_stops_a_search_leaves_a_valid_bound():
-    problem = read_problem(WHEEL).problem
-    best = solve(problem).judgement
-    rounds, bounds = iter(range(100)), []
-    how = {"stopped": lambda: next(rounds) == 20, "progress": lambda at: bounds.append(at.bound)}
-    found = bound(pose(problem), best, lambda gains, error: None, gap=1e-4, **how)
-    assert not found.proved and len(bounds) == 21 and bounds == sorted(bounds)
-    assert 0 < found.bound == bounds[-1] < best.transparency.error
 
 
 def test_input_that_cannot_be_bounded(folder):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import signal
 import subprocess
@@ -12,14 +11,12 @@ from itertools import permutations, product
 from pathlib import Path
 
 import pytest
-from command import process, run, started, strict, wait_for_work, wait_until
-from conftest import FIXED, ROOT, for_passive_hands, mostly_slow
+from command import on_a_full_disk, process, run, started, strict, wait_for_work, wait_until
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
 
 from vctune.cli.runner import worst
 from vctune.design.advice import repair as repairing
 from vctune.exit_codes import ExitCode
-
-DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 
 
 @pytest.fixture
@@ -53,16 +50,6 @@ def test_json_is_the_file_and_nothing_else(device, tmp_path):
     design = strict(done.stdout)
     assert design["schema"] == "vctune/design/1"
     assert list(design)[:5] == ["schema", "problem", "status", "reason", "gains"]
-    contract = {
-        "certificate": {"verdict", "band_hz", "min_ratio", "worst_hz", "boxes"},
-        "inner_loop": {
-            "stable", "spectral_radius", "peak_sensitivity", "gain_margin_db", "phase_margin_deg", "delay_margin_s",
-        },
-        "transparency": {"error", "admittance", "tracking", "coupling"},
-    }  # fmt: skip
-    for table, keys in contract.items():
-        assert keys <= set(design[table])
-    assert {"at_bound", "solver", "versions"} <= set(design)
 
 
 def test_pasted_gains_are_certified_again(device, tmp_path):
@@ -77,16 +64,8 @@ def test_pasted_gains_are_certified_again(device, tmp_path):
     assert again["transparency"] == first["transparency"]
 
 
-@pytest.mark.parametrize(
-    "key", ["coupling.damping", pytest.param("", marks=pytest.mark.slow)], ids=["one repair", "every repair"]
-)
-def test_infeasible(tmp_path, monkeypatch, key):
-    changes = repairing.parameter_changes
-
-    def some(*given):
-        return [change for change in changes(*given) if change.key.startswith(key)]
-
-    monkeypatch.setattr(repairing, "parameter_changes", some)
+def test_infeasible(tmp_path, monkeypatch):
+    monkeypatch.setattr(repairing, "parameter_changes", lambda *given: [])
     done = run("solve", ROOT / "problems/infeasible.toml", "--json", cwd=tmp_path)
     assert done.returncode == ExitCode.FAILED
     design = strict(done.stdout)
@@ -97,11 +76,7 @@ def test_infeasible(tmp_path, monkeypatch, key):
 
 def test_violated_and_quiet(tmp_path):
     path = tmp_path / "fixed.toml"
-    path.write_text(
-        for_passive_hands(
-            DEVICE + "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 1.0\nmass = 1.0\n"
-        )
-    )
+    path.write_text(for_passive_hands(DEVICE + FIXED.format(1.0)))
     done = run("solve", path, "--quiet", cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (ExitCode.FAILED, "", "")
 
@@ -136,17 +111,7 @@ def test_file_size_limit_leaves_the_old_design(device, tmp_path):
     run("solve", device, cwd=tmp_path)
     design = tmp_path / "results/device/design.json"
     before = design.read_text()
-    limited = (
-        "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)); from vctune.cli import run; run()"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", limited, "solve", str(device), "--no-report"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = on_a_full_disk(100, "solve", device, "--no-report", cwd=tmp_path)
     assert done.returncode == ExitCode.BAD_INPUT
     assert "cannot be written" in done.stderr
     assert design.read_text() == before
@@ -154,14 +119,19 @@ def test_file_size_limit_leaves_the_old_design(device, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "seconds", [0.0, 0.15, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.03, 0.06, 0.1, 0.2, 0.3))]
+    "number, seconds",
+    [
+        *((signal.SIGINT, s) for s in (0.0, 0.15)),
+        (signal.SIGTERM, 0.0),
+        *(pytest.param(signal.SIGINT, s, marks=pytest.mark.slow) for s in (0.03, 0.06, 0.1, 0.2, 0.3)),
+    ],
 )
-def test_ctrl_c(tmp_path, seconds):
+def test_an_interrupt(tmp_path, number, seconds):
     """Interrupted anywhere, also inside IPOPT: 130, no traceback, nothing half-written."""
     running = started("solve", ROOT / "problems/extremes/seven-decades.toml", cwd=tmp_path)
     wait_until((tmp_path / "results").exists)
     wait_for_work(running, seconds)
-    running.send_signal(signal.SIGINT)
+    running.send_signal(number)
     out, err = running.communicate(timeout=60)
     left = sorted(path.name for path in tmp_path.rglob("*") if path.is_file())
     if running.returncode == ExitCode.OK:
@@ -174,27 +144,6 @@ def test_ctrl_c(tmp_path, seconds):
         assert not any(name.startswith(".") for name in left)
 
 
-def test_interrupt_in_compiled_code_is_delivered_after_it():
-    from vctune.interrupt import interrupt_deferred
-
-    reached = False
-    with pytest.raises(KeyboardInterrupt), interrupt_deferred():
-        signal.raise_signal(signal.SIGINT)
-        reached = True
-    assert reached
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-def test_every_deferred_signal_is_delivered():
-    """Two signals while files are replaced are the first and the second to a block that notes the first."""
-    from vctune.interrupt import interrupt_deferred, interrupt_noted
-
-    with pytest.raises(KeyboardInterrupt), interrupt_noted(), interrupt_deferred():
-        signal.raise_signal(signal.SIGTERM)
-        signal.raise_signal(signal.SIGINT)
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
 def test_a_handler_of_another_language_does_not_break_a_deferred_interrupt(monkeypatch):
     from vctune.interrupt import interrupt_deferred
 
@@ -204,21 +153,6 @@ def test_a_handler_of_another_language_does_not_break_a_deferred_interrupt(monke
         pass
     monkeypatch.undo()
     assert signal.signal(signal.SIGINT, signal.default_int_handler) is signal.SIG_DFL
-
-
-def test_the_first_interrupt_is_noted_and_the_second_delivered():
-    from vctune.interrupt import interrupt_noted
-
-    reached = []
-    with pytest.raises(KeyboardInterrupt), interrupt_noted() as stopped:
-        reached.append(stopped())
-        signal.raise_signal(signal.SIGTERM)
-        reached.append(stopped())
-        signal.raise_signal(signal.SIGINT)
-        reached.append("went on")
-    assert reached == [False, True]
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 LOSES_AN_INTERRUPT = """
@@ -253,24 +187,11 @@ def test_internal_errors_are_said_without_a_traceback(device, tmp_path, monkeypa
     assert "internal error" in done.stderr and "Traceback" not in done.stderr
 
 
-def test_names_become_one_folder(tmp_path):
-    for name in ("a/b", "..", "<script>alert(1)</script>", "Größe 大 'x'"):
-        path = tmp_path / "n.toml"
-        path.write_text(for_passive_hands(f"name = {json.dumps(name)}\n" + DEVICE))
-        done = run("solve", path, "--json", "--out", "o", cwd=tmp_path)
-        assert strict(done.stdout)["problem"]["name"] == name
-    assert {path.parent.parent for path in tmp_path.rglob("design.json")} == {tmp_path / "o"}
-
-
 def test_version_names_everything_that_determines_a_result(tmp_path):
     done = run("--version", cwd=tmp_path)
     assert done.returncode == 0
     for name in ("vctune", "casadi", "ipopt", "numpy"):
         assert re.search(rf"^{name} \d+\.\d+", done.stdout, re.MULTILINE)
-
-
-def test_schema_prints_the_schema(tmp_path):
-    assert strict(run("schema", cwd=tmp_path).stdout)["title"] == "vctune problem"
 
 
 def test_help_names_commands_and_exit_codes(tmp_path):
@@ -339,15 +260,6 @@ def test_any_locale(tmp_path):
         assert "Traceback" not in done.stderr and "internal" not in done.stderr
 
 
-def test_sigterm_is_an_interruption(tmp_path):
-    running = started("solve", ROOT / "problems/extremes/seven-decades.toml", cwd=tmp_path)
-    wait_until((tmp_path / "results").exists)
-    running.terminate()
-    running.communicate(timeout=60)
-    assert running.returncode == ExitCode.INTERRUPTED
-    assert {path.name for path in tmp_path.rglob("*") if path.is_file()} <= set()
-
-
 def test_several_problems_are_solved_each_into_its_folder(tmp_path):
     text = for_passive_hands(DEVICE)
     (tmp_path / "good.toml").write_text(text)
@@ -361,13 +273,6 @@ def test_several_problems_are_solved_each_into_its_folder(tmp_path):
     for refused in (("good.toml", "good.toml"), ("good.toml", "bad.toml", "--watch")):
         done = run("solve", *refused, cwd=tmp_path)
         assert done.returncode == ExitCode.BAD_INPUT and "[usage]" in done.stderr
-
-
-def test_a_file_of_several_axes_has_an_unknown_key(tmp_path):
-    (tmp_path / "arm.toml").write_text(DEVICE + '[[axis]]\nname = "x"\n')
-    done = run("solve", "arm.toml", cwd=tmp_path)
-    assert done.returncode == ExitCode.BAD_INPUT and done.stdout == ""
-    assert len(done.stderr.splitlines()) == 1 and "axis: unknown key" in done.stderr
 
 
 @pytest.mark.parametrize("codes", [codes for n in (1, 2, 3, 4) for codes in permutations((0, 1, 2, 3), n)])

@@ -16,7 +16,6 @@ from vctune.design.felt_record import in_hand_record
 from vctune.design.judging.judge import judge
 from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import ActiveRecord, design_of
-from vctune.report.sweep_figure import sweep_figure
 
 WALLS = "[environment]\nmass = { min = 0.05, max = 5.0 }\nstiffness = { max = 2000.0 }\nwalls = true\n"
 LAW = "[gains]\nvelocity = 115.0\nposition = {}\n[coupling]\ndamping = 40.0\nmass = 0.3\ndrag = 0.1\n"
@@ -139,11 +138,3 @@ def test_a_number_of_operator_is_that_number_and_a_default_is_what_the_schema_sa
     ).problem.hands
     assert fixed.ranges["stiffness"] == (500.0, 500.0)
     assert schema["Environment"]["properties"]["rule"]["enum"] == ["backward", "trapezoid", "explicit"]
-
-
-def test_the_picture_of_a_sweep_has_units_and_the_spacing_of_its_points(tmp_path):
-    (tmp_path / "x.toml").write_text(DEVICE + FIXED.format(160.0) + "[stability]\ncriterion = 'passive'\n")
-    for values, scale in (([1.0, 11.0, 21.0], "linear"), ([1.0, 2.0, 4.0], "log")):
-        found = vctune.sweep(tmp_path / "x.toml", {"device.damping": values}).table
-        axes = sweep_figure(found, grid=True).axes[0]
-        assert axes.get_xscale() == scale and axes.get_xlabel() == "damping b, N s/m"

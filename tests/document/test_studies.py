@@ -27,32 +27,23 @@ def study(folder, text, problem=PROBLEM):
 BAD = {
     '"device.dampin" = [1.0]': ('3: axes."device.dampin"', 'did you mean "device.damping"?'),
     '"zzz" = [1.0]': ("3: axes.zzz", "no number of a problem file"),
-    '"device.hold" = [1.0]': ("device.hold", "no number of a problem file"),
     '"device.damping" = []': ("3:", "is empty"),
-    '"device.damping" = ["a", 1.0]': ('axes."device.damping"[0]', '"a" is not a number'),
     '"device.damping" = [1.0, true]': ("[1]", "true is not a number"),
     '"device.damping" = [nan]': ("[0]", "not a number"),
     '"device.damping" = "much"': ("3:", "not a set of values; write a list"),
-    '"device.damping" = 3.0': ("3:", "3.0: not a set of values"),
     "device.damping = [1.0]": ("axes.device", 'did you mean "device.damping"? Write the whole key in quotes'),
     '"stability.band_hz" = [1.0]': ("3:", 'did you mean "stability.band_hz[1]"?'),
-    '"stability.band_hz[2]" = [1.0]': ("3:", 'did you mean "stability.band_hz['),
     '"device.damping" = { log = [0.0, 1.0], n = 3 }': ("log[0]: 0.0", "must be at least"),
     '"device.damping" = { log = [2.0, 1.0], n = 3 }': ("log", "is not below"),
     '"device.damping" = { log = [1.0], n = 3 }': ("log[1]", "is missing; write two numbers"),
-    '"device.damping" = { linear = ["x", 2], n = 3 }': ("linear[0]", '"x" is not a number'),
     '"device.damping" = { log = [1.0, 2.0] }': ("3:", ".n: is missing; it is required: Number of values."),
-    '"device.damping" = { log = [1.0, 2.0], n = 1 }': ("n: 1", "at least 2"),
     '"device.damping" = { log = [1.0, 2.0], n = 2.5 }': ("2.5", "whole number"),
     '"device.damping" = { lg = [1.0, 2.0], n = 3 }': ("lg", "did you mean log?"),
     '"device.damping" = { log = [1.0, 2.0], linear = [1, 2], n = 3 }': ("3:", "must have one of linear and log"),
-    '"device.damping" = { n = 3 }': ("3:", "must have one of linear and log"),
-    '"device.servo.order" = [1, 1.5]': ("3:", "1.5 is not a whole number"),
     '"device.servo.order" = { linear = [1, 2], n = 3 }': ("3:", "1.5 is not a whole number; write a list"),
     '"gains.velocity" = [1.0]\n"gains.velocity.max" = [2.0]': ("4:", "varies the same number as gains.velocity"),
     '"device.mass" = [1.0]\n[sample]\nkind = "lhs"': ("sample.kind", "\"lhs\" is not one of 'grid' or 'list'"),
     '"device.mass" = [1.0]\n[sample]\nn = 3': ("sample.n", "unknown key; known here: kind"),
-    '"device.mass" = [1.0]\n[sample]\nkinds = "list"': ("sample.kinds", "did you mean kind?"),
     '"device.mass" = [1.0, 2.0]\n"device.damping" = [1.0]\n[sample]\nkind = "list"': ("4:", "need as many"),
     '"device.mass" = { log = [1, 2], n = 2 }\n[sample]\nkind = "list"': ("3:", "side by side need lists"),
     "": ("axes", "is empty; it is required: Numbers of the problem"),
@@ -156,11 +147,6 @@ def test_one_edge_of_a_band_at_its_default_may_be_an_axis(tmp_path, place):
         here = plan.at((T, 3.0))[0]
         assert here.stability.band.hz == pytest.approx(edges) and here.transparency == plan.yardstick
     assert "lower edge" in str(plan.at((1e-3, 1e-3 if place else 1e4))[1])
-
-
-def test_a_number_that_only_an_axis_gives(tmp_path):
-    plan = study(tmp_path, '"device.damping" = [1.0, 2.0]', "[device]\nmass = 0.4\nsample_time = 1e-3\n")
-    assert plan.at((2.0,))[0].device.damping == 2.0
 
 
 def test_grid_order_and_ends(tmp_path):

@@ -15,13 +15,11 @@ from command import run, started, strict, wait_until
 from conftest import DEVICE, FIXED, PROBLEM_FILES, ROOT, for_passive_hands
 from jsonschema import Draft202012Validator
 
-import vctune
 from vctune.cli.commands.schema import KINDS
 from vctune.cli.main import COMMANDS, main
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.schema.number_units import QUANTITIES, unit_of
 from vctune.document.text import toml
-from vctune.document.text.json import sealed
 from vctune.exit_codes import ExitCode
 from vctune.model.numbers.units import LINEAR, ROTARY
 
@@ -120,26 +118,6 @@ def damaged(document):
     yield {key: value for key, value in document.items() if key != first}
 
 
-def later(part):
-    """Return a part of a document as another version may write it, with one more key in each of its objects."""
-    if isinstance(part, list):
-        return [later(each) for each in part]
-    if not isinstance(part, dict):
-        return part
-    return {key: each if key == "box" else later(each) for key, each in part.items()} | {"of another version": 1.0}
-
-
-def test_a_design_of_another_version_with_more_keys_is_read(folder):
-    (folder / "hands.toml").write_text(DEVICE)
-    assert run("solve", "hands.toml", cwd=folder).returncode == ExitCode.OK
-    written = strict((folder / "results/hands/design.json").read_text())
-    more = {key: later(written[key]) for key in ("gains", "coupling", "certificate")}
-    (folder / "more.json").write_text(json.dumps(sealed(written | more | {"of another version": 1.0})))
-    done = run("export", "more.json", cwd=folder)
-    assert done.returncode == ExitCode.OK, done.stdout + done.stderr
-    assert vctune.compare(folder / "more.json", folder / "hands.toml").problem == []
-
-
 def test_files_are_as_their_schemas_say(folder):
     run("sweep", "study.toml", "--executor", "serial", cwd=folder)
     lines = [strict(line) for line in (folder / "results/study/rows.jsonl").read_text().splitlines()]
@@ -216,16 +194,6 @@ def described(schema, table, path):
                 yield from described(schema, inner, (*path, name))
         elif entry.get("type") not in ("string", "boolean", "integer"):
             yield (*path, name), entry["description"]
-
-
-def test_columns_have_units_and_names_of_their_own(folder):
-    run("sweep", "study.toml", "--executor", "serial", cwd=folder)
-    heads = (folder / "results/study/table.csv").read_text().splitlines()[0].split(",")
-    assert heads[:3] == ["device.damping [N s/m]", "gains.velocity [N s/m]", "status"]
-    assert len(set(heads)) == len(heads)
-    assert {"velocity_gain [N s/m]", "coupling_damping [N s/m]", "coupling_mass [kg]", "worst_hz", "error"} <= set(
-        heads
-    )
 
 
 def test_standard_input(folder, monkeypatch):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, pi
+from math import pi
 
 import numpy as np
 import pytest
@@ -58,20 +58,10 @@ def closed_loop_poles(case, operator, environment):
 
 
 WHOLE_AXIS = """
-[device]
-mass = {mass}
-damping = {damping}
-sample_time = 1e-3
-hold = "lag"
-[gains]
-velocity = {velocity}
-position = {position}
-[coupling]
-drag = {drag}
-[stability]
-criterion = 'passive'
-band_hz = [0.0, inf]
-max_sensitivity = 3.0
+device = {{ mass = {mass}, damping = {damping}, sample_time = 1e-3, hold = "lag" }}
+gains = {{ velocity = {velocity}, position = {position} }}
+coupling = {{ drag = {drag} }}
+stability = {{ criterion = "passive", band_hz = [0.0, inf], max_sensitivity = 3.0 }}
 """
 
 
@@ -101,24 +91,6 @@ def handle_admittance(case, Z_e, s):
     """Y = G_hh + G_he/(Z_c + Z_e), from the two-port of model/README.md, section 2, with f_e = Z_e v_e."""
     Z_d, C = impedances(case, s)
     return 1 / (Z_d + C) + C / (Z_d + C) / (coupling_impedance(case, s) + Z_e)
-
-
-def test_certified_on_a_band_means_no_pole_on_the_imaginary_axis_inside_it(problems):
-    from vctune.document.reading import read_problem
-
-    problem = read_problem(problems / "friction-wheel.toml").problem
-    judgement = solve(problem).judgement
-    case = case_of(problem.device, judgement.gains, judgement.coupling)
-    rng = np.random.default_rng(11)
-    band = problem.stability.band
-    for _ in range(PAIRS):
-        operator, environment = passive(rng, case.K_v, 100.0), passive(rng, case.K_v, 100.0)
-        for omega in band.min * (band.max / band.min) ** rng.uniform(size=20):
-            s = 1j * omega
-            Z_h, Z_e = value(operator, s), value(environment, s)
-            handle = handle_admittance(case, Z_e, s)
-            assert handle.real > 0
-            assert (1 / Z_h if Z_h else inf).real >= -1e-9 * abs(1 / Z_h if Z_h else 1)
 
 
 def reactance(X, omega):

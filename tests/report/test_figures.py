@@ -44,18 +44,15 @@ from vctune.study.region import Kind
 from vctune.study.study_table import Table
 
 HELD = FIXED.format(160.0) + "drag = 3.0\n"
-IMPEDANCE = """[device]
+IMPEDANCE = """gains = { velocity = 0.0 }
+coupling = { damping = 0.045, stiffness = 150.0 }
+[device]
 display = "impedance"
 mass = 0.045
 damping = 0.25
 sample_time = 1e-3
 delay = 5e-4
 velocity = { from = "difference", filter_hz = 100.0 }
-[gains]
-velocity = 0.0
-[coupling]
-damping = 0.045
-stiffness = 150.0
 """
 KINDS = {
     "hands": DEVICE + HELD + "[stability]\ncriterion = 'hands'\n",
@@ -70,19 +67,10 @@ KINDS = {
     "impedance": IMPEDANCE,
     "impedance in hands": IMPEDANCE + "[stability]\ncriterion = 'hands'\n",
     "servo": SERVO,
-    "rotary": """[device]
-units = "rotary"
-mass = 0.01
-damping = 0.05
-sample_time = 1e-3
-[stability]
-criterion = "passive"
-[gains]
-velocity = 2.0
-position = 50.0
-[coupling]
-damping = 3.0
-mass = 0.01
+    "rotary": """device = { units = "rotary", mass = 0.01, damping = 0.05, sample_time = 1e-3 }
+stability = { criterion = "passive" }
+gains = { velocity = 2.0, position = 50.0 }
+coupling = { damping = 3.0, mass = 0.01 }
 """,
 }
 # what the label of a drawn thing looks like, and the words of the page that speak of it
@@ -381,7 +369,7 @@ def test_the_line_of_a_region_is_where_its_loops_lose_their_resistance() -> None
 
 @pytest.mark.slow
 def test_the_cells_of_a_region_are_drawn_with_their_areas() -> None:
-    """As shares of the plane, and tau K_p = b + K_v with a lag of half a sample."""
+    """As shares of the plane."""
     found = vctune.region(tomllib.loads(for_passive_hands(DEVICE)), resolution=0.125)
     axes = region_figure(found.file.problem, found.region, found.designs).axes[0]
     names = {Kind.FEASIBLE: "proved feasible", Kind.INFEASIBLE: "proved infeasible", Kind.UNDECIDED: "undecided"}
@@ -392,11 +380,6 @@ def test_the_cells_of_a_region_are_drawn_with_their_areas() -> None:
         low, high = corners.min(axis=1), corners.max(axis=1)
         inside = (low >= 0).all(axis=1)
         assert np.prod(high - low, axis=1)[inside].sum() == pytest.approx(found.region.area(kind), abs=1e-9)
-    x, y = line(axes, "τ K_p")
-    (K_v, K_p), share = found.region.plane.edges, np.linspace(0, 1, found.region.plane.side + 1)
-    there = (x > 0) & (y > 0) & np.isfinite(x + y)
-    velocity, position = np.interp(x[there], share, K_v), np.interp(y[there], share, K_p)
-    assert there.any() and 0.5e-3 * position == pytest.approx(2.0 + velocity, rel=1e-2)
 
 
 def test_what_an_experiment_asks_for_is_drawn_beside_what_was_felt() -> None:
@@ -471,36 +454,21 @@ def test_the_curves_of_experiments_are_samples_of_the_traces(measured):
         assert np.array_equal(np.column_stack(axes.lines[0].get_data()), drawn)
 
 
-# colours: Machado, Oliveira and Fernandes (2009), severity 1
-
-SIGHTS = {
-    "normal": np.eye(3),
-    "deuteranopia": np.array(
-        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
-    ),
-    "protanopia": np.array(
-        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
-    ),
-}
+# colours
 
 
-def lab(colour, sight):
-    """Return CIELAB of an sRGB colour as it is seen."""
+def luminance(colour):
+    """Return the relative luminance of an sRGB colour, which is what grey paper leaves of it."""
     channels = np.array(to_rgb(colour))
-    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
-    seen = np.clip(SIGHTS[sight] @ linear, 0, 1)
-    xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]] @ seen
-    ratio = xyz / [0.9505, 1.0, 1.089]
-    f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
-    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+    return [0.2126, 0.7152, 0.0722] @ np.where(
+        channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4
+    )
 
 
-@pytest.mark.parametrize("sight", SIGHTS)
-def test_regions_are_told_apart_by_everyone_and_in_grey(sight):
+def test_regions_are_told_apart_by_everyone_and_in_grey():
+    """By their marks, and by more than 12 of 100 steps of lightness."""
     for (one, mark), (other, other_mark) in itertools.combinations((GOOD, BAD, OPEN), 2):
-        difference = lab(one, sight) - lab(other, sight)
-        assert np.linalg.norm(difference) > 25
-        assert abs(difference[0]) > 12
+        assert 116 * abs(np.cbrt(luminance(one)) - np.cbrt(luminance(other))) > 12
         assert mark != other_mark
 
 

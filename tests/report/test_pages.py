@@ -83,25 +83,20 @@ def test_on_a_desk(browser, paths, name, scheme):
 
 
 @pytest.fixture(scope="module")
-def others(tmp_path_factory):
+def identified(tmp_path_factory):
     """Return the page of an identification."""
-    folder = tmp_path_factory.mktemp("others")
+    folder = tmp_path_factory.mktemp("identified")
     found = identify(servo_case(3, n=800).write(folder), servo=True)
-    texts = {
-        "identification": identification_files(found.found, found.record, folder)[folder / REPORT],
-    }
-    for name, text in texts.items():
-        (folder / f"{name}.html").write_text(text)
-    return {name: folder / f"{name}.html" for name in texts}
+    (folder / REPORT).write_text(identification_files(found.found, found.record, folder)[folder / REPORT])
+    return folder / REPORT
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("name", ["identification"])
-def test_other_pages_are_read_on_a_desk_and_on_a_telephone(browser, others, name, scheme):
+def test_an_identification_is_read_on_a_desk_and_on_a_telephone(browser, identified, scheme):
     """Contrast, nothing from outside, no error, and no sideways scrolling."""
     for width in (1280, 390):
-        page = opened(browser, others[name], color_scheme=scheme, viewport={"width": width, "height": 800})
+        page = opened(browser, identified, color_scheme=scheme, viewport={"width": width, "height": 800})
         assert page.said == [] and len(page.asked) == 1
         seen = page.evaluate(VISIBLE)
         assert [each for each in seen if contrast(*each[1:]) < CONTRAST] == [] and len(seen) > 10

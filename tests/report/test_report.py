@@ -15,16 +15,13 @@ from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
 from pages import PARTS, SERVO, made, recorded
 
 from vctune.analysis.demands import transparency_error
-from vctune.analysis.margins import unstable_poles
-from vctune.analysis.responses import Loop
 from vctune.api.solving import rows_of
 from vctune.cli.tables import print_rows
-from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import design_of, read_design
 from vctune.document.text.errors import InputError
+from vctune.document.text.json import sealed
 from vctune.model.gains import Coupling, Gains
-from vctune.report.curves import handle_impedance, requirements, transparency
 from vctune.report.page import LITTLE_USE, write_report
 from vctune.report.style import html
 
@@ -84,13 +81,6 @@ def test_report_of_every_verdict(records, tmp_path, name):
     assert {path.suffix for path in (tmp_path / "report").iterdir()} <= {".html", ".svg"}
 
 
-def test_the_same_design_gives_the_same_bytes(records, tmp_path):
-    for folder in ("a", "b"):
-        made(json.loads(json.dumps(records("certified"))), tmp_path / folder)
-    for path in (tmp_path / "a").iterdir():
-        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
-
-
 def test_no_figure_of_an_earlier_design_stays(records, tmp_path):
     (tmp_path / "report").mkdir()
     (tmp_path / "report/mine.png").write_text("not vctune's")
@@ -141,35 +131,6 @@ def test_active_demands_have_their_prices(records):
     assert price == pytest.approx(saved, rel=0.02)
 
 
-def test_curves_agree_with_the_certificate():
-    problem = parse_problem(for_passive_hands(DEVICE), "x", "x")
-    judgement = solve(problem).judgement
-    gains, coupling = judgement.gains, judgement.coupling
-    (curves,) = requirements(problem, gains, coupling)
-    inside = (curves.hz >= 0.5) & (curves.hz <= 100)
-    assert np.nanmin((curves.offered / curves.required)[inside]) >= judgement.min_ratio * (1 - 1e-9)
-    assert unstable_poles(problem.device, gains) == 0
-    assert np.abs(1 + Loop(problem.device, gains).L.at().values).min() >= 0.5 * (1 - 1e-9)
-    _, terms = transparency(problem, gains, coupling)
-    assert terms["error"] ** 2 == pytest.approx(
-        sum(terms[name] ** 2 for name in ("admittance", "tracking", "coupling"))
-    )
-    hz, felt = handle_impedance(problem, gains, coupling)
-    free, rigid = felt["free"][0], felt["rigid"][0]
-    assert rigid == pytest.approx(problem.transparency.reference_impedance / terms["admittance"])
-    assert np.all(free[hz < 30] < rigid[hz < 30])
-
-
-def test_a_rigid_environment_is_felt_as_the_loop_alone():
-    """Whatever the device is made of, at its resonance too."""
-    problem = parse_problem(for_passive_hands(DEVICE + PARTS), "x", "x")
-    gains, coupling = Gains(60.0, 1000.0), Coupling(100.0, 0.3, 1.0)
-    _, terms = transparency(problem, gains, coupling)
-    hz, felt = handle_impedance(problem, gains, coupling)
-    assert felt["rigid"][0] == pytest.approx(problem.transparency.reference_impedance / terms["admittance"])
-    assert np.sum((hz > 240) & (hz < 260)) > 10
-
-
 def test_report_command(tmp_path):
     assert run("solve", ROOT / "problems/fixed-gains.toml", "--quiet", cwd=tmp_path, report=True).returncode == 0
     folder = tmp_path / "results/fixed-gains"
@@ -188,15 +149,12 @@ def test_report_command(tmp_path):
     ("damage", "said"),
     [
         (lambda record: record["gains"].update(velocity="x"), "gains.velocity: "),
-        (lambda record: record["gains"].update(velocity=-1.0), "gains.velocity: "),
         (lambda record: record.update(gains=[]), "gains: "),
         (lambda record: record["coupling"].pop("mass"), "coupling.mass: "),
         (lambda record: record["certificate"].update(min_ratio=float("nan")), "NaN is no finite number"),
         (lambda record: record["certificate"].pop("band_hz"), "certificate.band_hz: "),
         (lambda record: record.update(certificate=None), "must be there, or null, together"),
-        (lambda record: record["problem"].update(text=3), "problem.text: "),
         (lambda record: record["problem"].update(text="[["), "not valid TOML"),
-        (lambda record: record.pop("status"), "status: "),
     ],
 )
 def test_a_damaged_design_is_refused_with_its_keys(records, tmp_path, damage, said):
@@ -233,8 +191,10 @@ def test_keys_of_other_versions_are_kept_and_none_is_added(records, tmp_path):
     (tmp_path / "design.json").write_text(json.dumps(record))
     again = read_design(tmp_path / "design.json").to_json()
     assert list(again)[-1] == "sha256" and again == record | {"sha256": again["sha256"]}
-    (tmp_path / "design.json").write_text(json.dumps(again))
-    assert read_design(tmp_path / "design.json").to_json() == again
+    for table in ("gains", "coupling"):  # more numbers than are known mean nothing here
+        again[table]["later"] = {"number": 1.0}
+    (tmp_path / "design.json").write_text(json.dumps(sealed(again)))
+    assert read_design(tmp_path / "design.json").design == design_of(records("certified"), "x").design
 
 
 @pytest.mark.parametrize("name", mostly_slow(CASES, FEW))

@@ -14,44 +14,26 @@ from vctune.exit_codes import ExitCode
 from vctune.report.experiments import simulation_figure
 from vctune.simulation.oscillation import motion_of
 
-KNOB = """
-[device]
-display = "impedance"
-mass = 0.1
-damping = 0.5
-sample_time = 1e-3
-[environment]
-stiffness = inf
-[coupling]
-stiffness = 400.0
-damping = 0.0
+KNOB = """device = { display = "impedance", mass = 0.1, damping = 0.5, sample_time = 1e-3 }
+environment = { stiffness = inf }
+coupling = { stiffness = 400.0, damping = 0.0 }
 [[experiment]]
 name = "press"
 environment = { stiffness = inf%s }
 operator = { motion = "sine", to = 0.02, speed = 0.05, cycles = 1, stiffness = 500.0, damping = 2.0 }
 """
-TOOL = """
-[device]
-mass = 0.8
-damping = 3.0
-sample_time = 5e-4
-[environment]
-mass = { min = 0.03, max = 1.0 }
-stiffness = { max = 5000.0 }
-walls = true
-[gains]
-velocity = 280.0
-position = 36000.0
-[coupling]
-damping = 27.0
-mass = 0.11
-drag = 1.2
+TOOL = """device = { mass = 0.8, damping = 3.0, sample_time = 5e-4 }
+environment = { mass = { min = 0.03, max = 1.0 }, stiffness = { max = 5000.0 }, walls = true }
+gains = { velocity = 280.0, position = 36000.0 }
+coupling = { damping = 27.0, mass = 0.11, drag = 1.2 }
 [[experiment]]
 name = "wall"
 environment = { mass = 0.03, stiffness = 3000.0, zero = 0.02, wall = true }
 operator = { to = 0.03, speed = 0.05, mass = 0.1, damping = 5.0, stiffness = 500.0 }
 """
-BUZZ = """
+BUZZ = """environment = { stiffness = inf }
+stability = { criterion = "hands" }
+coupling = { stiffness = 3000.0, damping = 5.0 }
 [device]
 display = "impedance"
 mass = 0.05
@@ -63,13 +45,6 @@ velocity = { filter_hz = 50.0 }
 mass = { min = 0.0, max = 0.1 }
 damping = { min = 0.0, max = 5.0 }
 stiffness = { min = 0.0, max = 500.0 }
-[environment]
-stiffness = inf
-[stability]
-criterion = "hands"
-[coupling]
-stiffness = 3000.0
-damping = 5.0
 [[experiment]]
 name = "wall"
 environment = { stiffness = inf, wall = true }

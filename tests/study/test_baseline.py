@@ -5,19 +5,15 @@ from __future__ import annotations
 import json
 import shutil
 import signal
-import subprocess
-import sys
 import tomllib
-from contextlib import contextmanager
-from itertools import count
 
 import numpy as np
 import pytest
-from command import run
+from command import run, strict, strike
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 from test_region import B_0, B_C, K_P, K_V, M_C, found
 
-from vctune import interrupt, region
+from vctune import region
 from vctune.document.records.region_json import read_region
 from vctune.exit_codes import ExitCode
 from vctune.study.region import Kind
@@ -38,10 +34,7 @@ def baseline(tmp_path_factory):
 
 
 def record_of(folder):
-    def refuse(name):
-        raise AssertionError(f"{name} in JSON")
-
-    return json.loads((folder / "results/device/region.json").read_text(), parse_constant=refuse)
+    return strict((folder / "results/device/region.json").read_text())
 
 
 def test_the_file_holds_the_region(baseline):
@@ -80,16 +73,22 @@ def test_what_is_read_is_written_again_to_the_byte(baseline):
     [
         ("[stability]\nmax_sensitivity = 1.15\n", ExitCode.OK),
         ("[gains]\nvelocity = { min = 2e3, max = 3e3 }\n", ExitCode.FAILED),
+        (PLAIN.removeprefix(DEVICE) + "[stability]\nsafety_factor = 1e8\n", ExitCode.UNDECIDED),
     ],
-    ids=["a design, no cell", "neither"],
+    ids=["a design, no cell", "neither", "not known"],
 )
-def test_a_coarse_region_is_not_said_to_be_empty(tmp_path, tables, expected):
+def test_a_coarse_region_is_not_said_to_be_empty(tmp_path, monkeypatch, tables, expected):
+    """The exit code tells what is known of the problem: a design, a proof that there is none, or neither."""
+    if expected is ExitCode.UNDECIDED:
+        monkeypatch.setattr("vctune.design.solve.EARLY_BOXES", -1)
+        monkeypatch.setattr("vctune.design.solve.SEARCH_BOXES", -1)
     (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE + tables))
     code, out, _ = run("region", "device.toml", "--resolution", "0.125", cwd=tmp_path)
     assert "feasible      0.00 %" in out
     assert code == expected
     checked = run("check", "device.toml", "--region", "results/device/region.json", "--strict", cwd=tmp_path)
-    empty = expected is ExitCode.FAILED  # nothing is proved again, and the check says so
+    assert len(record_of(tmp_path)["designs"]) == (expected is ExitCode.OK)
+    empty = expected is not ExitCode.OK  # nothing is proved again, and the check says so
     assert (checked[0] == ExitCode.FAILED, "[nothing-proved]" in checked[1]) == (empty, empty)
 
 
@@ -119,14 +118,12 @@ def test_a_worse_device_loses_cells(baseline, tmp_path, style):
         assert json.loads(out) == [lost]
 
 
-def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tmp_path):
+def test_a_greater_factor_loses_cells_and_wider_bounds_keep_them(baseline, tmp_path):
     region_file = baseline / "results/device/region.json"
     for text, expected in (
-        (PLAIN.replace("mass = 0.4", "mass = 0.6", 1), ExitCode.FAILED),
         (PLAIN.replace("max = 4.0", "max = 5.0"), ExitCode.OK),
         (PLAIN + "[stability]\nmax_sensitivity = 2.5\n", ExitCode.OK),
         (PLAIN + "[stability]\nsafety_factor = 1.5\n", ExitCode.FAILED),
-        (PLAIN + "[stability]\nsafety_factor = 1.06\n", ExitCode.FAILED),
     ):
         (tmp_path / "device.toml").write_text(for_passive_hands(text))
         code, out, _ = run("check", "device.toml", "--region", region_file, cwd=tmp_path)
@@ -157,25 +154,6 @@ def test_strict_fails_for_another_version_of_the_problem(baseline, tmp_path):
         assert run(*arguments, cwd=tmp_path)[0] == ExitCode.OK
         code, out, _ = run(*arguments, "--strict", cwd=tmp_path)
         assert code == expected and ("::error" in out) == (expected is ExitCode.FAILED)
-
-
-@pytest.mark.slow
-def test_a_plane_too_coarse_for_a_feasible_cell_may_hold_a_design(tmp_path, monkeypatch):
-    """The exit code tells what is known of the problem: a design, a proof that there is none, or neither."""
-    from vctune.design import solve as solving
-
-    def region_at(factor):
-        (tmp_path / "device.toml").write_text(for_passive_hands(PLAIN + f"[stability]\nsafety_factor = {factor}\n"))
-        code = run("region", "device.toml", "--resolution", "0.125", cwd=tmp_path)[0]
-        record = record_of(tmp_path)
-        assert record["areas"]["feasible"] == 0 < record["areas"]["undecided"]
-        return code, len(record["designs"])
-
-    assert region_at(20.0) == (ExitCode.OK, 1)
-    assert region_at(1e8) == (ExitCode.FAILED, 0)
-    monkeypatch.setattr(solving, "EARLY_BOXES", -1)
-    monkeypatch.setattr(solving, "SEARCH_BOXES", -1)
-    assert region_at(1e8) == (ExitCode.UNDECIDED, 0)
 
 
 def test_a_listed_gain_set_that_fails_is_lost(baseline, tmp_path):
@@ -211,7 +189,6 @@ def damaged(change):
 
 DAMAGE = {
     "cut off": (lambda record: json.dumps(record)[:1000], "is not JSON"),
-    "empty": (lambda record: "", "is not JSON"),
     "a list": (lambda record: "[]", "schema: is not vctune/region/1"),
     "a design": (lambda record: '{"schema": "vctune/design/1"}', "schema: is not vctune/region/1"),
     "nan": (lambda record: json.dumps(record).replace(str(record["edges"]["x"][1]), "NaN"), "is no finite number"),
@@ -220,7 +197,6 @@ DAMAGE = {
     "edges": (damaged(lambda record: record["edges"]["x"].reverse()), "the edges of x do not rise"),
     "fewer edges": (damaged(lambda record: record["edges"]["x"].pop()), "32 edges of x and 33 of y"),
     "outside": (damaged(lambda record: record["cells"][3].__setitem__(1, 33)), "cell 3 does not lie on the edges"),
-    "inside out": (damaged(lambda record: record["cells"][3].__setitem__(0, 32)), "cell 3 does not lie on the edges"),
     "negative": (damaged(lambda record: record["cells"][3].__setitem__(0, -1)), "cells[3][0]"),
     "verdict": (damaged(lambda record: record["cells"][3].__setitem__(4, "fine")), "cells[3][4]"),
     "gain": (damaged(lambda record: record["designs"][0]["gains"].update(velocity=-1.0)), "designs[0].gains.velocity"),
@@ -228,7 +204,6 @@ DAMAGE = {
         damaged(lambda record: record["designs"][0]["gains"].update(velocity=9.0)),
         "sha256: does not belong",
     ),
-    "other b_c": (damaged(lambda record: record["cells"][-1].__setitem__(5, 9.0)), "sha256: does not belong"),
     "other text": (damaged(lambda record: record["problem"].update(text=PLAIN)), "problem.sha256: does not belong"),
     "other digest": (damaged(lambda record: record.update(sha256="0" * 64)), "sha256: does not belong to the rest"),
     "slip": (damaged(lambda record: record["designs"][0]["coupling"].update(drga=1.0)), "designs[0].coupling.drga"),
@@ -255,13 +230,6 @@ def test_a_damaged_region_is_one_annotation_and_the_gains_beside_it_are_checked(
     assert "::error file=region.json," in out and "::notice file=gains.toml," in out
 
 
-def test_gains_that_cannot_be_read_are_the_only_error(tmp_path):
-    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
-    (tmp_path / "gains.toml").write_text(FIXED.format(160.0).replace("mass =", "mass :"))
-    code, out, _ = run("check", "device.toml", "gains.toml", "--format", "github", cwd=tmp_path)
-    assert (code, out.count("::")) == (ExitCode.BAD_INPUT, 2) and "file=gains.toml" in out
-
-
 FIXED_GAINS = DEVICE + FIXED.format("{ min = 1.0, max = 9.0 }")
 WRONG_USE = {
     "fixed axis": (FIXED_GAINS, [], "gains.velocity: is fixed at 150 and spans no plane; free are coupling.damping"),
@@ -285,29 +253,11 @@ def test_wrong_use_of_region(tmp_path, name):
     assert [path.name for path in tmp_path.iterdir()] == ["device.toml"]
 
 
-def struck(monkeypatch, number, batch):
-    """Let a signal come before the cells that are judged together for the so-many-th time."""
-    noted, asked = interrupt.interrupt_noted, count(1)
-
-    @contextmanager
-    def noting():
-        with noted() as stopped:
-
-            def check():
-                if next(asked) == batch:
-                    signal.raise_signal(number)
-                return stopped()
-
-            yield check
-
-    monkeypatch.setattr(interrupt, "interrupt_noted", noting)
-
-
 @pytest.fixture
 def interrupted(baseline, tmp_path, monkeypatch):
     """The folder of a region at 1/32 that was interrupted before the third batch of cells."""
     shutil.copy(baseline / "device.toml", tmp_path)
-    struck(monkeypatch, signal.SIGINT, 3)
+    strike(monkeypatch, 3, signal.SIGTERM)
     done = run("region", "device.toml", "--resolution", "0.03125", cwd=tmp_path)
     assert done.returncode == ExitCode.UNDECIDED and "[interrupted]" in done.stderr
     assert "%  interrupted: the search did not examine the whole plane\n" in done.stdout
@@ -355,47 +305,12 @@ def test_an_interrupted_region_is_a_baseline_of_what_it_has(interrupted):
     assert run("check", "device.toml", "--region", region_file, cwd=interrupted).returncode == ExitCode.FAILED
 
 
-STRUCK = """
-import signal, vctune.study.region as region
-judged, batches = region._judged, iter(range(1, 1000))
-
-def strike(*given):
-    if next(batches) == 2:
-        for number in NUMBERS:
-            signal.raise_signal(number)
-            print("went on", flush=True)
-    return judged(*given)
-
-region._judged = strike
-from vctune.cli import run; run()
-"""
-
-
-@pytest.mark.parametrize(
-    ("numbers", "code"),
-    [
-        pytest.param((signal.SIGTERM,), ExitCode.UNDECIDED, id="once", marks=pytest.mark.slow),
-        pytest.param((signal.SIGINT, signal.SIGINT), ExitCode.INTERRUPTED, id="twice"),
-    ],
-)
-def test_one_interrupt_leaves_what_was_decided_and_two_leave_nothing(baseline, numbers, code):
-    command = [sys.executable, "-c", STRUCK.replace("NUMBERS", str([*map(int, numbers)])), "region", "device.toml"]
-    out = baseline / code.name
-    done = subprocess.run(
-        [*command, "--resolution", "0.03125", "--out", out], cwd=baseline, capture_output=True, text=True, check=False
-    )
-    left = {path.name for path in (out / "device").iterdir()}
-    assert (done.returncode, "Traceback" in done.stderr) == (code, False)
-    assert done.stdout.count("went on") == 1
-    assert left == ({"region.json", "region.svg"} if code is ExitCode.UNDECIDED else set())
-
-
-@pytest.mark.slow
-def test_the_reader_of_the_answer_may_go_away(baseline):
-    script = f"{sys.executable} -m vctune region device.toml --resolution 0.125 --out o | true"
-    done = subprocess.run(["bash", "-c", script], cwd=baseline, capture_output=True, check=False)
-    assert done.stderr == b""
-    assert (baseline / "o/device/region.json").exists()
+def test_two_interrupts_leave_nothing(baseline, tmp_path, monkeypatch):
+    strike(monkeypatch, 3, signal.SIGINT, signal.SIGINT)
+    shutil.copy(baseline / "device.toml", tmp_path)
+    done = run("region", "device.toml", "--resolution", "0.03125", cwd=tmp_path)
+    assert (done.returncode, "Traceback" in done.stderr) == (ExitCode.INTERRUPTED, False)
+    assert not [*(tmp_path / "results/device").iterdir()]
 
 
 def test_lost_cells_are_listed_by_their_edges() -> None:

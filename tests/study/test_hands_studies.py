@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import astuple, replace
+from dataclasses import replace
 from functools import cache
 from math import sqrt
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from balls import BALLS, ball, device_ball
 from command import run
-from conftest import DEVICE, ROOT, drawn, mostly_slow
+from conftest import DEVICE, ROOT, drawn
 from flint import arb, ctx
 from random_devices import ordinary_gains, with_parts
 
@@ -19,7 +19,6 @@ import vctune
 from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.advice import repair as repairing
 from vctune.design.bound.conditions import conditions_in_hands
-from vctune.design.bound.relaxation import ImposedPlaces, lower_bounds, objective_of, relaxation
 from vctune.design.prepared import pose
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
@@ -34,7 +33,7 @@ from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.boxes import Cells
 from vctune.proof.certificate import certify
-from vctune.proof.claims.cells import admissible_damping, proved_cells
+from vctune.proof.claims.cells import admissible_damping
 from vctune.proof.outcome import Verdict
 from vctune.study.plane import plane
 from vctune.study.region import Kind, easiest, free_damping, region
@@ -44,7 +43,6 @@ NAMES = ("hands-friction-wheel", "hands-light-grip", "hands-everything")
 GAINS = "[gains]\nvelocity = { min = 20.0, max = 500.0 }\nposition = { min = 3000.0, max = 1e5 }\n"
 COUPLING = "[coupling]\ndamping = { min = 1.0, max = 1e4 }\nmass = { min = 1e-3, max = 10.0 }\n"
 HANDS = '[stability]\ncriterion = "hands"\n[operator]\ndamping = { min = 0.5, max = 30.0 }\n'
-HANDS_OF_ALL = '[stability]\ncriterion = "hands"\n'
 WHEEL = DEVICE + GAINS + COUPLING + HANDS
 FIXED = DEVICE + (
     "[gains]\nvelocity = 230.0\nposition = 1e5\n[coupling]\ndamping = 157.0\nmass = 0.055\ndrag = {}\n"
@@ -69,17 +67,6 @@ PLANES = {
     ),
     "K_p from 0": (WHEEL.replace("min = 3000.0", "min = 0.0"), "gains.position", "gains.velocity"),
     "late": (DEVICE + "delay = 3e-4\n" + GAINS + COUPLING + HANDS, "gains.velocity", "gains.position"),
-    "two samples late": (DEVICE + "delay = 2e-3\n" + COUPLING + HANDS, "gains.velocity", "gains.position"),
-    "late coupling": (
-        FIXED.format(3.0)
-        .replace("[gains]", "delay = 3e-4\n[gains]")
-        .replace("= 230.0", "= 150.0")
-        .replace("= 1e5", "= 3e4")
-        .replace("= 157.0", "= { min = 20.0, max = 2e3 }")
-        .replace("0.055", "{ min = 0.01, max = 1.0 }"),
-        "coupling.damping",
-        "coupling.mass",
-    ),
     "light grip": ((FOLDER / "hands-light-grip.toml").read_text(), "gains.velocity", "gains.position"),
 }
 
@@ -126,40 +113,16 @@ def disproofs(name, levels, count, allowed=None):
     return wrong
 
 
-@pytest.mark.parametrize("name", mostly_slow(["wheel", "no drag", "drag"], ["wheel"]))
-def test_no_design_refutes_its_cell(name):
-    assert disproofs(name, 3, 2) == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", PLANES)
-def test_no_design_of_many_refutes_its_cell(name):
-    allowed = Verdict.UNDECIDED if name == "light grip" else None  # its points are harder to prove than its cells
-    assert disproofs(name, 5, drawn(40), allowed) == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "share"), [("wheel", 0.05), ("light grip", 0.05)])
-def test_the_region_has_both_kinds_of_cells(name, share):
-    areas = {kind: found(name, 5)[1].area(kind) for kind in Kind}
-    assert areas[Kind.FEASIBLE] > share and areas[Kind.INFEASIBLE] > 0.3 and areas[Kind.UNDECIDED] < 0.4
-
-
-LATE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\ndelay = 3e-4\n" + HANDS_OF_ALL
-
-
 @pytest.mark.parametrize(
-    ("K_v", "K_p", "b_c"),
-    [((264.2, 319.7), (506.9, 606.2), 32830.0), ((163.79, 221.56), (39581.3, 47051.2), 26033.6)],
-    ids=["slopes", "sensitivity"],
+    "name, levels, count",
+    [("wheel", 3, 2), *(pytest.param(name, 5, drawn(20), marks=pytest.mark.slow) for name in PLANES)],
 )
-def test_a_cell_of_a_late_device_with_room_is_proved(K_v, K_p, b_c):
-    """Slopes in K_v are lost next to angle 0 in one, in boxes of hands that have yet to be given up for their faces.
-
-    The other is too wide for |S| as a whole.
-    """
-    low, high = (np.array([[K_v[k]], [K_p[k]], [b_c], [4e5], [6.08]]) for k in (0, 1))
-    assert proved_cells(pose(posed(LATE)).demands, Cells(low, high)).all()
+def test_no_design_refutes_its_cell(name, levels, count):
+    allowed = Verdict.UNDECIDED if name == "light grip" else None  # its points are harder to prove than its cells
+    assert disproofs(name, levels, count, allowed) == []
+    if levels == 5 and name in ("wheel", "light grip"):
+        areas = {kind: found(name, levels)[1].area(kind) for kind in Kind}
+        assert areas[Kind.FEASIBLE] > 0.05 and areas[Kind.INFEASIBLE] > 0.3 and areas[Kind.UNDECIDED] < 0.4
 
 
 @pytest.mark.slow
@@ -176,27 +139,6 @@ def test_no_cell_of_a_late_device_with_room_is_undecided():
     inside = np.pad(decided != Kind.INFEASIBLE, 2, mode="edge")
     around = np.lib.stride_tricks.sliding_window_view(inside, (5, 5)).all(axis=(2, 3))
     assert not (around & (decided == Kind.UNDECIDED)).any(), "two cells from all that is infeasible"
-
-
-def test_only_the_demands_of_the_criterion_count():
-    problem = posed(PLANES["light grip"][0])
-    best = Cells(*[np.array([[200.0], [9e4], [9.0], [0.0095], [2.0]])] * 2)
-    hands = pose(problem).demands
-    assert proved_cells(hands, best).all()
-    for criterion in ("passive", "both"):
-        demands = pose(replace(problem, stability=replace(problem.stability, criterion=criterion))).demands
-        assert not proved_cells(demands, best).any()
-
-
-@pytest.mark.parametrize(
-    ("K_p", "drag", "held"),
-    [(3.7, 6.08, True), pytest.param(0.0, 6.08, True, marks=pytest.mark.slow), (3.7, 0.4, False)],
-)
-def test_next_to_no_integrator_drag_decides_in_a_hand_without_stiffness(K_p, drag, held):
-    """F vanishes there at theta = 0. Hands as stiff as K_p ask for b/4 = 0.5 N s/m and more."""
-    low = np.array([[1.7e-3], [0.0], [6.08], [400.0], [drag]])
-    high = np.array([[2.3e-3], [K_p], [6.08], [400.0], [drag]])
-    assert proved_cells(pose(posed(LATE)).demands, Cells(low, high)).all() == held
 
 
 @pytest.mark.parametrize("number", range(0, 108, 9))
@@ -227,43 +169,16 @@ def reference(name):
     return file, solve(file.problem)
 
 
-def test_a_box_around_a_certified_design_costs_no_more_than_it():
-    file, solved = reference(NAMES[0])
-    best, problem = solved.judgement, file.problem
-    K_v, K_p, b_c, m_c, b_0 = astuple(best.gains) + astuple(best.coupling)
-    at = np.array([[K_v], [K_p], [m_c / b_c], [b_0]])
-    some = loops_in_hands(problem.device, problem.hands, (0.0, 1.0), 6)
-    h, t = (x.ravel() for x in np.meshgrid(*map(np.arange, some.loop.open.even.shape), indexing="ij"))
-    omega = some.theta[t] / problem.device.sample_time
-    places = PlacesInHands(omega, some.hands.mapped(lambda number: number[h]))
-    relaxed = relaxation(
-        problem,
-        [problem.device],
-        ImposedPlaces(np.zeros(0), np.array([500.0]), places),
-        objective_of(problem, [problem.device], 24),
-    )
-    for size in (0.0, 1e-3, 0.1, 1.0):
-        with np.errstate(all="ignore"):
-            lower = lower_bounds(relaxed, Cells(at / (1 + size), at * (1 + size)))[0]
-        assert lower[0] <= best.error
-    assert lower_bounds(relaxed, Cells(at, at))[0][0] > 0.95 * best.error
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_bounds_are_proved(name):
     file, solved = reference(name)
     bounded = vctune.bound(file, solved, gap=0.03, time_limit=60)
     assert bounded.proved and bounded.optimality.bound <= solved.judgement.error
-
-
-@pytest.mark.slow
-def test_a_bound_for_both_criteria_is_proved():
-    text = (FOLDER / f"{NAMES[0]}.toml").read_text().replace('"hands"', '"both"')
-    file = replace(read_problem(FOLDER / f"{NAMES[0]}.toml"), problem=posed(text))
-    solved = solve(file.problem)
-    bounded = vctune.bound(file, solved, gap=0.03, time_limit=120)
-    assert bounded.proved and bounded.optimality.bound > 2 * reference(NAMES[0])[1].judgement.error
+    if name == NAMES[0]:
+        text = (FOLDER / f"{name}.toml").read_text().replace('"hands"', '"both"')
+        both = vctune.bound(replace(file, problem=posed(text)), solve(posed(text)), gap=0.03, time_limit=120)
+        assert both.proved and both.optimality.bound > 2 * solved.judgement.error
 
 
 NO_DRAG = WHEEL.replace("[stab", "drag = 0.0\n[stab").replace("min = 0.5", "min = 0.0")

