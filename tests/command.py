@@ -143,14 +143,14 @@ def strike(monkeypatch, at: int, *numbers: int) -> Iterator[int]:
 LIMITED = """
 import resource, signal
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (SIZE, SIZE))
+resource.setrlimit(resource.RLIMIT_FSIZE, (MOST, MOST))
 from vctune.cli import run; run()
 """
 
 
 def on_a_full_disk(size: int, *arguments, cwd) -> subprocess.CompletedProcess:
     """Run a command whose files the operating system lets grow to a size alone."""
-    command = [sys.executable, "-c", LIMITED.replace("SIZE", str(size)), *map(str, arguments)]
+    command = [sys.executable, "-c", LIMITED.replace("MOST", str(size)), *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 

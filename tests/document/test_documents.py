@@ -189,25 +189,13 @@ def test_defaults_of_a_servo(operator, resistance):
     assert problem.bounds.velocity == problem.bounds.position == ABSENT
 
 
-def test_an_experiment_needs_but_a_name():
-    problem = parse_problem(THREE.format(0.4, 2.0, 1e-3) + '[[experiment]]\nname = "e"\n', "x.toml", "x")
-    assert problem.experiments == (
-        Experiment(
-            "e",
-            Environment(0.0, 0.0, 0.0, 0.0, False, "backward"),
-            MovingHand("reciprocate", 0.0, 0.05, 0.01, 3, 0.0, 2.0, 1000.0),
-            None,
-            Sensors(0.0, 0.0, 0),
-            None,
-            None,
-        ),
-    )
-
-
-def test_defaults_of_friction():
-    text = '[[experiment]]\nname = "e"\nfriction = { coulomb = 0.3 }\n'
-    one = parse_problem(THREE.format(0.4, 2.0, 1e-3) + text, "x.toml", "x").experiments[0]
-    assert one.friction == Friction(0.3, 0.3, 0.005, 1e5, pytest.approx(sqrt(1e5 * 0.4)))
+def test_an_experiment_needs_but_a_name_and_a_friction_but_its_size():
+    text = THREE.format(0.4, 2.0, 1e-3) + '[[experiment]]\nname = "e"\n'
+    operator = MovingHand("reciprocate", 0.0, 0.05, 0.01, 3, 0.0, 2.0, 1000.0)
+    least = Experiment("e", Environment(0.0, 0.0, 0.0, 0.0, False), operator, None, Sensors(0.0, 0.0, 0), None, None)
+    assert parse_problem(text, "x.toml", "x").experiments == (least,)
+    (rubbed,) = parse_problem(text + "friction = { coulomb = 0.3 }\n", "x.toml", "x").experiments
+    assert rubbed.friction == Friction(0.3, 0.3, 0.005, 1e5, pytest.approx(sqrt(1e5 * 0.4)))
 
 
 @given(st.floats(-3, 3), st.floats(-2, 2))

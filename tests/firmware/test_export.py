@@ -19,11 +19,14 @@ from test_servos import CONTACT, WALKER, decades
 
 from vctune import InputError, export, write_export
 from vctune.document.reading import parse_problem, read_gains, read_problem
+from vctune.document.records.certificate_json import HandsRecord, WallsRecord
 from vctune.document.text.toml import toml_text
 from vctune.exit_codes import ExitCode
 from vctune.firmware.firmware import NO_ENVIRONMENT, certified, firmware, rounded
+from vctune.firmware.preamble import rendered
 from vctune.firmware.vectors import commands, default_experiments, replays
 from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import Hand
 from vctune.simulation.controller import (
     FLOATS,
     Measurement,
@@ -373,7 +376,6 @@ BOXED += 'drag = 1.3311356\n[stability]\ncriterion = "hands"\n[environment]\n'
         ("mass = { min = 0.1 }\n", "a mass of at least 0.1 kg; not as a wall."),
         ("walls = true\ndamping = { min = 20.0 }\nstiffness = { max = 2000.0 }\n", "not as a wall."),
         ("walls = true\nmass = { min = 0.1 }\nstiffness = { max = 2000.0 }\n", "also as a wall without damping."),
-        ("walls = true\nstiffness = { max = 2000.0 }\n", "also as a wall without damping."),
     ],
 )
 def test_a_header_says_which_built_in_environments_are_proved(tmp_path, environment, said):
@@ -383,9 +385,27 @@ def test_a_header_says_which_built_in_environments_are_proved(tmp_path, environm
     (header,) = tmp_path.rglob("vctune_controller.h")
     text = " ".join(header.read_text().replace("*", " ").split())
     assert said in text.split("Proved within the box: ")[1][:120]
-    nothing = "walls" in environment and "min" not in environment
-    assert ("but for a wall without mass and damping" in text) == nothing
     assert "Not proved: by this rule" in text and "every environment that is passive" not in text
+
+
+@pytest.mark.parametrize(
+    "least, as_wall, backward",
+    [((0.0, 0.0, 0.0), True, True), ((0.1, 0.0, 0.0), True, False), ((0.0, 20.0, 0.0), False, False)],
+    ids=["nothing", "a mass", "a damping"],
+)
+def test_a_built_in_wall_is_proved_where_what_it_leaves_is_in_the_box(
+    least: tuple[float, float, float], as_wall: bool, backward: bool
+) -> None:
+    """A wall that is not touched is neither spring nor damper; backward Euler steps it only without a mass."""
+    proved = export(tomllib.loads(for_passive_hands(DEVICE + FIXED.format(160.0)))).firmware
+    same = {"verdict": "proved", "boxes": 1, "min_ratio": 1.1, "worst_hz": 2.0, "worst_hand": Hand(0.0, 0.0, 0.0)}
+    ends = zip(("mass", "damping", "stiffness"), least, (None, None, 2000.0), strict=True)
+    hands = {"box": {name: [0.0, 1.0] for name in ("mass", "damping", "stiffness")}, **same}
+    hands |= {"worlds": {name: [low, high] for name, low, high in ends}, "walls": WallsRecord(**same, corner_hz=9.0)}
+    certificate = proved.record.certificate.model_copy(update={"hands": HandsRecord(**hands)})
+    said = rendered(replace(proved, record=proved.record.model_copy(update={"certificate": certificate})))
+    assert said["trapezoidal"].endswith("also as a wall without damping." if as_wall else "not as a wall.")
+    assert ("but for a wall without mass and damping" in said["backward"]) == backward
 
 
 @pytest.mark.parametrize("damping, proved", [(160.0, True), (80.0, False)])

@@ -35,40 +35,37 @@ from vctune.simulation.two_runs import STANDING, fastest_mode, loop_matrix
 NO_GAINS = Gains(0.0, 0.0)
 HAND = MovingHand("sine", 0.0, 0.02, 0.05, 1, 0.5, 5.0, 600.0)
 SPRING = Environment(0.0, 0.0, 300.0, 0.0, False)
-ARM = {
-    "device": {"sample_time": 0.002, "servo": {"delay": 0.032, "bandwidth_hz": 20.0, "order": 2}},
-    "operator": {
-        "mass": {"min": 0.0, "max": 2.0},
-        "damping": {"min": 0.0, "max": 30.0},
-        "stiffness": {"min": 0.0, "max": 1000.0},
-    },
-    "coupling": {"damping": 296.3374, "mass": 2.6683607, "drag": 46.471299},
-    "stability": {"safety_factor": 1.05},
-}
-WALKER = {
-    "device": {
-        "sample_time": 0.004,
-        "servo": {"command": "position", "delay": 0.012, "bandwidth_hz": 15.0, "order": 2},
+
+
+def stated(device: dict, coupling: tuple[float, float, float], hand: tuple[float, float, float]) -> dict:
+    """Return a problem with hands from nothing to a mass, a damping and a stiffness."""
+    return {
+        "device": device,
+        "operator": {name: {"min": 0.0, "max": most} for name, most in zip(NUMBERS, hand, strict=True)},
+        "coupling": dict(zip(("damping", "mass", "drag"), coupling, strict=True)),
+        "stability": {"safety_factor": 1.05},
+    }
+
+
+NUMBERS = ("mass", "damping", "stiffness")
+ARM = stated(
+    {"sample_time": 0.002, "servo": {"delay": 0.032, "bandwidth_hz": 20.0, "order": 2}},
+    (296.3374, 2.6683607, 46.471299), (2.0, 30.0, 1000.0),
+)  # fmt: skip
+WALKER = stated(
+    {
+        "sample_time": 0.004, "servo": {"command": "position", "delay": 0.012, "bandwidth_hz": 15.0, "order": 2},
         "force_sensor": {"bandwidth_hz": 50.0},
     },
-    "operator": ARM["operator"],
-    "coupling": {"damping": 176.96772, "mass": 1.23461, "drag": 35.901379},
-    "stability": {"safety_factor": 1.05},
-}
-CONTACT = {
-    "device": {
-        "sample_time": 0.001,
-        "servo": {"delay": 0.004, "bandwidth_hz": 40.0},
+    (176.96772, 1.23461, 35.901379), (2.0, 30.0, 1000.0),
+)  # fmt: skip
+CONTACT = stated(
+    {
+        "sample_time": 0.001, "servo": {"delay": 0.004, "bandwidth_hz": 40.0},
         "force_sensor": {"bandwidth_hz": 200.0, "order": 2},
     },
-    "operator": {
-        "mass": {"min": 0.0, "max": 5.0},
-        "damping": {"min": 0.0, "max": 100.0},
-        "stiffness": {"min": 0.0, "max": 30000.0},
-    },
-    "coupling": {"damping": 1943.9452, "mass": 2.8515397, "drag": 302.56473},
-    "stability": {"safety_factor": 1.05},
-}
+    (1943.9452, 2.8515397, 302.56473), (5.0, 100.0, 30000.0),
+)  # fmt: skip
 FILTERED = ARM | {
     "device": {
         "sample_time": 0.002,
@@ -219,7 +216,7 @@ def hand_within(rng: np.random.Generator, hands) -> MovingHand:
     """Return a hand of the box, one of its vertices every other time."""
     share = rng.integers(2, size=3) if rng.random() < 0.5 else rng.random(3)
     low, high = np.array(astuple(hands.low)), np.array(astuple(hands.high))
-    return replace(HAND, **dict(zip(("mass", "damping", "stiffness"), low + share * (high - low), strict=True)))
+    return replace(HAND, **dict(zip(NUMBERS, low + share * (high - low), strict=True)))
 
 
 def passive(rng: np.random.Generator) -> Environment:

@@ -11,8 +11,8 @@ import subprocess
 import sys
 from contextlib import contextmanager
 from math import isnan
-from pathlib import Path
 
+import psutil
 import pytest
 from command import on_a_full_disk, run, started, wait_until
 from hypothesis import given
@@ -207,28 +207,13 @@ def wait_for_rows(process, file, count):
 
 def family(process):
     """Return the processes that a running one has started, and theirs."""
-    parents = {}
-    for entry in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = entry.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        if fields[0] != "Z":
-            parents[int(entry.parent.name)] = int(fields[1])
-    found = {process.pid}
-    while more := {child for child, parent in parents.items() if parent in found} - found:
-        found |= more
-    return found - {process.pid}
+    return psutil.Process(process.pid).children(recursive=True)
 
 
-def assert_ended(pids):
-    wait_until(lambda: all(_has_ended(pid) for pid in pids))
-
-
-def _has_ended(pid):
+def has_ended(child):
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    except OSError:
+        return child.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
         return True
 
 
@@ -244,7 +229,7 @@ def kill_and_resume(folder, path, stops, signals=(signal.SIGKILL,)):
         assert process.returncode in (0, 130, -signal.SIGKILL)
         if process.returncode == ExitCode.INTERRUPTED:
             assert err.strip() == "interrupted; running it again resumes"
-        assert_ended(children)
+        wait_until(lambda: all(map(has_ended, children)))  # noqa: B023
         assert file.read_bytes().startswith(before)
     process = started("sweep", path, "--jobs", "2", cwd=folder)
     _, err = process.communicate(timeout=300)
@@ -281,8 +266,8 @@ def test_a_worker_killed_from_outside_costs_no_row(tmp_path):
     path = write_study(tmp_path, MANY.format(12), FIXED)
     process = started("sweep", path, "--jobs", "2", cwd=tmp_path)
     wait_for_rows(process, tmp_path / "results/study/rows.jsonl", 5)
-    workers = [pid for pid in family(process) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-    os.kill(max(workers), signal.SIGKILL)
+    workers = [child for child in family(process) if any("spawn_main" in word for word in child.cmdline())]
+    workers[-1].kill()
     _, err = process.communicate(timeout=120)
     assert process.returncode == ExitCode.OK and err == ""
     rows = rows_in(tmp_path / "results/study/rows.jsonl")
