@@ -192,7 +192,9 @@ def test_defaults_of_a_servo(operator, resistance):
 def test_an_experiment_needs_but_a_name_and_a_friction_but_its_size():
     text = THREE.format(0.4, 2.0, 1e-3) + '[[experiment]]\nname = "e"\n'
     operator = MovingHand("reciprocate", 0.0, 0.05, 0.01, 3, 0.0, 2.0, 1000.0)
-    least = Experiment("e", Environment(0.0, 0.0, 0.0, 0.0, False), operator, None, Sensors(0.0, 0.0, 0), None, None)
+    least = Experiment(
+        "e", Environment(0.0, 0.0, 0.0, 0.0, False, "backward"), operator, None, Sensors(0.0, 0.0, 0), None, None
+    )
     assert parse_problem(text, "x.toml", "x").experiments == (least,)
     (rubbed,) = parse_problem(text + "friction = { coulomb = 0.3 }\n", "x.toml", "x").experiments
     assert rubbed.friction == Friction(0.3, 0.3, 0.005, 1e5, pytest.approx(sqrt(1e5 * 0.4)))
