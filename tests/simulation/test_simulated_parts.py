@@ -87,7 +87,7 @@ def in_steps(monkeypatch, count):
 
 def random_gains(rng: np.random.Generator, device: Tables) -> Gains:
     """Return gains on both sides of what is stable, without a position gain at times."""
-    lag = 1.5 * device["sample_time"] + device["delay"]
+    lag = 1.5 * device["sample_time"] + device.get("delay", 0.0)
     velocity = device["mass"] / lag * 10 ** rng.uniform(-1, 0.6)
     return Gains(velocity, velocity / lag * 10 ** rng.uniform(-3, -0.5) * int(rng.integers(2)))
 
