@@ -23,7 +23,7 @@ from vctune.version import __version__
 
 pytestmark = pytest.mark.slow
 ALONE = [
-    "tests/document/test_hints.py", "tests/document/test_kinds.py", "tests/model/test_rotary.py",
+    "tests/document/test_hints.py", "tests/document/test_kinds.py", "tests/promises/test_witness.py",
 ]  # fmt: skip
 """Fast tests that need nothing but pytest and hypothesis."""
 BUILT = ("__pycache__", ".egg-info")
