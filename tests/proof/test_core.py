@@ -25,9 +25,10 @@ from vctune.proof.box_tests import (
     turned_angles,
 )
 from vctune.proof.boxes import FREQUENCY, first_boxes
+from vctune.proof.enclosures.taylor import variables
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.halving import Effort, Guide
-from vctune.proof.prover import prove
+from vctune.proof.prover import negative_at, prove
 
 EFFORT = Effort(max_halvings=40, max_boxes=3000)
 ROOT = Path(__file__).parent.parent.parent
@@ -94,8 +95,12 @@ def test_one_of_several_margins_has_to_be_positive_at_each_point():
 
     assert verdict(proofs(positive(one_of(1e-3), {}))) == "proved"
     assert verdict(proofs(positive(one_of(-1e-3), {}))) == "refuted"
-    # no mean of these two is positive over the box as a whole, nor either at every point
-    assert verdict(proofs(positive(lambda at, v: (at - 0.49, 0.26 - at * at), {}))) == "proved"
+
+
+def test_a_claim_fails_at_a_point_only_if_all_its_margins_are_negative_there():
+    point = boxes((-1, 1), (-1, 1))
+    negative, positive_ = variables(point.rows(), point.varied())
+    assert negative_at([negative]).all() and not negative_at([negative, positive_]).any()
 
 
 def test_a_sufficient_margin_proves_and_never_refutes():
