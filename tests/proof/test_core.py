@@ -99,7 +99,7 @@ def test_one_of_several_margins_has_to_be_positive_at_each_point():
 
 def test_a_claim_fails_at_a_point_only_if_all_its_margins_are_negative_there():
     point = boxes((-1, 1), (-1, 1))
-    negative, positive_ = variables(point.rows(), point.varied())
+    negative, positive_ = variables(point.rows(), [True, True])
     assert negative_at([negative]).all() and not negative_at([negative, positive_]).any()
 
 
