@@ -25,7 +25,7 @@ def stated(device: dict[str, Any], velocity: float, position: float = 0.0, **oth
     """Return the tables of a device with its own loop and nothing behind it."""
     demands = {"criterion": "passive", "safety_factor": 1.0, "max_sensitivity": 1e6}
     gains = {"velocity": velocity, "position": position}
-    return {"device": device, "gains": gains, "environment": NOTHING, "stability": demands, **others}
+    return {"device": device, "gains": gains, "environment": NOTHING, "stability": demands} | others
 
 
 def scale_needed(tables: dict[str, Any], mass: float, drag: float) -> float:
@@ -104,3 +104,10 @@ def test_what_is_not_proved_is_refused(change: dict[str, Any], said: str) -> Non
 def test_a_bound_is_refused() -> None:
     with pytest.raises(vctune.InputError, match="no proved bound"):
         vctune.bound(stated(PLAIN, 80.0))
+
+
+@pytest.mark.parametrize("mass", [0.0, {"max": 0.0}])
+@pytest.mark.parametrize("stiffness", [0.0, {"max": 0.0}])
+def test_nothing_may_be_stated_by_numbers_or_by_ends(mass: Any, stiffness: Any) -> None:
+    tables = stated(PLAIN, 40.0, environment={"mass": mass, "stiffness": stiffness})
+    assert vctune.problem(tables).problem.alone

@@ -39,7 +39,6 @@ from vctune.running import OutOfTimeError, out_of_time
 
 OUT_OF_TIME = Note("time-limit", "the time limit cut the check short; what is stated was known by then")
 OTHER_VERSION = Note("other-version", "the gains were made for another version of the problem (sha256 differs)")
-MOST_BOXES = 20_000  # Greatest number of boxes of the proof that a design misses only the safety factor
 
 
 class CheckVerdict(StrEnum):

@@ -209,8 +209,8 @@ def _environments(file: Stated) -> Found:
 def _any_hand_alone(file: Stated) -> Found:
     """Yield why any passive hand cannot be asked for with a box of environments, or with nothing behind."""
     criterion = file.value("stability.criterion")
-    springs = file("environment.stiffness.max"), file("environment.stiffness")
-    if file("environment.mass.max") != 0 or 0 not in springs or file("environment.damping.min") > 0:
+    masses, springs = ([file(f"environment.{name}{end}") for end in (".max", "")] for name in ("mass", "stiffness"))
+    if 0 not in masses or 0 not in springs or file("environment.damping.min") > 0:
         yield (
             "stability.criterion",
             f'"{criterion}" allows any passive hand, which is proved with every passive environment or with nothing '

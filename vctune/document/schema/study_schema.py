@@ -49,7 +49,7 @@ class RangeTable(Table):
 
 Number = Annotated[float, Field(strict=True, ge=-MOST)]  # may be inf
 AxisValues = Annotated[
-    Annotated[list[Number], Field(min_length=1, description="Values of the key, at least one."), Tag("<list>")]
+    Annotated[list[Number], Field(min_length=1, description="Give the key at least one value."), Tag("<list>")]
     | Annotated[RangeTable, Tag("<spread>")],
     Discriminator(
         lambda value: {list: "<list>", dict: "<spread>"}.get(type(value)),
