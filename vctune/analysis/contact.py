@@ -93,8 +93,8 @@ def _stiffest_in_disc(device: Device, hands: Hands, coupling: AnyCoupling, facto
     room = offered(coupling, device, theta, FLOATS) / factor
 
     def bears(stiffness: float) -> bool:
-        ends = (replace(end, stiffness=stiffness) for end in (hands.low, hands.high))
-        return bool((demand_of(device, Hands(*ends)).at(theta) <= room).all())
+        low, high = (replace(end, stiffness=stiffness) for end in (hands.low, hands.high))
+        return bool((demand_of(device, Hands(low, high)).at(theta) <= room).all())
 
     low, high = hands.low.stiffness, max(hands.high.stiffness, 1.0)
     if not bears(low):

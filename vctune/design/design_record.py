@@ -50,7 +50,7 @@ from vctune.document.text.errors import Note
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.hands import Hand
+from vctune.model.hands import Hand, Hands
 from vctune.model.loop.llewellyn import llewellyn_excess, modulus_excess
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import finite_hertz, hertz
@@ -233,20 +233,23 @@ def _in_hands(problem: Problem, judgement: Judgement) -> HandsRecord | None:
     if (walls := judgement.in_walls) is not None and (corner := judgement.corner) is not None:
         claimed = _claimed(problem, outcomes["walls"], walls) | {"worst_hand": walls.hand}
         also["walls"] = WallsRecord(**claimed, corner_hz=hertz(corner))
-    low, high = asdict(hands.low), asdict(hands.high)
     outcome = next(outcomes[claim] for claim in IN_HANDS if claim in outcomes)
-    box = {name: [low[name], high[name]] for name in low}
-    return HandsRecord(**_claimed(problem, outcome, held), box=box, worst_hand=held.hand, **also)
+    return HandsRecord(**_claimed(problem, outcome, held), **_boxes(hands), worst_hand=held.hand, **also)
+
+
+def _boxes(hands: Hands) -> dict[str, Any]:
+    """Return the ends of the ranges of hands, and of the tool that they include."""
+    both = {"box": hands} | ({} if hands.tool is None else {"tool": hands.tool})
+    return {key: {name: list(ends) for name, ends in box.ranges.items()} for key, box in both.items()}
 
 
 def _wall(problem: Problem, judgement: Judgement) -> WallRecord | None:
     """Return the record of the coupling as a wall; None if it is none."""
     if (at := judgement.before_wall) is None:
         return None
-    outcomes, low, high = judgement.certificate.outcomes, asdict(problem.hands.low), asdict(problem.hands.high)
+    outcomes = judgement.certificate.outcomes
     outcome = next(outcomes[claim] for claim in BEFORE_WALL if claim in outcomes)
-    box = {name: [low[name], high[name]] for name in low} if at.hand else None
-    also: dict[str, Any] = _present({"box": box, "worst_hand": at.hand})
+    also: dict[str, Any] = (_boxes(problem.hands) | {"worst_hand": at.hand}) if at.hand else {}
     return WallRecord(
         verdict=outcome.verdict.value, min_ratio=at.ratio, worst_hz=finite_hertz(at.omega), boxes=outcome.boxes, **also
     )

@@ -41,7 +41,7 @@ def doubts(problem: Problem) -> Iterator[Note]:
         text = f"the latency of {1e3 * problem.device.stated_delay:g} ms is divided into delay and lag in any way"
         known = "a bandwidth_hz that is known gives a better design"
         yield Note("warn-latency", f"device.servo: {text}, with a lag of half a sample at least: {known}")
-    greatest = Hand(0.0, 0.0, 0.0) if problem.hands_met is None else problem.hands_met.high
+    greatest = Hand(0.0, 0.0, 0.0) if problem.hands_met is None else problem.hands_met.held.high
     for key, mass, most in (("device.mass", problem.device.mass, GRAMS[1]), ("operator.mass.max", greatest.mass, inf)):
         if problem.units.mass == "kg" and GRAMS[0] <= mass <= most:
             yield Note("warn-mass", f"{key} is {mass:g} kg; is it in grams? Then write {mass / 1e3:g}")

@@ -25,6 +25,8 @@ TUNED = (
     "admittance.joint_damping",
     "ft_sensor.filter_coefficient",
 )
+WEIGHT = "gravity_compensation.CoG.force"  # Key of the weight of the tool, N
+GRAVITY = 9.81  # m/s^2, with which the documentation of the controller computes a weight
 TYPE = "admittance_controller/AdmittanceController"  # Type of the controller whose law vctune proves
 # Parameters that the controller declares and vctune does not use, and those that every controller has
 DECLARED = {
@@ -69,6 +71,31 @@ class Admittance:
 
 
 @dataclass(frozen=True, slots=True)
+class Load:
+    """The tool whose weight the controller takes off the sensed force. Its inertia stays in it."""
+
+    weight: float  # N, > 0
+    place: tuple[float, float, float]  # centre of gravity, m
+    turned: bool  # whether its frame is that of the axes
+
+    @property
+    def mass(self) -> float:
+        """The mass of the tool, kg."""
+        return self.weight / GRAVITY
+
+    def inertia(self, axis: str) -> tuple[float, float]:
+        """Return the least and the greatest mass of the tool along an axis, kg; about a rotation, its moment of inertia
+        as a point, kg m^2, up to that at the greatest distance if the frames differ."""
+        if not axis.startswith("r"):
+            return self.mass, self.mass
+        squares = [x * x for x in self.place]
+        if not self.turned:
+            return 0.0, self.mass * sum(squares)
+        about = self.mass * (sum(squares) - squares["xyz".index(axis[-1])])
+        return about, about
+
+
+@dataclass(frozen=True, slots=True)
 class AdmittanceFile:
     """The selected axes of a parameter file."""
 
@@ -79,6 +106,7 @@ class AdmittanceFile:
     name: str = ""  # of the controller, if the file has several
     rate: tuple[str, float, int] | None = None  # key, value, Hz, and line of the stated update_rate
     notes: tuple[Note, ...] = field(default=())  # warnings about the file
+    load: Load | None = None  # the tool; None if the file states no weight
 
 
 # Message about a controller that does not render a mass with drag
@@ -204,6 +232,7 @@ class _Reader:
         coefficient = self._number("ft_sensor", "filter_coefficient", COEFFICIENT, most=1.0)
         if coefficient == 0:
             self._wrong("ft_sensor.filter_coefficient", "is 0: no force ever comes through; at most 1 is no filter")
+        load = self._load()
         if not self._mistakes and not any(selected):
             self._wrong("admittance.selected_axes", "selects no axis: there is nothing to check")
         if self._mistakes:
@@ -214,9 +243,27 @@ class _Reader:
             for axis, chosen, mass, ratio, stiffness in zip(AXES, selected, masses, ratios, stiffnesses, strict=True)
             if chosen
         )
-        lines = {key: self._line(key) or 1 for key in TUNED}
+        lines = {key: self._line(key) or 1 for key in (*TUNED, WEIGHT)}
         self._note_unknown()
-        return AdmittanceFile(tuple(axes), coefficient, selection, lines, notes=tuple(self._notes))
+        return AdmittanceFile(tuple(axes), coefficient, selection, lines, notes=tuple(self._notes), load=load)
+
+    def _load(self) -> Load | None:
+        """Return the tool; None without a weight."""
+        known, control = self._table("gravity_compensation"), self._table("control")
+        centre = known.get("CoG", {})
+        if not isinstance(centre, Mapping):
+            self._wrong("gravity_compensation.CoG", f"is {_shown(centre)}: must be a table")
+            return None
+        weight, place = centre.get("force", 0.0), centre.get("pos", [0.0, 0.0, 0.0])
+        if not (_is_number(weight) and 0 <= weight <= HEAVIEST):
+            self._wrong(WEIGHT, f"is {_shown(weight)}: must be the weight of the tool, N, from 0 to {HEAVIEST:g}")
+            return None
+        if not (isinstance(place, list) and len(place) == 3 and all(map(_is_number, place))):
+            self._wrong("gravity_compensation.CoG.pos", f"is {_shown(place)}: must be three numbers, m")
+            return None
+        frames = [table.get("frame") for table in (known, control)]
+        x, y, z = map(float, place)
+        return Load(float(weight), (x, y, z), frames[0] == frames[1]) if weight > 0 else None
 
     def _note_unknown(self) -> None:
         """Warn of keys that the controller ignores, since it does not declare them."""

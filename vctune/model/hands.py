@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from decimal import Decimal
 from itertools import product
 from typing import Any
 
@@ -122,14 +123,41 @@ class Hands:
 
     low: Hand  # the hands with the least and with the greatest numbers
     high: Hand
+    tool: Hands | None = None  # the tools of which every hand includes one; they have no stiffness
 
     def in_words(self, units: Units) -> str:
         """Return the box in words with units. The text omits numbers that are 0 in all hands of the box."""
         known = [(name, *ends) for name, ends in self.ranges.items() if ends[1] > 0]
         if not known or self.low == self.high:
             parts = self.low.numbers.items()
-            return ", ".join(f"{in_full(number)} {units.of(QUANTITIES[name])}" for name, number in parts)
-        return ", ".join(f"{in_full(low)} to {in_full(high)} {units.of(QUANTITIES[name])}" for name, low, high in known)
+            text = ", ".join(f"{in_full(number)} {units.of(QUANTITIES[name])}" for name, number in parts)
+        else:
+            each = (f"{in_full(low)} to {in_full(high)} {units.of(QUANTITIES[name])}" for name, low, high in known)
+            text = ", ".join(each)
+        return text if self.tool is None else f"{text}, {self.tool.as_tool(units)} included"
+
+    def as_tool(self, units: Units) -> str:
+        """Return a tool in words."""
+        ends = [(name, *pair) for name, pair in self.ranges.items() if pair[1] > 0]
+        parts = (
+            f"{in_full(high) if low == high else f'{in_full(low)} to {in_full(high)}'} {units.of(QUANTITIES[name])}"
+            for name, low, high in ends
+        )
+        return f"the tool of {' and '.join(parts)}"
+
+    def with_tool(self, tool: Hands | None) -> Hands:
+        """Return the box in which every hand includes a tool; the sums are those of the decimals that a file states."""
+        if tool is None:
+            return self
+        low, high = self.low.mapped(_sum, tool.low), self.high.mapped(_sum, tool.high)
+        return Hands(low, high, tool)
+
+    @property
+    def held(self) -> Hands:
+        """The box without its tool."""
+        if self.tool is None:
+            return self
+        return Hands(self.low.mapped(_difference, self.tool.low), self.high.mapped(_difference, self.tool.high))
 
     @property
     def ranges(self) -> dict[str, tuple[Number, Number]]:
@@ -149,7 +177,16 @@ class Hands:
 
     def in_units(self, impedance: float, time: float) -> Hands:
         """Return the box of hands in other units of impedance and time."""
-        return Hands(self.low.in_units(impedance, time), self.high.in_units(impedance, time))
+        tool = self.tool and self.tool.in_units(impedance, time)
+        return Hands(self.low.in_units(impedance, time), self.high.in_units(impedance, time), tool)
+
+
+def _sum(a: Number, b: Number) -> float:
+    return float(Decimal(repr(float(a))) + Decimal(repr(float(b))))
+
+
+def _difference(a: Number, b: Number) -> float:
+    return float(Decimal(repr(float(a))) - Decimal(repr(float(b))))
 
 
 def stacked(hands: Sequence[Hand], shape: tuple[int, ...] = (-1,)) -> Hand:

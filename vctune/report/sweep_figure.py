@@ -125,7 +125,7 @@ def _named(key: str) -> str:
     if table == "device" and name in PART_NUMBERS:
         return PART_NUMBERS[name].label
     words = name.removesuffix("_hz").replace("_", " ").replace(".", " ")
-    hand = {"operator": " of the hand", "environment": " of the environment"}.get(table, "")
+    hand = {"operator": " of the hand", "tool": " of the tool", "environment": " of the environment"}.get(table, "")
     return f"{end}{words}{hand}"
 
 

@@ -110,6 +110,8 @@ def _hands(problem: Problem) -> list[Line]:
         lines.append(Line("every hand", "", "", "of this box, at every frequency"))
         for name, (low, high) in problem.hands.ranges.items():
             lines.append(Line(units.translated(name), *quantity(low, units.of(QUANTITIES[name]), to=high)))
+        if problem.hands.tool is not None:
+            lines.append(Line(f"with {problem.hands.tool.as_tool(units)}", "", "", "in every hand"))
     if problem.worlds is not None:
         lines.append(Line(f"with {problem.worlds.in_words(units)}", ""))
     if problem.any_hand:

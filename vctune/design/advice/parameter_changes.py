@@ -24,7 +24,12 @@ FURTHEST = 1e3  # Greatest factor by which the search changes a value
 DIGITS = 12  # Greatest number of significant digits of a new value
 SLIGHT = 0.1  # Share of the limit by which a value may be beyond it and is meant to be the limit
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
-ASSUMED = ("operator", "environment", "stability")  # Tables that state what is assumed of the world and asked for
+ASSUMED = (
+    "operator",
+    "tool",
+    "environment",
+    "stability",
+)  # Tables that state what is assumed of the world and asked for
 
 CHOSEN = ("gains", "coupling", "admittance", "ft_sensor")  # Tables of what a design, or a ROS 2 file, chooses
 
@@ -60,6 +65,8 @@ class ParameterChange:
     def eases(self) -> bool:
         """Whether a larger change only relaxes constraints or permits more designs: fewer hands, a narrower band, wider
         bounds."""
+        if self.path[0] == "tool":
+            return self.path[-1] == "max"
         if self.path[0] in ("operator", "environment"):
             return self.path[-1] != "max" or self.limit < self.old
         return self.path[0] == "stability" or self.path[-1] in ("min", "max")
@@ -169,7 +176,8 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
     """Yield changes that leave fewer hands: more damping or, for a claim about a box of hands, also less mass or
     stiffness."""
-    low, high, meaning = problem.hands.low, problem.hands.high, "more damping in every hand"
+    held, meaning = problem.hands.held, "more damping in every hand"
+    low, high = held.low, held.high
     if problem.hands_met is None:
         yield _more_damping(("operator", "damping"), meaning, low.damping, problem)
         return
@@ -181,6 +189,10 @@ def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
         yield from _raised(("operator", name), words, getattr(low, name), getattr(high, name), scale)
     for name, words in (("mass", "lighter hands"), ("damping", "less damped hands"), ("stiffness", "softer hands")):
         yield from _lowered(("operator", name), words, getattr(low, name), getattr(high, name), 1.0)
+    if (tool := problem.hands.tool) is not None and (most := tool.high.mass) > 0:
+        if tool.low.mass == most:
+            yield ParameterChange(("tool", "mass"), "a lighter tool", most, most / FURTHEST)
+        yield from _lowered(("tool", "mass"), "lighter tools", tool.low.mass, most, most)
 
 
 def _of_worlds(problem: Problem) -> Iterator[ParameterChange]:

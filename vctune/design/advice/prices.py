@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from math import expm1, hypot, isclose, log
 
@@ -100,15 +100,16 @@ def _numbers(problem: Problem) -> list[_Number]:
     found = [_Number(f"device.{name}", old, partial(_of_device, name)) for name, old in known.items() if old > 0]
     if problem.device.kind.own_loop:
         return found
-    low, high = problem.hands.low, problem.hands.high
-    for name in (part.name for part in fields(Hand)):
-        least, most = getattr(low, name), getattr(high, name)
-        ends = {"": most} if least == most else {".min": least, ".max": most}
-        found += [
-            _Number(f"operator.{name}{end}", old, hand=partial(_of_hand, name, old))
-            for end, old in ends.items()
-            if old > 0
-        ]
+    hands = problem.hands
+    for table, box in (("operator", hands.held), *([("tool", hands.tool)] if hands.tool else [])):
+        for name, (least, most) in box.ranges.items():
+            low, high = hands.ranges[name]
+            ends = {"": (most, high)} if least == most else {".min": (least, low), ".max": (most, high)}
+            found += [
+                _Number(f"{table}.{name}{end}", old, hand=partial(_of_hand, name, edge, old))
+                for end, (old, edge) in ends.items()
+                if old > 0
+            ]
     return found
 
 
@@ -117,10 +118,11 @@ def _of_device(name: str, factor: float, device: Device) -> Device:
     return device.with_numbers({key: factor * number for key in names if (number := device.number(key)) is not None})
 
 
-def _of_hand(name: str, edge: float, factor: float, hand: Hand) -> Hand:
-    """Return a hand of the box; if it lies at this edge of the box, its parameter is multiplied by `factor`."""
+def _of_hand(name: str, edge: float, share: float, factor: float, hand: Hand) -> Hand:
+    """Return a hand of the box; if it lies at this edge of the box, this share of its parameter, that of the hand
+    itself or that of its tool, is multiplied by `factor`."""
     value = getattr(hand, name)
-    return replace(hand, **{name: factor * value}) if isclose(value, edge) else hand
+    return replace(hand, **{name: value + (factor - 1) * share}) if isclose(value, edge) else hand
 
 
 def _change(log_error: _LogError, step: float, here: float, number: _Number) -> tuple[float, int]:

@@ -15,7 +15,8 @@ from vctune.model.device import Device
 from vctune.model.gains import Coupling
 from vctune.model.problem import Problem
 
-OF_FILE = ("admittance", "ft_sensor")  # Names of the tables of a parameter file
+WEIGHED = 4  # Number of digits of a tool's mass, which is no better known than gravity
+OF_FILE = ("admittance", "ft_sensor", "gravity_compensation")  # Names of the tables of a parameter file
 FILTER = "force_sensor.filter_coefficient"  # Key under which the joint problem states the controller's filter
 
 
@@ -45,7 +46,12 @@ def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admitt
         "stiffness": axis.stiffness,
         "joint_damping": axis.joint_damping,
     }
-    return device | {"admittance": rendered, "ft_sensor": {"filter_coefficient": given.filter_coefficient}}
+    both = device | {"admittance": rendered, "ft_sensor": {"filter_coefficient": given.filter_coefficient}}
+    if given.load is None:
+        return both
+    # the moments of inertia stay in the proportion of the weight when a repair changes it
+    low, high = (inertia / given.load.weight for inertia in given.load.inertia(axis.axis))
+    return both | {"gravity_compensation": {"CoG": {"force": given.load.weight, "inertia": [low, high]}}}
 
 
 def as_problem(document: dict[str, Any]) -> dict[str, Any]:
@@ -62,6 +68,10 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
     device = {**device, part: sensor} if sensor else {key: value for key, value in device.items() if key != part}
     numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
     tables = {key: table for key, table in document.items() if key not in OF_FILE}
+    if "gravity_compensation" in document:
+        load = document["gravity_compensation"]["CoG"]
+        low, high = (float(f"{load['force'] * share:.{WEIGHED}g}") for share in load["inertia"])
+        tables["tool"] = {"mass": low if low == high else {"min": low, "max": high}}
     if "servo" not in device and "environment" in tables and axis.stiffness > 0:
         tables["environment"] = _beside(tables["environment"], axis.stiffness)
     return {**tables, "device": device, "coupling": numbers}

@@ -34,7 +34,8 @@ from vctune.design.ros.admittance import (
 )
 from vctune.document.reading import ProblemFile, problem_at, problem_file
 from vctune.document.records.design_json import Repair
-from vctune.document.ros import HEAVIEST, LIGHTEST, TUNED, Admittance, AdmittanceFile
+from vctune.document.ros import GRAVITY, HEAVIEST, LIGHTEST, TUNED, WEIGHT, Admittance, AdmittanceFile
+from vctune.document.schema.validation import KeyPath
 from vctune.document.text import toml
 from vctune.document.text.errors import Code, InputError, Note
 from vctune.document.text.toml import toml_text
@@ -43,6 +44,7 @@ from vctune.model.numbers.units import UNITS, Units, UnitSystem
 from vctune.model.problem import Problem
 
 DIGITS = 3  # Least number of digits to which a sample_time must be 1/update_rate; the proof is at the file's rate
+SAME_TOOL = 0.02  # Relative difference within which the weight of a file is that of the problem's tool
 SLOW = 0.1  # Share of the Nyquist frequency below which vctune warns of a filter's corner frequency
 
 
@@ -74,9 +76,10 @@ def check_admittance(
     """Check the selected axes of a parameter file. If several axes have the same values, the function proves only one
     of them."""
     _require_rate(problem, path, given)
+    given = _require_tool(problem, path, given)
     tables, axes = _device(problem, given), _chosen(problem, path, given)
     checks: list[Checked] = []
-    proved: dict[Admittance, Checked] = {}
+    proved: dict[Any, Checked] = {}
     for axis in axes:
         if not _moves_as(axis, problem):
             message = f"not looked at: {_misfit([axis], problem)}"
@@ -86,11 +89,25 @@ def check_admittance(
                 )
             )
             continue
-        numbers = replace(axis, axis="")
+        numbers = replace(axis, axis=""), given.load and given.load.inertia(axis.axis)
         if numbers not in proved:
             proved[numbers] = _checked(problem, tables, given, axis, progress)
         checks.append(_of_axis(proved[numbers], problem, path, axis, given.name))
     return checks
+
+
+def _require_tool(problem: ProblemFile, path: Path, given: AdmittanceFile) -> AdmittanceFile:
+    """Return the file without its tool if the problem states it too; refuse one that contradicts the problem."""
+    tool, load = problem.problem.hands.tool, given.load
+    if tool is None or load is None:
+        return given
+    low, high = tool.low.mass * (1 - SAME_TOOL), tool.high.mass * (1 + SAME_TOOL)
+    if problem.problem.device.units == "linear" and not low <= load.mass <= high:
+        stated = toml.Lines(problem.text).locate(("tool",))
+        message = f"is {load.weight:g} N, {load.mass:.4g} kg, and {problem.source}:{stated} states another [tool]"
+        message += "; leave [tool] out, or write the weight that hangs there"
+        raise InputError.of(str(path), "contradiction", message, key=WEIGHT, line=given.lines[WEIGHT])
+    return replace(given, load=None)
 
 
 def _require_rate(problem: ProblemFile, path: Path, given: AdmittanceFile) -> None:
@@ -195,6 +212,7 @@ def _checked(
     progress(f"proving {axis.axis}")
     judgement = judge(file.problem, *file.problem.fixed_design)
     repairs = repairs_of_axis(document, file.problem, judgement, progress)
+    lighter = _lighter_tool(document, judgement, progress)
     finding = finding_of(file, judgement, repairs, [])
     traps = [note.line for note in (*given.notes, *_traps(axis, given.filter_coefficient, file.problem.device))]
     stated = problem.problem.uncertainty
@@ -204,6 +222,7 @@ def _checked(
     finding = replace(finding, warnings=[*traps, *finding.warnings])
     parts, line, verdict = [said_of(judgement)], axis.line, VERDICTS[judgement.status]
     parts += remedy(repairs, {}, f"in {problem.source} ")
+    parts += [lighter] if lighter else []
     line = next((given.lines[repair.key] for repair in repairs.repairs or [] if repair.key in given.lines), line)
     return Checked(Path(), "", verdict, "; ".join(parts), line, finding)
 
@@ -254,9 +273,23 @@ def repairs_of_axis(document: dict[str, Any], problem: Problem, judgement: Judge
     if judgement.status is not Status.VIOLATED:
         return Found()
     changes = [*_of_file(document), *parameter_changes(as_problem(document), problem)]
-    own = [each for each in changes if each.path[0] != "coupling"]
+    others = ("coupling", "tool") if "gravity_compensation" in document else ("coupling",)
+    own = [each for each in changes if each.path[0] not in others]
     found = find_repairs(document, own, hands_of(judgement), progress, _posed)
     return found._replace(repairs=found.repairs and [_in_yaml(repair) for repair in found.repairs])
+
+
+def _lighter_tool(document: dict[str, Any], judgement: Judgement, progress: Progress) -> str:
+    """Return which tool passes instead of that of a refuted file; "" without a tool or if the axis passes."""
+    if judgement.status is not Status.VIOLATED or "gravity_compensation" not in document:
+        return ""
+    path: KeyPath = tuple(WEIGHT.split("."))
+    weight = float(document["gravity_compensation"]["CoG"]["force"])
+    change = ParameterChange(path, "a lighter tool", weight, weight * LIGHTEST)
+    found = find_repairs(document, [change], hands_of(judgement), progress, _posed).repairs
+    if not found or found[0].new is None:
+        return f"no lighter tool was found that passes, {WEIGHT} = {weight:g}"
+    return f"a tool of at most {found[0].new / GRAVITY:.4g} kg passes, {WEIGHT} = {found[0].new:g}, not {weight:g}"
 
 
 def _posed(document: dict[str, Any]) -> Problem | None:

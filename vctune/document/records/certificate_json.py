@@ -95,6 +95,15 @@ class WorldRecord(Part):
         return Row("binding world", "none", f"nothing rendered{place}")
 
 
+def _hands(box: dict[str, list[Number]], tool: dict[str, list[Number]] | None) -> Hands:
+    """Return the box of hands that a record states by the ends of its ranges."""
+
+    def ends(of: dict[str, list[Number]], k: int) -> Hand:
+        return Hand(**{name: pair[k] for name, pair in of.items()})
+
+    return Hands(ends(box, 0), ends(box, 1), None if tool is None else Hands(ends(tool, 0), ends(tool, 1)))
+
+
 class WallsRecord(DisplayPart):
     """The claim about every wall in a box of environments."""
 
@@ -110,7 +119,8 @@ class HandsRecord(DisplayPart):
     """The claims about every hand of a box, in the sampled loop at every frequency."""
 
     verdict: Annotated[Proof, Shown("every hand", "of {within}")]
-    box: dict[str, Pair]  # ends of the range of each parameter of the hands
+    box: dict[str, Pair]  # ends of the range of each parameter of the hands, their tool included
+    tool: dict[str, Pair] | None = None  # those of the tool; absent without one
     min_ratio: Annotated[Number, Shown("{measured}", "at {worst_hz} Hz in the hand of {worst_hand}")]
     worst_hz: Number
     worst_hand: Hand
@@ -143,7 +153,7 @@ class HandsRecord(DisplayPart):
     @property
     def within(self) -> Hands:
         """The box of hands."""
-        return Hands(*(Hand(**{name: ends[k] for name, ends in self.box.items()}) for k in (0, 1)))
+        return _hands(self.box, self.tool)
 
     def promise(self, units: Units) -> str:
         """Return the claim in words. The function does not check the verdict."""
@@ -167,7 +177,8 @@ class WallRecord(Part):
     """The claim about the coupling of an impedance display as a wall."""
 
     verdict: Annotated[Proof, Shown("wall")]
-    box: dict[str, Pair] | None = None  # ranges of the hands; absent for any passive hand
+    box: dict[str, Pair] | None = None  # ranges of the hands, their tool included; absent for any passive hand
+    tool: dict[str, Pair] | None = None
     min_ratio: Annotated[Number, Shown("unstable at", "times the wall, at {worst_hz} Hz")]
     worst_hz: Number
     worst_hand: Hand | None = None
@@ -184,8 +195,7 @@ class WallRecord(Part):
         """Return the hands of the claim in words, if it is one of any passive hand with its own words."""
         if self.box is None:
             return f"in {passive}"
-        hands = Hands(*(Hand(**{name: ends[k] for name, ends in self.box.items()}) for k in (0, 1)))
-        return f"in every hand of {hands.in_words(units)}"
+        return f"in every hand of {_hands(self.box, self.tool).in_words(units)}"
 
     def promise(self, passive: str, units: Units) -> str:
         """Return the claim in words. The function does not check the verdict."""

@@ -13,6 +13,7 @@ from vctune.document.schema.problem_schema import (
     ProblemDocument,
     ServoDeviceTable,
     StabilityTable,
+    ToolTable,
     UncertaintyTable,
     WorldsTable,
 )
@@ -42,7 +43,8 @@ from vctune.model.worlds import EVERY_WORLD, World, Worlds
 
 def resolve(document: ProblemDocument, default_name: str) -> Problem:
     """Return the problem that a valid document states, with all defaults filled in."""
-    hands = _hands(document.operator or OperatorTable(), document.device.units)
+    tool = _tool(document.tool)
+    hands = _hands(document.operator or OperatorTable(), document.device.units).with_tool(tool)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
     device = device_of(document.device)
     if device.servo is not None:
@@ -76,7 +78,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
         transparency=transparency,
         stability=stability,
         uncertainty=_uncertainty(document.uncertainty, device),
-        experiments=tuple(_experiment(table, device, worlds) for table in document.experiment),
+        experiments=tuple(_experiment(table, device, worlds, tool) for table in document.experiment),
         hands=hands,
         worlds=worlds,
         rigid=rigid,
@@ -111,7 +113,17 @@ def _hands(table: OperatorTable, units: UnitSystem) -> Hands:
     """Return the hands of a table."""
     greatest = HUMAN_HANDS.high.numbers if units == "linear" else dict.fromkeys(HUMAN_HANDS.high.numbers, 0.0)
     ranges = {name: _range(getattr(table, name), 0.0, high) for name, high in greatest.items()}
-    return Hands(*(Hand(**{name: getattr(each, end) for name, each in ranges.items()}) for end in ("min", "max")))
+    low, high = (Hand(**{name: getattr(each, end) for name, each in ranges.items()}) for end in ("min", "max"))
+    return Hands(low, high)
+
+
+def _tool(table: ToolTable | None) -> Hands | None:
+    """Return the tools of a table; None without a tool."""
+    if table is None:
+        return None
+    mass, damping = _range(table.mass, 0.0, 0.0), _range(table.damping, 0.0, 0.0)
+    tools = Hands(Hand(mass.min, damping.min, 0.0), Hand(mass.max, damping.max, 0.0))
+    return tools if mass.max or damping.max else None
 
 
 def _worlds(table: WorldsTable | None) -> Worlds | None:
@@ -179,9 +191,12 @@ def _range(value: Any, low: float, high: float) -> Range:
     return Range(value.min, inf if value.max is None else value.max)
 
 
-def _experiment(table: ExperimentTable, device: Device, worlds: Worlds | None) -> Experiment:
-    """Return an experiment, whose friction has the device's defaults, and its environment the rule that is proved."""
-    friction, environment = table.friction, table.environment
+def _experiment(table: ExperimentTable, device: Device, worlds: Worlds | None, tool: Hands | None) -> Experiment:
+    """Return an experiment, whose friction has the device's defaults, its environment the rule that is proved, and its
+    hand the mass of the greatest tool."""
+    friction, environment, hand = table.friction, table.environment, table.operator
+    if tool is not None:
+        hand = replace(hand, mass=hand.mass + tool.high.mass)
     if environment.rule is None:
         proved = worlds is not None and environment.mass > 0 and (worlds.walls or not environment.wall)
         environment = replace(environment, rule="trapezoid" if proved else "backward")
@@ -189,6 +204,4 @@ def _experiment(table: ExperimentTable, device: Device, worlds: Worlds | None) -
         stiction = friction.coulomb if friction.stiction is None else friction.stiction
         damping = sqrt(friction.stiffness * device.mass) if friction.damping is None else friction.damping
         friction = replace(friction, stiction=stiction, damping=damping)
-    return Experiment(
-        table.name, environment, table.operator, friction, table.sensors, table.actuator.limit, table.baseline
-    )
+    return Experiment(table.name, environment, hand, friction, table.sensors, table.actuator.limit, table.baseline)

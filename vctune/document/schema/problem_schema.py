@@ -142,6 +142,17 @@ class OperatorTable(Table):
     )
 
 
+class ToolTable(Table):
+    """The tool beyond the force sensor or at the handle: a gripper, a load, a handle that is not part of the device.
+
+    It is always there, so that every hand of [operator] includes it, and so does the hand of an experiment. A number
+    is that number, { min, max } a range, such as that of a payload.
+    """
+
+    mass: Variable = Field(0.0, description="Mass of the tool, kg.")
+    damping: Variable = Field(0.0, description="Damping of the tool against rest, N s/m.")
+
+
 class WorldMassTable(Table):
     """Mass of the environments, kg."""
 
@@ -305,6 +316,7 @@ class ProblemDocument(Table):
     description: Text = Field("", description="Free text for the reader.")
     device: AnyDeviceTable
     operator: OperatorTable | None = Field(None, description="Default: human hands, from no hand to a firm grip.")
+    tool: ToolTable | None = Field(None, description="Default: no tool.")
     environment: WorldsTable | None = None
     gains: GainsTable = Field(default_factory=GainsTable)
     coupling: CouplingTable = Field(default_factory=CouplingTable)

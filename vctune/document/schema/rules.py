@@ -26,6 +26,7 @@ MAX_DECADES = 12  # Greatest width of a band, in decades of frequency
 # Greatest permitted delay of the device or the servo, and of its force sensor, each with its uncertainty, in samples
 MAX_DELAY_SAMPLES = 200
 FASTEST, SLOWEST = 1e3, 1e-6  # Greatest and least bandwidth or resonance, as a share of the sampling rate
+TOOL = ("tool.mass", "tool.damping")
 MOTION = ("from", "to", "speed", "cycles", "damping", "stiffness")  # Keys of the motion of a hand, in their order
 LEAST_STROKE = 4  # Least duration of a stroke at the greatest speed of the hand, sample times
 MOST_SAMPLES = 5_000_000  # Greatest number of samples of an experiment
@@ -134,7 +135,7 @@ def _path(key: Key) -> KeyPath:
 
 
 def _ranges(file: Stated) -> Found:
-    for key in (*KEYS, *SPRING_KEYS[3:], *HAND, "environment.mass", "environment.stiffness"):
+    for key in (*KEYS, *SPRING_KEYS[3:], *HAND, *TOOL, "environment.mass", "environment.stiffness"):
         if (low := file(f"{key}.min")) > (high := file(f"{key}.max")):
             yield key, f"min = {low:g} is above max = {high:g}; swap them"
 
@@ -377,7 +378,9 @@ def _hands_of_servo(file: Stated) -> Found:
             f'"{criterion}" asks for any passive hand, and no servo is stable in a hand of unlimited stiffness, since '
             'it follows late; write "hands", or leave it out, and state the stiffest contact in [operator]',
         )
-    if all(0 in (file(key), file(f"{key}.max")) for key in HAND) and not file("device.servo.stiffness", 0.0) > 0:
+    toolless = not any(file(f"{key}{end}") > 0 for key in TOOL for end in ("", ".max"))
+    handless = all(0 in (file(key), file(f"{key}.max")) for key in HAND)
+    if handless and toolless and not file("device.servo.stiffness", 0.0) > 0:
         yield "operator", "no hand of it pushes, so that nothing is fed back; give one of its ranges a positive max"
 
 

@@ -124,6 +124,7 @@ def problem_digest(problem: Problem) -> str:
     """Return the digest of everything on which a design depends: the problem without name, description and
     experiments."""
     stated = asdict(replace(problem, name="", description="", experiments=()))
+    del stated["hands"]["tool"]  # the hands include it
     if problem.hands_met is None:
         del stated["hands"]
     if not problem.rigid:
