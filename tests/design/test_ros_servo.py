@@ -120,9 +120,8 @@ def test_the_step_of_the_controller_is_what_is_proved(tmp_path):
             theta = float(10 ** rng.uniform(-1.5, 0.49))
             seen, half = seen_of_servo(plant, Hand(*hand), theta, FLOATS), np.sin(theta / 2)
             met = (seen.even + 1j * half * seen.odd) / (2j * half)
-            s_d = 2j / T * np.tan(theta / 2)
-            series = coupling.damping * coupling.mass * s_d / (coupling.damping + coupling.mass * s_d)
-            assert met + series + coupling.drag == pytest.approx(asked(arm, hand, rule, theta), rel=1e-7)
+            law = coupling.mass / T * (1 - np.exp(-1j * theta)) + coupling.drag * np.exp(-1j * theta)
+            assert met + law == pytest.approx(asked(arm, hand, rule, theta), rel=1e-7)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 12))])

@@ -60,6 +60,7 @@ NAME = r"""name = 'a /* ??/ \ %d " é */ name'
 OF_SERVOS = EXPERIMENTS.replace("friction = { coulomb = 0.3, stiction = 0.4 }\n", "")
 OF_SERVOS = OF_SERVOS.replace("position_resolution = 1e-5, ", "").replace("actuator = { limit = 2.0 }\n", "")
 SERVOS = {"velocity": toml_text(CONTACT) + OF_SERVOS, "position": toml_text(WALKER) + OF_SERVOS}
+EULER = "damping = 1943.9452", 'rule = "euler"'
 PARTS = {
     "ideal": "",
     "filtered": '[device.velocity]\nfrom = "difference"\nfilter_hz = 200.0\nfilter_order = 2\n',
@@ -67,6 +68,8 @@ PARTS = {
     "flexible": "[device.structure]\nhandle_mass = 0.1\nfrequency_hz = 200.0\ndamping_ratio = 0.05\n",
 }
 KINDS = {name: NAME + DEVICE + part + FIXED.format(160.0) + EXPERIMENTS for name, part in PARTS.items()} | SERVOS
+KINDS["euler"] = SERVOS["velocity"].replace(*EULER)
+KINDS["euler position"] = KINDS["euler"].replace("bandwidth_hz = 40.0 }", 'bandwidth_hz = 40.0, command = "position" }')
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +120,7 @@ def test_single_precision_replays_within_the_bound_that_it_states(made, kind, tm
     lines = found.stdout.splitlines()
     greatest = max(float(line.split("difference ")[1].split()[0]) for line in lines)
     assert greatest == pytest.approx(stated / 2, rel=0.02)  # what NumPy measured is what C comes to
-    unit = {"velocity": "m/s", "position": "m"}.get(kind, "N")
+    unit = {"velocity": "m/s", "position": "m", "euler": "m/s", "euler position": "m"}.get(kind, "N")
     assert all(line.endswith(f" {unit}  ok") for line in lines)
 
 

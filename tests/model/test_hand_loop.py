@@ -214,7 +214,7 @@ def test_next_to_rest_both_forms_of_the_margins_in_environments_differ_by_rho(so
         rho = 2 * s + pulled
         seen = seen_in_hand(loop_in_hand(plant, theta, FLOATS), Gains(K_v, 0.0))
         near = seen_in_limp_hand(plant, K_v, theta, NextToRest(rho, 2 * s / rho, pulled / rho, 0.0), FLOATS)
-        at = offered_at(coupling, T, theta, FLOATS)
+        at = offered_at(coupling, T, "trapezoid", theta, FLOATS)
         whole, limp = (
             disjuncts(at, worlds, T, seen, 1.1, theta, FLOATS),
             limp_disjuncts(at, worlds, T, near, 1.1, theta, FLOATS),
@@ -261,12 +261,12 @@ def test_the_coupling_as_the_firmware_runs_it():
         T = float(10 ** rng.uniform(-4, -2))
         b_c, m_c, b_0 = 10 ** rng.uniform(0, 4), 10 ** rng.uniform(-3, 1), float(rng.integers(2)) * 0.3
         theta = pi * 10 ** rng.uniform(-5, 0, 5)
-        found = sampled_resistance(Coupling(b_c, m_c, b_0), T, theta, FLOATS)
+        found = sampled_resistance(Coupling(b_c, m_c, b_0), T, "trapezoid", theta, FLOATS)
         for x, at in zip(found, theta, strict=True):
             z = DIGITS.exp(DIGITS.i * DIGITS.number(at))
             true = offered(Loop({"sample_time": T}, coupling=(b_c, m_c, b_0), num=DIGITS), z).real
             assert float(x) == pytest.approx(float(true), rel=1e-12)
-        ends = sampled_resistance(Coupling(b_c, m_c, b_0), T, np.array([0.0, pi]), FLOATS)
+        ends = sampled_resistance(Coupling(b_c, m_c, b_0), T, "trapezoid", np.array([0.0, pi]), FLOATS)
         assert ends == pytest.approx([b_0, b_0 + b_c], rel=1e-12)
 
 

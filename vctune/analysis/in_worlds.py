@@ -53,7 +53,7 @@ def reaction(
         if isinstance(coupling, SpringDamper):
             spring = offered_at_spring(coupling, device, theta, FLOATS)
             return complex(s * s * ((spring.above + 1j * spring.spring / s) / spring.below / factor + of_loop))
-        Z_c = offered_at(coupling, device.sample_time, theta, FLOATS)
+        Z_c = offered_at(coupling, device.sample_time, device.rule, theta, FLOATS)
         return complex((Z_c.resistance + 1j * Z_c.reactance / c) / factor + of_loop)
 
     return at

@@ -110,13 +110,14 @@ class LoopsInWorlds:
     def failing(self, coupling: AnyCoupling) -> _Failing:
         """Return the multiples y at which y Z_c + Z_seen is minus the impedance of some environment."""
         angles, low, high, T = self.angles, self.worlds.low, self.worlds.high, self.device.sample_time
-        at, u = offered_at(series_coupling(coupling), T, angles, FLOATS), 2 / T * np.tan(angles / 2)
+        series, rule, u = series_coupling(coupling), self.device.rule, 2 / T * np.tan(angles / 2)
+        at = offered_at(series, T, rule, angles, FLOATS)
         own = np.asarray(at.reactance) / np.cos(angles / 2)
         light, soft, heavy, stiff = map(float, (low.mass, low.stiffness, high.mass, high.stiffness))
         heaviest = 0.0 if heavy == inf else (self.held - heavy * u + soft / u) / own
         stiffest = ENDLESS if stiff == inf else (self.held - light * u + stiff / u) / own
         above, below = (np.broadcast_to(each, self.held.shape).copy() for each in (heaviest, stiffest))
-        if angles[-1] == pi and real_at_nyquist(series_coupling(coupling), self.worlds):
+        if angles[-1] == pi and real_at_nyquist(series, rule, self.worlds):
             above[:, -1], below[:, -1] = 0.0, ENDLESS
         resistive = (self.lost - float(low.damping)) / np.asarray(at.resistance)
         return _between(above, below, resistive, angles)

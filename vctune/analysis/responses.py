@@ -165,7 +165,7 @@ class Loop:
                 low_pass = firmware_filter(device, theta, FLOATS)
                 admittance = spring_damper_admittance(coupling, device.sample_time, low_pass, theta, FLOATS)
                 return np.asarray(1 / (admittance.re + 1j * admittance.im))
-            found = offered_at(coupling, device.sample_time, theta, FLOATS)
+            found = offered_at(coupling, device.sample_time, device.rule, theta, FLOATS)
             return np.asarray(found.resistance + 1j * found.reactance / np.cos(theta / 2))
 
         return Transfer("Z_c", self._units.damping, device, response)

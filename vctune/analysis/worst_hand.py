@@ -125,7 +125,7 @@ def _lost(design: Design, demands: Demands, hands: list[Hand], angles: Floats) -
     crossed = (above[:, :-1] < 0) & (below[:, 1:] < 0) | (below[:, :-1] < 0) & (above[:, 1:] < 0)
     share = np.clip(above[:, :-1] / (above[:, :-1] - above[:, 1:]), 0.0, 1.0)
     there = np.where(crossed, resistive[:, :-1] + share * (resistive[:, 1:] - resistive[:, :-1]), np.inf)
-    if angles[-1] == pi and real_at_nyquist(design.series, demands.worlds):
+    if angles[-1] == pi and real_at_nyquist(design.series, design.device.rule, demands.worlds):
         there[:, -1] = np.minimum(there[:, -1], resistive[:, -1])
     places = there.argmin(axis=1)
     return there[np.arange(len(hands)), places], places

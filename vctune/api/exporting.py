@@ -176,7 +176,7 @@ def stated_design(
     if record is None:
         file = problem_of(source)  # type: ignore[arg-type]
         if gains is not None:
-            design = design_for(file, gains, coupling)
+            file, design = design_for(file, gains, coupling)
             return file, (design.gains, design.coupling), design.corner
         if not file.problem.bounds.fixed:
             message = "not every gain is fixed; name a gains file, or a design.json of `vctune solve`"

@@ -153,7 +153,9 @@ def region(
         raise InputError.of("resolution", "bad-option", message)
     levels = ceil(-log2(resolution))
     with limited(time_limit):
-        marked = None if gains is None else design_for(file, gains, coupling)
+        marked = None
+        if gains is not None:
+            file, marked = design_for(file, gains, coupling)
         design = None if marked is None else (marked.gains, marked.coupling)
         solved = solved or best_design(file.problem, progress)
         with limited(max(seconds_left() - DRAWING, seconds_left() / 2)):

@@ -115,7 +115,7 @@ def simulate(
     if gains is None:
         law, coupling = _found(file, find(file.problem, progress))
     else:
-        design = design_for(file, gains, coupling)
+        file, design = design_for(file, gains, coupling)
         law, coupling = design.gains, design.coupling
     runs = tuple(run(file.problem, law, coupling, selected, progress) for selected in chosen)
     return Simulation(file, law, coupling, runs)

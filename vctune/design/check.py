@@ -24,7 +24,7 @@ from vctune.design.prepared import pose
 from vctune.design.result import Solved
 from vctune.design.variables import keys_for, ranges
 from vctune.document.doubts import file_doubts
-from vctune.document.reading import GainsFile, ProblemFile, require_gains_of
+from vctune.document.reading import GainsFile, ProblemFile, problem_of_gains
 from vctune.document.records.design_json import Repair
 from vctune.document.ros import TUNED
 from vctune.document.text import toml
@@ -122,7 +122,7 @@ def check_problem(
     """Check the design that a problem fixes, or another design for the problem."""
     problem = file.problem
     if design is not None:
-        require_gains_of(file, design)
+        file = problem_of_gains(file, design)
     elif problem.bounds.fixed:
         law = problem.fixed_design
         design = GainsFile(problem.device.kind, *law, sha256=None, units=None, text=file.text, source=file.source)

@@ -104,6 +104,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     also = {
         "date": date,
         "prices": solved.prices,
+        "rule": "euler" if problem.device.rule == "euler" else None,
         "tried": solved.tried or None,
         "nearest": _nearest(solved),
         **{name: parts.pop(name, None) for name in ("contact", "felt", "uncertainty")},

@@ -14,7 +14,7 @@ import numpy as np
 from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import Prepared, pose, prepare
 from vctune.design.result import Solved
-from vctune.design.search.along_limit import best_along_limit, has_nothing_behind
+from vctune.design.search.along_limit import best_along_limit, follows_limit, has_nothing_behind
 from vctune.design.search.infeasible import Infeasibility, nearest_miss, out_of_time_before_a_design
 from vctune.design.search.optimum import PROOF, SEARCH, Progress, improved, optimum
 from vctune.design.search.scan import scan
@@ -58,7 +58,7 @@ def solve(
     try:
         worlds = problem.worlds
         weak = worlds is not None and not worlds.walls and (worlds.exact or not problem.device.kind.own_loop)
-        if problem.rigid or has_nothing_behind(problem) or (weak and gap is None):
+        if problem.rigid or follows_limit(problem) or (weak and gap is None):
             return _along_limit(problem, progress)
         return _found(problem, progress, gap, exhaustive=exhaustive)
     except OutOfTimeError:
@@ -73,9 +73,10 @@ def _along_limit(problem: Problem, progress: Progress) -> Solved:
     proved = stiffest_wall(pose(problem)) if problem.rigid else best_along_limit(pose(problem))
     found, alone = None if proved is None else proved.judgement, has_nothing_behind(problem)
     miss = (NO_WALL, LESS_STIFF) if problem.rigid else (NOT_ALONE if alone else NOT_BEFORE_WORLDS, MORE_FELT)
-    if not (problem.rigid or alone) and (found is None or found.status is not Status.CERTIFIED):
-        wider = prepare(replace(problem, worlds=None))
-        safe = optimum(wider, scan(wider.scaled), progress).judgement
+    wider = problem.worlds is not None and not (problem.rigid or follows_limit(problem))
+    if wider and (found is None or found.status is not Status.CERTIFIED):
+        prepared = prepare(replace(problem, worlds=None))
+        safe = optimum(prepared, scan(prepared.scaled), progress).judgement
         found, proved = (found, proved) if safe is None else (judge(problem, safe.gains, safe.coupling), None)
     late = found is not None and (found.cut or (found.status is Status.UNDECIDED and out_of_time()))
     return Solved(

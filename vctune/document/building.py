@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,9 @@ from vctune.document.reading import (
     ProblemFile,
     called,
     problem_at,
+    problem_of_gains,
     read_gains,
     read_problem,
-    require_gains_of,
 )
 from vctune.document.schema.problem_schema import ProblemDocument
 from vctune.document.schema.rules import impossible_parts
@@ -27,7 +28,7 @@ from vctune.document.schema.validation import examined, refusal, shown
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml import toml_text
 from vctune.model import device as devices
-from vctune.model.display import ADMITTANCE, DISPLAYS, Display
+from vctune.model.display import ADMITTANCE, DISPLAYS, STEPPED, Display
 from vctune.model.fields import table_of
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
@@ -144,22 +145,27 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
     stated = {"gains": plain(gains), "coupling": plain(coupling)}
     for key in kind.absent:
         table, _, name = key.partition(".")
-        if stated[table].pop(name):
-            message = f"{key}: {called(kind.name)} has none; leave it at 0"
+        usual = inf if table == "coupling" else 0
+        if stated[table].pop(name) != usual:
+            message = f"{key}: {called(kind.name)} has none; leave it at {usual}"
             raise InputError.of("design", "contradiction", message)
+    if kind is STEPPED:
+        stated["coupling"]["rule"] = "euler"
     raw = {table: numbers for table, numbers in stated.items() if numbers}
     _, faults = examined(GAINS_DOCUMENTS[kind.name], raw)
     if faults:
         raise refusal(faults, None, "design")
     gains = Gains(**{"velocity": 0.0, "position": 0.0, **raw.get("gains", {})})
-    return GainsFile(kind, gains, type(coupling)(**raw["coupling"]), None, None, toml_text(raw))
+    return GainsFile(kind, gains, coupling, None, None, toml_text(raw))
 
 
-def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | None = None) -> GainsFile:
-    """Return a design for a problem, read from a file or built from gains and coupling."""
+def design_for(
+    file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | None = None
+) -> tuple[ProblemFile, GainsFile]:
+    """Return a design, read from a file or built from gains and coupling, after the problem in whose rule it is
+    stated."""
     stated = design(gains, coupling, file.problem.device.kind)
-    require_gains_of(file, stated)
-    return stated
+    return problem_of_gains(file, stated), stated
 
 
 def plain(value: Any) -> Any:

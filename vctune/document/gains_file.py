@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import astuple
+from typing import Any
 
 from vctune.document.text.toml import placed, quoted
-from vctune.model.display import Display
+from vctune.model.display import STEPPED, Display
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.units import UNITS, UnitSystem, labelled
+from vctune.model.numbers.units import UNITS, UnitSystem
 
 
 def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
@@ -18,10 +19,11 @@ def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[s
     return {key: number for key, number in numbers if key not in kind.absent}
 
 
-def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, float]]:
+def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, Any]]:
     """Return the tables [gains] and [coupling] of a design; a servo has only [coupling]."""
-    numbers = design_numbers(kind, gains, coupling)
-    return placed({}, ((key.split("."), number) for key, number in numbers.items()))
+    stated: dict[str, float | str] = {"coupling.rule": "euler"} if kind is STEPPED else {}
+    stated |= design_numbers(kind, gains, coupling)
+    return placed({}, ((key.split("."), value) for key, value in stated.items()))
 
 
 def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
@@ -38,6 +40,12 @@ def numbers_in(text: str, kind: Display) -> dict[str, float]:
         return {}
 
 
+def _line(kind: Display, table: str, name: str, value: Any, units: UnitSystem) -> str:
+    if isinstance(value, str):
+        return f"{name} = {quoted(value)}  # M a + D v = F"
+    return f"{name} = {value!r}  # {kind.labelled(f'{table}.{name}', UNITS[units])}"
+
+
 def gains_text(
     kind: Display,
     gains: Gains,
@@ -50,10 +58,10 @@ def gains_text(
     written = [
         [
             f"[{table}]",
-            *(f"{name} = {value!r}  # {labelled(f'{table}.{name}', UNITS[units])}" for name, value in numbers.items()),
+            *(_line(kind, table, name, value, units) for name, value in values.items()),
             "",
         ]
-        for table, numbers in tables.items()
+        for table, values in tables.items()
     ]
     lines = [
         f"# Paste {' and '.join(f'[{table}]' for table in tables)} into a problem file to fix these numbers.",

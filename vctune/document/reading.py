@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from math import pi
+from dataclasses import dataclass, field, replace
+from math import inf, pi
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +17,16 @@ from vctune.document.schema.problem_schema import (
     ProblemDocument,
     ServoGainsDocument,
     SpringGainsDocument,
+    SteppedTable,
 )
-from vctune.document.schema.rules import contradictions
+from vctune.document.schema.rules import BEYOND_REST, contradictions
 from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, examined, refusal, validated
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.json import problem_digest
-from vctune.model.display import ADMITTANCE, DISPLAYS, IMPEDANCE, SERVO, Display, DisplayName, stated_display
-from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.display import ADMITTANCE, DISPLAYS, IMPEDANCE, SERVO, STEPPED, Display, DisplayName, stated_display
+from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.model.problem import Problem
 
@@ -160,11 +161,13 @@ def gains_file(text: str, path: Path) -> GainsFile:
     path = toml.called(path)
     kind = _kind_of(toml.parse(text, str(path)))
     document = validated(GAINS_DOCUMENTS[kind.name], text, str(path), _other_display)
-    stated, origin = getattr(document, "gains", None), document.design
+    stated, origin, coupling = getattr(document, "gains", None), document.design, document.coupling
+    if isinstance(coupling, SteppedTable):
+        coupling = Coupling(inf, coupling.mass, coupling.drag)
     gains = Gains(getattr(stated, "velocity", 0.0), getattr(stated, "position", 0.0))
     solved = numbers_in(origin.numbers or "", kind)
     corner = None if origin.corner_hz is None else 2 * pi * origin.corner_hz
-    return GainsFile(kind, gains, document.coupling, origin.sha256, origin.units, text, str(path), solved, corner)
+    return GainsFile(kind, gains, coupling, origin.sha256, origin.units, text, str(path), solved, corner)
 
 
 # Schema of a gains file for each kind of display
@@ -180,7 +183,9 @@ def _kind_of(raw: dict[str, Any]) -> Display:
     if toml.value_at(raw, ("coupling", "stiffness")) is not None:
         return IMPEDANCE
     stated = toml.value_at(raw, ("design", "display"))
-    return SERVO if "gains" not in raw and stated in (None, "servo") else ADMITTANCE
+    if "gains" in raw or stated not in (None, "servo"):
+        return ADMITTANCE
+    return STEPPED if toml.value_at(raw, ("coupling", "rule")) == "euler" else SERVO
 
 
 def _other_display(raw: dict[str, Any]) -> list[Contradiction]:
@@ -200,8 +205,8 @@ def called(display: DisplayName) -> str:
     return "a servo" if display == "servo" else f"an {display} display"
 
 
-def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
-    """Check that gains are for the same kind of device as a problem."""
+def problem_of_gains(file: ProblemFile, given: GainsFile) -> ProblemFile:
+    """Return a problem with the rule of gains if they state another one; refuse gains for another kind of device."""
     lines = toml.Lines(given.text)
     telling = ("coupling", "stiffness" if given.kind is IMPEDANCE else "mass")
     keys = {"display": telling, "units": ("design", "units")}
@@ -211,6 +216,28 @@ def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
     ]
     if mistakes:
         raise InputError(given.source, mistakes)
+    device = file.problem.device
+    if given.kind is STEPPED and device.rule != "euler":
+        tables = {**file.document, "coupling": {"rule": "euler"}}
+        file = replace(problem_file(toml.toml_text(tables), Path(file.source)), source=file.source)
+    if file.problem.device.rule == "euler":
+        _require_step(given, file.problem.device.sample_time)
+    return file
+
+
+def _require_step(given: GainsFile, T: float) -> None:
+    """Refuse numbers that are not those of M a + D v = F, or with which a step of it goes beyond rest."""
+    coupling = given.coupling
+    assert isinstance(coupling, Coupling)
+    key, message = "", ""
+    if not coupling.rigid:
+        key, message = "damping", 'means nothing with rule = "euler" of the problem; write mass and drag of its law'
+    elif coupling.mass <= (least := coupling.drag * T):
+        key, message = "mass", f"{coupling.mass:g} is not above drag times sample_time, {least:g}: {BEYOND_REST}"
+    if key:
+        place = ("coupling", key)
+        line = toml.Lines(given.text).locate(place)
+        raise InputError.of(given.source, "contradiction", message, key=".".join(place), line=line)
 
 
 def stated_problem(record: ProblemRecord, source: str) -> ProblemFile:

@@ -7,7 +7,7 @@ from typing import Any
 
 from vctune.firmware.firmware import Firmware, certified, comment, literal
 from vctune.firmware.preamble import rendered, statement
-from vctune.model.numbers.units import OF_KEYS, SYMBOLS
+from vctune.model.numbers.units import OF_KEYS
 
 # Symbol and quantity of each coefficient that is a constant of the C code
 CONSTANTS = {
@@ -78,6 +78,7 @@ def variables(firmware: Firmware) -> dict[str, Any]:
         "law": limited and not c.spring,
         "integrator": firmware.gains.position > 0,
         "spring": c.spring,
+        "euler": c.euler,
         "difference": c.difference,
         "low_passes": c.low_passes,
         "start_head": _start_head(c.difference, limited),
@@ -109,8 +110,9 @@ def _start_head(difference: bool, limited: bool) -> str:
 def _stated(firmware: Firmware) -> list[str]:
     """Return the decimals of the design as comments. The gains of a servo, which are 0, are not stated."""
     keys = [key for part in ("coupling", "gains") for key in firmware.device.kind.stated if key.startswith(part)]
-    numbers = (*astuple(firmware.coupling), *astuple(firmware.gains))[: len(keys)]
-    rows = [(SYMBOLS[k], number, firmware.units.of(OF_KEYS[k])) for k, number in zip(keys, numbers, strict=True)]
+    kind = firmware.device.kind
+    of_key = dict(zip(kind.keys, (*astuple(firmware.gains), *astuple(firmware.coupling)), strict=True))
+    rows = [(kind.symbol(key), of_key[key], firmware.units.of(OF_KEYS[key])) for key in keys]
     return [
         f"/* {name} = {number!r} {unit} */" for name, number, unit in [*rows, ("T", firmware.device.sample_time, "s")]
     ]

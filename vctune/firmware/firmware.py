@@ -117,7 +117,7 @@ def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, 
         stability = replace(stability, band=replace(stability.band, max=min(stability.band.max, pi / T)))
     gains = Gains(coefficients.get("velocity_gain", 0.0), coefficients.get("position_gain", 0.0))
     again = replace(problem, device=replace(device, sample_time=T, velocity=estimate), stability=stability)
-    return again, (gains, coupling_of(coefficients, T))
+    return again, (gains, coupling_of(coefficients, T, device.rule))
 
 
 def certified(firmware: Firmware) -> bool:

@@ -10,8 +10,9 @@ import numpy as np
 from pydantic import GetPydanticSchema
 from pydantic_core.core_schema import literal_schema
 
-from vctune.model.display import DISPLAYS, Display, DisplayName
+from vctune.model.display import DISPLAYS, STEPPED, Display, DisplayName
 from vctune.model.fields import Internal, Key, NotNegative, Positive, record
+from vctune.model.gains import Rule
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import UnitSystem
@@ -65,6 +66,7 @@ class Device:
     ] = "admittance"
     servo: Internal[Servo | None] = None
     summed: Internal[bool] = False  # whether the firmware's x_e is x_e + T v_e, as ROS 2's, not the trapezoidal sum
+    rule: Internal[Rule] = "trapezoid"  # how the firmware integrates the coupling
     units: Annotated[
         UnitSystem,
         Key(
@@ -81,7 +83,7 @@ class Device:
     @property
     def kind(self) -> Display:
         """The kind of display: admittance (force in, motion out), impedance (motion in, force out), or servo."""
-        return DISPLAYS[self.display]
+        return STEPPED if self.rule == "euler" else DISPLAYS[self.display]
 
     @property
     def commanded(self) -> Commanded:
@@ -245,6 +247,12 @@ class Device:
     def sensed_latency(self) -> Number:
         """The sum of the delays of device and force sensor, s. It does not contain the lags of low-passes."""
         return self.latency if self.force_sensor is None else self.latency + self.force_sensor.delay
+
+    @property
+    def interpolates(self) -> bool:
+        """Whether a servo interpolates between positions that are trapezoidal sums of velocities. Interpolated between
+        x += T v by Euler, it moves as by the held velocity v."""
+        return self.servo is not None and self.servo.command == "position" and self.rule == "trapezoid"
 
     @property
     def latency(self) -> Number:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
 from vctune.model.gains import Coupling, SpringDamper
-from vctune.model.numbers.units import KEYS, SPRING_KEYS, Units
+from vctune.model.numbers.units import KEYS, OF_KEYS, SPRING_KEYS, SYMBOLS, Units
 
 DisplayName = Literal["admittance", "impedance", "servo"]
 
@@ -20,7 +20,7 @@ class Display:
     name: DisplayName  # name of the kind in a problem file
     makes: str  # input and output of the display, in words; {force} stands for force or torque
     keys: tuple[str, ...]  # keys of the parameters of a design, in order
-    absent: tuple[str, ...]  # the keys of `keys` whose numbers are always 0
+    absent: tuple[str, ...]  # the keys of `keys` whose numbers are always 0 or, of the coupling, inf
     coupling: type[Coupling] | type[SpringDamper]  # type of the virtual coupling
     couples: str  # "Z_c" or "1/Z_c", the coupling's response in the error and the conditions
     senses_force: bool  # whether the firmware reads the force of the hand
@@ -49,6 +49,14 @@ class Display:
     def ratio(self) -> str:
         """The name of the ratio that the conditions bound from below."""
         return f"Re {self.couples} / R"
+
+    def symbol(self, key: str) -> str:
+        """Return the symbol of a parameter of a design; of M a + D v = F as it stands there."""
+        return {"coupling.mass": "M", "coupling.drag": "D"}.get(key, "") * (self is STEPPED) or SYMBOLS[key]
+
+    def labelled(self, key: str, units: Units) -> str:
+        """Return the symbol and the unit of a parameter of a design, such as "K_v, N s/m"."""
+        return f"{self.symbol(key)}, {units.of(OF_KEYS[key])}"
 
     def reference(self, Z_0: float) -> float:
         """Return the reference for the coupling's response: Z_0, N s/m, or 1/Z_0, m/(N s), for an impedance display."""
@@ -98,6 +106,8 @@ SERVO = Display(
     own_loop=False,
     terms=("tracking", "coupling"),
 )
+# A servo whose coupling is M a + D v = F by Euler
+STEPPED = replace(SERVO, absent=(*SERVO.absent, "coupling.damping"))
 DISPLAYS: Mapping[DisplayName, Display] = MappingProxyType({each.name: each for each in (ADMITTANCE, IMPEDANCE, SERVO)})
 
 

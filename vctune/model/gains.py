@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from math import inf
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
 from vctune.model.fields import Found, FoundPositive, Key, PositiveOrNull, Shown, record
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
+
+# How the firmware integrates a coupling: by the trapezoidal rule or, with mass M and drag D alone, M a + D v = F by
+# Euler's (model/README.md, section 3)
+Rule = Literal["trapezoid", "euler"]
 
 
 def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
@@ -22,8 +26,11 @@ def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
     return Pair(coupling.drag + b_c * reactance * quotient, b_c * b_c * quotient)
 
 
-def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
-    """Return Re Z_c of the coupling in the firmware, where s -> (2/T)(z - 1)/(z + 1)."""
+def sampled_resistance(coupling: Coupling, sample_time: Number, rule: Rule, theta: Number, ops: Arithmetic) -> Number:
+    """Return Re Z_c of the coupling in the firmware: s is (2/T)(z - 1)/(z + 1) or, by Euler, Z_c is as in README."""
+    if rule == "euler":
+        sin = ops.sin(theta / 2)
+        return coupling.drag * ops.cos(theta) + coupling.mass / sample_time * (2 * (sin * sin))
     if coupling.rigid:  # the mass of a rigid coupling is a pure reactance
         return coupling.drag + 0 * theta
     b_c, reactance, cos = coupling.damping, coupling.mass * (2 * ops.sin(theta / 2)) / sample_time, ops.cos(theta / 2)
@@ -31,8 +38,11 @@ def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, o
     return coupling.drag + b_c * (squared / (slack * slack + squared))
 
 
-def sampled_reactance(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
+def sampled_reactance(coupling: Coupling, sample_time: Number, rule: Rule, theta: Number, ops: Arithmetic) -> Number:
     """Return cos(theta/2) Im Z_c of the coupling in the firmware, N s/m. The product is regular at theta = pi."""
+    if rule == "euler":
+        cos = ops.cos(theta / 2)
+        return (coupling.mass / sample_time - coupling.drag) * (2 * ops.sin(theta / 2) * (cos * cos))
     reactance = coupling.mass * (2 * ops.sin(theta / 2)) / sample_time
     if coupling.rigid:
         return reactance
@@ -41,8 +51,10 @@ def sampled_reactance(coupling: Coupling, sample_time: Number, theta: Number, op
     return reactance * squared / (squared + reactance * reactance)
 
 
-def trapezoidal(coupling: Coupling, sample_time: Number) -> tuple[Number, Number]:
-    """Return step s and decay p of the series branch, f[k] = p f[k-1] + s (v[k] - v[k-1]), by the trapezoidal rule."""
+def stepped(coupling: Coupling, sample_time: Number, rule: Rule) -> tuple[Number, Number]:
+    """Return step s and decay p of the branch beside the drag, f[k] = p f[k-1] + s (v[k] - v[k-1])."""
+    if rule == "euler":
+        return coupling.mass / sample_time - coupling.drag, 0
     if coupling.rigid:
         return 2 * coupling.mass / sample_time, -1
     a = sample_time * coupling.damping / (2 * coupling.mass)

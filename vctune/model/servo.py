@@ -64,7 +64,7 @@ def latency(device: Device, ops: Arithmetic) -> Latency:
         smoothed = device.sample_time * (1 - sensor.filter_coefficient) / sensor.filter_coefficient
     return Latency(
         hold=half,
-        interpolation=half if servo.command == "position" else 0 * half,
+        interpolation=half if device.interpolates else 0 * half,
         delay=servo.delay,
         lag=_lag(servo.bandwidth(ops), servo.order, ops),
         sensor=late,

@@ -22,7 +22,6 @@ from vctune.design.variables import point
 from vctune.model.gains import Gains
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.numbers.units import labelled
 from vctune.model.problem import Problem
 from vctune.report.style import INK, ORANGE, PAPER, RED, STYLE, WIDTH, log_ticks, text_of_ticks
 from vctune.study.plane import Plane, Squares
@@ -121,7 +120,8 @@ def _frame(problem: Problem, plane: Plane, title: str = "") -> tuple[Figure, Axe
     axes.grid(visible=False)
     for name, along, axis in zip("xy", _axes(plane), plane.axes, strict=True):
         ticks, low = along.ticks(), -STRIP if along.line else 0.0
-        axes.set(**{f"{name}lim": (low, 1), f"{name}label": labelled(plane.keys[axis], problem.units)})
+        label = problem.device.kind.labelled(plane.keys[axis], problem.units)
+        axes.set(**{f"{name}lim": (low, 1), f"{name}label": label})
         axes.set(**{f"{name}ticks": list(ticks), f"{name}ticklabels": list(ticks.values())})
     return figure, axes
 

@@ -13,7 +13,7 @@ from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.hands import QUANTITIES
-from vctune.model.numbers.units import OF_KEYS, SYMBOLS, hertz
+from vctune.model.numbers.units import OF_KEYS, hertz
 from vctune.model.parts import PART_NUMBERS, PARTS
 from vctune.model.problem import Problem
 from vctune.model.worlds import OVER_LIMIT
@@ -46,7 +46,7 @@ def _ranges(problem: Problem) -> list[Line]:
     lines = []
     for key in problem.device.kind.stated:
         bounds, unit = getattr(problem.bounds, key.partition(".")[2]), problem.units.of(OF_KEYS[key])
-        label = f"{key.partition('.')[2]} {SYMBOLS[key]}"
+        label = f"{key.partition('.')[2]} {problem.device.kind.symbol(key)}"
         if bounds.fixed:
             lines.append(Line(label, *quantity(bounds.min, unit), "given"))
         else:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from vctune.model.device import Commanded
 from vctune.model.experiment import Environment
-from vctune.model.gains import AnyCoupling, Coupling, SpringDamper, trapezoidal
+from vctune.model.gains import AnyCoupling, Coupling, Rule, SpringDamper, stepped
 from vctune.model.numbers.arithmetic import Number
 
 
@@ -24,9 +24,13 @@ def exact(decimal: float) -> Fraction:
 
 
 def coupling_coefficients(
-    coupling: AnyCoupling | None, sample_time: float, smoothing: float | None = None, low_passes: int = 0
+    coupling: AnyCoupling | None,
+    sample_time: float,
+    smoothing: float | None = None,
+    low_passes: int = 0,
+    rule: Rule = "trapezoid",
 ) -> dict[str, float]:
-    """Return the coefficients of a coupling. That of an admittance display or servo follows the trapezoidal rule."""
+    """Return the coefficients of a coupling; the rule is that of a servo or an admittance display."""
     if coupling is None:
         return {"resistance": 0.0}
     if isinstance(coupling, SpringDamper):
@@ -38,16 +42,19 @@ def coupling_coefficients(
             "resistance": float(resistance),
         }
     damping = coupling.damping if coupling.rigid else exact(coupling.damping)
-    step, decay = trapezoidal(Coupling(damping, exact(coupling.mass), 0), exact(sample_time))
-    resistance = step + exact(coupling.drag)
+    drag = exact(coupling.drag)
+    step, decay = stepped(Coupling(damping, exact(coupling.mass), drag), exact(sample_time), rule)
+    resistance = step + drag
     return {"coupling_step": float(step), "coupling_decay": float(decay), "resistance": float(resistance)}
 
 
-def coupling_of(coefficients: dict[str, float], sample_time: float) -> AnyCoupling:
+def coupling_of(coefficients: dict[str, float], sample_time: float, rule: Rule = "trapezoid") -> AnyCoupling:
     """Return the coupling that has given coefficients, up to the rounding of its parameters."""
     if "coupling_stiffness" in coefficients:
         return SpringDamper(coefficients["coupling_damping"], coefficients["coupling_stiffness"])
     step, decay = coefficients["coupling_step"], coefficients["coupling_decay"]
+    if rule == "euler":
+        return Coupling(inf, sample_time * coefficients["resistance"], coefficients["resistance"] - step)
     damping = inf if decay == -1 else 2 * step / (1 + decay)
     return Coupling(damping, mass=sample_time * step / (1 - decay), drag=coefficients["resistance"] - step)
 
@@ -119,6 +126,7 @@ class Law:
     low_passes: int  # number of these low-passes, up to 2
     limit: float | None  # greatest force, N
     command: Commanded = "force"
+    rule: Rule = "trapezoid"  # of the coupling
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +134,7 @@ class Controller:
     """A firmware with its coefficients, all in one precision. A part that is absent has a number without effect."""
 
     command: Commanded
+    euler: bool  # whether it steps M a + D v = F by Euler
     spring: bool  # whether the coupling is a spring and a damper, as for an impedance display
     difference: bool
     low_passes: int
@@ -149,10 +158,11 @@ class Controller:
 def controller_of(law: Law) -> Controller:
     """Return a firmware with the coefficients of its law."""
     T = law.sample_time
-    coupling = coupling_coefficients(law.coupling, T, law.smoothing, law.low_passes)
+    coupling = coupling_coefficients(law.coupling, T, law.smoothing, law.low_passes, law.rule)
     coupling["resistance"] += law.virtual_mass / T + law.virtual_damping
     return Controller(
         command=law.command,
+        euler=law.rule == "euler",
         spring=isinstance(law.coupling, SpringDamper),
         difference=law.difference,
         low_passes=law.low_passes,
@@ -229,7 +239,9 @@ def control(c: Controller, state: State, read: Measurement, ops: Operations) -> 
     coupling = c.coupling_decay * state.coupling + c.coupling_step * (desired - state.desired)
     led, integral = middle + c.half_sample_time * desired, state.integral  # x_e, unless the limit acts
     if c.command != "force":
-        reference, given = led, desired if c.command == "velocity" else led
+        # x += T v is half a step ahead of the trapezoidal sum
+        commanded = led + c.half_sample_time * desired if c.euler else led
+        reference, given = led, desired if c.command == "velocity" else commanded
     elif c.spring:
         asked = -(drive - c.resistance * desired) - c.velocity_gain * velocity
         reference, given = led, _within(c.limit, asked, ops)

@@ -104,6 +104,7 @@ def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, env
         low_passes=0 if weight is None else estimate.filter_order,
         limit=None,
         command=device.commanded,
+        rule=device.rule,
     )
 
 

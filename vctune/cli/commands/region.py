@@ -47,7 +47,7 @@ def region(
     x, y = axes_of(file.problem, x, y)
     folder = design_folder(require_plane(file, x, y), out)
     run.doubt(file)
-    given = design_for(file, gains) if gains else None
+    file, given = design_for(file, gains) if gains else (file, None)
     with run.progress(problem.name) as progress:
         solved = best_design(file.problem, progress)
         with interrupt.interrupt_noted() as stopped:  # from here on, an interrupt would lose work

@@ -31,7 +31,7 @@ def simulate(run: Run, problem: Path, gains: Path | None, name: str | None, out:
     file = read_problem(problem)
     chosen_experiments(file, name)
     run.doubt(file)
-    given = design_for(file, gains) if gains else None
+    file, given = design_for(file, gains) if gains else (file, None)
     if given and given.sha256 not in (None, file.sha256):
         run.warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
     folder = design_folder(file, out)

@@ -11,7 +11,7 @@ from typing import Any
 from vctune.document.schema.rules import FASTEST
 from vctune.document.schema.validation import KeyPath, dotted
 from vctune.document.text.toml import number_at, placed
-from vctune.model.numbers.units import KEYS, SPRING_KEYS, SYMBOLS
+from vctune.model.numbers.units import KEYS, SPRING_KEYS
 from vctune.model.parts import PART_NUMBERS
 from vctune.model.problem import Problem
 
@@ -256,7 +256,7 @@ def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterC
     """Yield changes of the fixed variables of a design, and wider bounds of the ranges in the file."""
     for key, natural in _natural_sizes(problem).items():
         _, name = path = tuple(key.split("."))
-        bounds, symbol = getattr(problem.bounds, name), SYMBOLS[key]
+        bounds, symbol = getattr(problem.bounds, name), problem.device.kind.symbol(key)
         lowest = bounds.min / FURTHEST
         if number_at(document, *path, "max") is not None:
             most, widest = bounds.max, FURTHEST * max(bounds.max, natural)
@@ -273,7 +273,7 @@ def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterC
 def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> ParameterChange:
     """Return the change of a variable of a design towards another value."""
     table, name = key.split(".")
-    way = f"a {'greater' if limit > old else 'smaller'} {SYMBOLS[key]}"
+    way = f"a {'greater' if limit > old else 'smaller'} {problem.device.kind.symbol(key)}"
     meaning = "some drag" if key == "coupling.drag" and old == 0 else way
     return ParameterChange((table, name), meaning, old, limit, _natural_sizes(problem)[key])
 

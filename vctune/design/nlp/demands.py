@@ -19,12 +19,20 @@ from vctune.design.nlp.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, 
 from vctune.design.prepared import Posed
 from vctune.model.device import Device
 from vctune.model.display import Display
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper, coupling_impedance, sampled_resistance, series_coupling
+from vctune.model.gains import (
+    AnyCoupling,
+    Gains,
+    Rule,
+    SpringDamper,
+    coupling_impedance,
+    sampled_resistance,
+    series_coupling,
+)
 from vctune.model.hands import stacked as stacked_hands
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import modulus_excess
 from vctune.model.loop.loop import loop_response
-from vctune.model.numbers.arithmetic import FLOATS, Number
+from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.pair import EvenOdd, Pair
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import LoopInHand, loop_in_hand, required_in_hand, seen_in_hand
@@ -322,8 +330,13 @@ def _margin_in_hand(at: InHands, sought: Sought) -> Number:
         required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
         wanted = ca.fmax(at.factor * required, required)  # the greater of the two if R is negative
         return _more(offered_by_spring(coupling, 1.0, loop.low_pass, at.theta, CASADI).quotient, wanted)
-    offered, seen = sampled_resistance(series_coupling(coupling), 1.0, at.theta, CASADI), _seen(loop, sought.gains)
+    offered, seen = sampled_resistance(series_coupling(coupling), *_there(at)), _seen(loop, sought.gains)
     return _more(offered, at.factor * (seen.lost / seen.size))
+
+
+def _there(at: InHands) -> tuple[float, Rule, Number, Arithmetic]:
+    """Return where the coupling is evaluated, in units of T; other rules than this one are not searched by an NLP."""
+    return 1.0, "trapezoid", at.theta, CASADI
 
 
 def _more(offered: Number, wanted: Number) -> Number:
@@ -338,7 +351,7 @@ def _margin_in_worlds(at: InHands, sought: Sought) -> Number:
     """Return a smooth lower bound of the greatest of the margins, one of which must be positive."""
     worlds = at.worlds
     assert worlds is not None
-    met, seen = offered_at(series_coupling(sought.coupling), 1.0, at.theta, CASADI), _seen(at.loop, sought.gains)
+    met, seen = offered_at(series_coupling(sought.coupling), *_there(at)), _seen(at.loop, sought.gains)
     found = disjuncts(met, Worlds(worlds.low, worlds.high), 1.0, seen, worlds.reserve, at.theta, CASADI)
     wanted = at.factor * (seen.lost / seen.size)
     margins = [_more(met.resistance + worlds.reserve * worlds.low.damping, wanted)]
@@ -350,7 +363,7 @@ def _margin_with_walls(at: InHands, walls: InWalls, sought: Sought) -> Number:
     """Return the margin of the condition on walls or, at a point for linear environments, that for these."""
     worlds = at.worlds
     assert worlds is not None
-    met = offered_at(series_coupling(sought.coupling), 1.0, at.theta, CASADI)
+    met = offered_at(series_coupling(sought.coupling), *_there(at))
     high = worlds.high if "above" in worlds.names else replace(worlds.high, mass=ENDLESS)
     box = Worlds(worlds.low, high, True, sought.corner)
     strip = strip_in_walls(met, box, 1.0, _seen(at.loop, sought.gains), walls.at.share, at.theta, CASADI)

@@ -67,6 +67,8 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
     sensor |= {name: coefficient} if coefficient < 1 else {}
     device = {**device, part: sensor} if sensor else {key: value for key, value in device.items() if key != part}
     numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
+    if "servo" in device:
+        numbers = {"rule": "euler", "mass": axis.mass, "drag": axis.damping}
     tables = {key: table for key, table in document.items() if key not in OF_FILE}
     if "gravity_compensation" in document:
         load = document["gravity_compensation"]["CoG"]
@@ -138,7 +140,8 @@ class RenderedAxis:
     @property
     def mass(self) -> float:
         """The mass M, kg."""
-        return float(self.coupling.mass + self.coupling.drag * self.device.sample_time)
+        taken = 0.0 if self.device.rule == "euler" else self.coupling.drag * self.device.sample_time
+        return float(self.coupling.mass + taken)
 
 
 def axes_of(problem: Problem) -> tuple[str, ...]:

@@ -29,6 +29,7 @@ from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_co
 from vctune.model.loop.llewellyn import passive_alone
 from vctune.model.loop.loop import LoopResponse
 from vctune.model.problem import Problem, Range
+from vctune.model.worlds import EVERY_WORLD
 from vctune.running import check_time
 
 MOST_DEVICES = 16  # of a box, at first
@@ -47,6 +48,11 @@ FAR, HALVINGS = 30.0, 16  # Greatest factor of a coupling that is not free as a 
 TINY = 1e-300
 LIGHTEST = 1e-3  # Least mass of a rigid coupling, over b_0 T; a lighter one is neither felt nor worth a digit
 SOFTEST = 1e-3  # Least coupling, over Z_0, if it could be softer: a proof about next to nothing does not end
+
+
+def follows_limit(problem: Problem) -> bool:
+    """Return whether only this search finds a design: with nothing behind, or of a law that the NLP does not state."""
+    return has_nothing_behind(problem) or problem.device.rule == "euler"
 
 
 def has_nothing_behind(problem: Problem) -> bool:
@@ -122,12 +128,12 @@ class _Limit:
         problem, demands, seen = self.posed.problem, self.posed.demands, self.seen
         if not self.permits(gains):
             return None
-        assert problem.worlds is not None
+        worlds = problem.worlds or EVERY_WORLD
         in_worlds, on_band = list[LoopsInWorlds](), list[tuple[Floats, LoopResponse]]()
         for device in seen.devices:
             angles = ANGLES[::3] if self.coarse else np.union1d(angles_of(device), seen.angles)
             if demands.hands is not None:
-                in_worlds.append(LoopsInWorlds.of(device, gains, seen.hands, problem.worlds, angles))
+                in_worlds.append(LoopsInWorlds.of(device, gains, seen.hands, worlds, angles))
             if demands.alone:
                 omega = demand_grid(device, *self.posed.span)
                 on_band.append((omega, response(device, gains, omega)))
@@ -138,7 +144,9 @@ class _Limit:
         not permit it."""
         b_c, m_c, b_0 = values[GAINS:]
         free = [k for k in self.free if k >= GAINS]
-        light = b_c == inf and m_c < LIGHTEST * self.posed.problem.device.sample_time * b_0
+        device = self.posed.problem.device
+        own = m_c - b_0 * device.sample_time if device.rule == "euler" else m_c  # of a step of which 0 is the end
+        light = b_c == inf and own < LIGHTEST * device.sample_time * b_0
         if loops is None or (light and MASS in free):
             return None
 
@@ -273,12 +281,12 @@ def _shapes(limit: _Limit) -> Iterator[tuple[float, float, float]]:
     problem = limit.posed.problem
     damping, mass, drag = limit.ranges[GAINS:]
     Z_0, T = problem.transparency.reference_impedance, problem.device.sample_time
-    rigid = damping.min == inf
+    rigid, least = damping.min == inf, float(problem.device.rule == "euler")
     b_c = damping.max if damping.fixed else Z_0
     size = Z_0 if rigid else b_c
     for shape in (RIGID if rigid else SHAPES) if not mass.fixed else (0.0,):
         for share in ((1.0,) if rigid else DRAGS) if not drag.fixed else (0.0,):
-            m_c = mass.max if mass.fixed else size * T * shape
+            m_c = mass.max if mass.fixed else size * T * (least + shape)
             yield b_c, float(m_c), float(drag.max if drag.fixed else size * share)
 
 

@@ -18,7 +18,7 @@ from vctune.design.judging.judge import Judgement, Status, judge_posed
 from vctune.design.nlp.solution import Polished
 from vctune.design.nlp.working_set import ConstraintPoint, Start, WorkingSet
 from vctune.design.prepared import Prepared, prepare, with_corner
-from vctune.design.search.along_limit import best_along_limit, has_nothing_behind
+from vctune.design.search.along_limit import best_along_limit, follows_limit
 from vctune.design.search.exchange import TIGHTENING, polish
 from vctune.design.search.scan import ScanResult, better_start_near, scan, start_at
 from vctune.design.search.theorems import impossible
@@ -106,7 +106,7 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
     if impossible(problem) is not None:
         return None
     prepared = prepare(problem)
-    if problem.rigid or has_nothing_behind(problem):
+    if problem.rigid or follows_limit(problem):
         proved = stiffest_wall(prepared.given) if problem.rigid else best_along_limit(prepared.given)
         found = None if proved is None else proved.judgement
         return (found.gains, found.coupling) if found is not None and found.status is Status.CERTIFIED else None

@@ -38,7 +38,7 @@ def unit_at(device: Device, theta: Floats, time_constant: Floats) -> tuple[Float
     """Return Re Z_c and sin(theta/2) cos(theta/2) Im Z_c of the sampled coupling for the scale 1, without drag."""
     rigid = bool(np.all(time_constant == 0))
     unit = Coupling(inf, 1.0, 0.0) if rigid else Coupling(1.0, time_constant, 0.0)
-    at = offered_at(unit, device.sample_time, theta, FLOATS)
+    at = offered_at(unit, device.sample_time, device.rule, theta, FLOATS)
     return np.asarray(at.resistance), np.asarray(np.sin(theta / 2) * at.reactance)
 
 

@@ -211,6 +211,7 @@ class DesignRecord(SealedDocument):
     proved: bool | None = None
     idle: bool = False
     repairs: list[Repair] | None = None
+    rule: Literal["euler"] | None = None  # of the coupling, if it is not the trapezoidal one
     nearest: NearestRecord | None = None  # the nearest miss of a problem without a design
     tried: list[str] | None = None  # keys, each with the value up to which it was changed alone in vain
     prices: list[Price] | None = None
@@ -333,6 +334,11 @@ class DesignRecord(SealedDocument):
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
         result = {title: list(rows(part, self.units)) for title, part in parts.items() if part is not None}
+        if self.rule == "euler":  # which has no damper in series
+            law = [
+                row._replace(label=row.label[:-3] + of) for row, of in zip(result["coupling"][1:], "MD", strict=True)
+            ]
+            result["coupling"] = [Row("rule", "euler", "M a + D v = F, stepped by Euler's rule"), *law]
         if isinstance(self.coupling, SpringDamper):  # an impedance display has no K_p
             result["gains"] = result["gains"][:1]
         if self.gains.velocity == self.gains.position == 0:  # an impedance display whose motor follows its coupling

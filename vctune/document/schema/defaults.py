@@ -46,7 +46,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     tool = _tool(document.tool)
     hands = _hands(document.operator or OperatorTable(), document.device.units).with_tool(tool)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
-    device = device_of(document.device)
+    device = replace(device_of(document.device), rule=document.coupling.rule)
     if device.servo is not None:
         radii = tuple(document.uncertainty.unmodelled)
         device = replace(device, servo=replace(device.servo, radii=radii))
@@ -106,6 +106,8 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
         usual["position"] = 0.0, 2 * loop_impedance / lag
         usual["drag"] = 0.0, Z_0 if drag_is_free else 0.0
     absent = dict.fromkeys(("velocity", "position", "damping", "mass", "drag"), ABSENT)
+    if device.rule == "euler":
+        absent["damping"] = Range(inf, inf)
     return Bounds(**absent | {key: _range(value, *usual[key]) for key, value in stated.items()})
 
 

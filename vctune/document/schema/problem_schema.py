@@ -10,8 +10,8 @@ from vctune.document.schema.validation import schema_of
 from vctune.model.device import Device
 from vctune.model.display import DisplayName
 from vctune.model.experiment import Baseline, Environment, Friction, MovingHand, Sensors
-from vctune.model.fields import Edge, Flag, NotNegative, NotNegativeOrInf, Positive, Share, Text
-from vctune.model.gains import Coupling, Gains, SpringDamper
+from vctune.model.fields import Edge, Flag, Found, FoundPositive, NotNegative, NotNegativeOrInf, Positive, Share, Text
+from vctune.model.gains import Coupling, Gains, Rule, SpringDamper
 from vctune.model.numbers.units import UnitSystem
 from vctune.model.parts import UNCERTAIN, ForceSensor, Servo
 from vctune.model.transparency import Terms
@@ -224,7 +224,8 @@ class GainsTable(Table):
 class CouplingTable(Table):
     """The virtual coupling Z_c: damping and mass in series, and a drag in parallel with them.
 
-    For an impedance display, Z_c = damping + stiffness/s.
+    For an impedance display, Z_c = damping + stiffness/s. With rule = "euler" it is the law of most robots,
+    mass a + drag v = F.
     """
 
     damping: Damping | None = Field(
@@ -245,6 +246,13 @@ class CouplingTable(Table):
         'hand with little damping requires some drag. Default 0 with the criterion "passive", and if the file fixes '
         "gains.velocity, gains.position, coupling.damping and coupling.mass. For a servo, the default is "
         "{ min = 0, max = 1e3 Z_0 } with every criterion.",
+    )
+    rule: Rule = Field(
+        "trapezoid",
+        description='How the firmware of a servo integrates the coupling. "euler": v += sample_time (F - drag v)/mass, '
+        "the law of most robots; mass and drag are the numbers of that law, without damping in series. A position "
+        "command is x += sample_time v. "
+        '"trapezoid": as exported by vctune.',
     )
     stiffness: PositiveVariable | None = Field(
         None,
@@ -356,10 +364,25 @@ class GainsDocument(Table):
     design: OriginTable = Field(default_factory=OriginTable)
 
 
+class SteppedTable(Table):
+    """The law mass a + drag v = F, integrated by Euler's rule."""
+
+    rule: Literal["euler"] = Field(description="The rule.")
+    mass: FoundPositive = Field(description="Mass M, kg.")
+    drag: Found = Field(description="Drag D, N s/m.")
+
+
+def _law(value: Any) -> str:
+    rule = value.get("rule") if isinstance(value, dict) else getattr(value, "rule", None)
+    return "<trapezoid>" if rule is None else "<euler>"
+
+
 class ServoGainsDocument(Table):
     """A vctune gains file of a servo, which has a coupling but no gains."""
 
-    coupling: Coupling
+    coupling: Annotated[
+        Annotated[Coupling, Tag("<trapezoid>")] | Annotated[SteppedTable, Tag("<euler>")], Discriminator(_law)
+    ]
     design: OriginTable = Field(default_factory=OriginTable)
 
 

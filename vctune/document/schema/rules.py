@@ -27,6 +27,7 @@ MAX_DECADES = 12  # Greatest width of a band, in decades of frequency
 MAX_DELAY_SAMPLES = 200
 FASTEST, SLOWEST = 1e3, 1e-6  # Greatest and least bandwidth or resonance, as a share of the sampling rate
 TOOL = ("tool.mass", "tool.damping")
+BEYOND_REST = "a step by Euler would go beyond rest; take more mass, less drag or a shorter sample_time"
 MOTION = ("from", "to", "speed", "cycles", "damping", "stiffness")  # Keys of the motion of a hand, in their order
 LEAST_STROKE = 4  # Least duration of a stroke at the greatest speed of the hand, sample times
 MOST_SAMPLES = 5_000_000  # Greatest number of samples of an experiment
@@ -108,7 +109,7 @@ MEANINGLESS_IN_EXPERIMENT = {
 def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     """Return the contradictions in the valid parts of a problem's tables."""
     file = Stated(raw)
-    rules = (_ranges, _bands, _constraints, _environments, _long_delays, _parts, _display, _names, _rotary_hands)
+    rules = (_ranges, _bands, _constraints, _environments, _long_delays, _parts, _display, _law, _names, _rotary_hands)
     found = [(_path(key), message) for rule in rules for key, message in rule(file)]
     for index, table in enumerate(file.tables("experiment")):
         one = Stated(raw | {"experiment": table})
@@ -368,6 +369,22 @@ def _display(file: Stated) -> Found:
             if file(key) == 0:
                 message = "0 is too small on an admittance display, whose coupling it would open; write a positive one"
                 yield key, message
+
+
+def _law(file: Stated) -> Found:
+    """Yield what M a + D v = F by Euler does not permit, and a step of it that goes beyond rest."""
+    if file.value("coupling.rule") != "euler":
+        return
+    if not file.servo:
+        yield "coupling.rule", '"euler" is the law of a [device.servo]; leave it out'
+        return
+    if file.value("coupling.damping") not in (None, inf):
+        yield "coupling.damping", 'means nothing with rule = "euler": mass a + drag v = F has none; leave it out'
+    mass, drag = file("coupling.mass"), file("coupling.drag")
+    if file.value("environment.walls") is True and (isnan(mass) or isnan(drag)):
+        yield "coupling.rule", '"euler" is not solved for with walls; fix mass and drag, or leave it out'
+    if mass <= (least := drag * file.T):
+        yield "coupling.mass", f"{mass:g} is not above drag times sample_time, {least:g}: {BEYOND_REST}"
 
 
 def _hands_of_servo(file: Stated) -> Found:

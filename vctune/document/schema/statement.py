@@ -23,6 +23,7 @@ def statement(problem: Problem) -> dict[str, Any]:
     if problem.hands_met is not None:
         operator = {name: {"min": low, "max": high} for name, (low, high) in problem.hands.ranges.items()}
     variables = [key.split(".") for key in device.kind.stated]
+    rule = [(["coupling", "rule"], device.rule)] if device.rule != "trapezoid" else []
     constraints = {"safety_factor": stability.safety_factor, "criterion": stability.criterion}
     constraints |= {"max_sensitivity": stability.max_sensitivity} if device.kind.own_loop else {}
     uncertainty: dict[str, Any] = {}
@@ -39,7 +40,7 @@ def statement(problem: Problem) -> dict[str, Any]:
         "device": device_table(device),
         "operator": operator,
         "environment": {"stiffness": inf} if problem.rigid else problem.worlds and _worlds(problem.worlds),
-        **placed({}, ((key, _range(getattr(problem.bounds, key[1]))) for key in variables)),
+        **placed({}, [*((key, _range(getattr(problem.bounds, key[1]))) for key in variables), *rule]),
         "transparency": {
             "band_hz": _hz(transparency.band),
             "reference_impedance": transparency.reference_impedance,

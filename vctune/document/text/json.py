@@ -129,6 +129,8 @@ def problem_digest(problem: Problem) -> str:
         del stated["hands"]
     if not problem.rigid:
         del stated["rigid"]
+    if problem.device.rule == "trapezoid":
+        del stated["device"]["rule"]
     if not problem.device.summed:
         del stated["device"]["summed"]
     velocity = stated["device"]["velocity"] or {}

@@ -149,7 +149,7 @@ def _servo_response(
     that of its force sensor."""
     omega2 = omega * omega
     drive = _behind(drive, low_pass(servo.bandwidth(ops), servo.order, omega, ops), omega2)
-    if servo.command == "position":
+    if device.interpolates:
         drive = _behind(drive, interpolation(device.sample_time, omega, ops), omega2)
     sensor = sensor_response(device.sensing, device.sample_time, omega, ops)
     return DeviceResponse(omega, device.mass, device.damping, drive, sensor=sensor, follows=True)

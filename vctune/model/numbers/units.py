@@ -126,11 +126,6 @@ OF_KEYS = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping"),
 }
 
 
-def labelled(key: str, units: Units) -> str:
-    """Return a variable's symbol and unit, such as "K_v, N s/m"."""
-    return f"{SYMBOLS[key]}, {units.of(OF_KEYS[key])}"
-
-
 def keys_of(count: int) -> tuple[str, ...]:
     """Return the keys of a design that has this many numbers: `KEYS` for five numbers, `SPRING_KEYS` for four."""
     return KEYS if count == len(KEYS) else SPRING_KEYS

@@ -235,14 +235,14 @@ def met_in_hand(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Number, ops: Arithmetic
 ) -> tuple[ZOffered, ZSeen]:
     """Return the two parts of the impedance that an environment meets: the coupling's and the loop's."""
-    return offered_at(series_coupling(coupling), device.sample_time, theta, ops), seen_in_hand(loop, gains)
+    return offered_at(series_coupling(coupling), device.sample_time, device.rule, theta, ops), seen_in_hand(loop, gains)
 
 
 def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmetic) -> Number:
     """Return Re Z_c of the coupling in the firmware; for an impedance display Re(1/Z_c)/sin^2(theta/2)."""
     if isinstance(coupling, SpringDamper):
         return offered_at_spring(coupling, device, theta, ops).quotient
-    return sampled_resistance(coupling, device.sample_time, theta, ops)
+    return sampled_resistance(coupling, device.sample_time, device.rule, theta, ops)
 
 
 def room(
@@ -252,7 +252,8 @@ def room(
     if isinstance(coupling, SpringDamper):
         there = offered_at_spring(coupling, device, theta, ops)
         return there.above * required.size - factor * (required.lost * there.below)
-    return sampled_resistance(coupling, device.sample_time, theta, ops) * required.size - factor * required.lost
+    there = sampled_resistance(coupling, device.sample_time, device.rule, theta, ops)
+    return there * required.size - factor * required.lost
 
 
 def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> YOffered:

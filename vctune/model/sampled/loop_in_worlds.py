@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any, NamedTuple
 
-from vctune.model.gains import Coupling, sampled_reactance, sampled_resistance
+from vctune.model.gains import Coupling, Rule, sampled_reactance, sampled_resistance
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.worlds import Worlds
 
@@ -41,11 +41,10 @@ class Disjuncts(NamedTuple):
     turned: tuple[Number, ...] | None
 
 
-def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> ZOffered:
+def offered_at(coupling: Coupling, sample_time: Number, rule: Rule, theta: Number, ops: Arithmetic) -> ZOffered:
     """Return Z_c at theta = omega T."""
-    return ZOffered(
-        sampled_resistance(coupling, sample_time, theta, ops), sampled_reactance(coupling, sample_time, theta, ops)
-    )
+    there = coupling, sample_time, rule, theta, ops
+    return ZOffered(sampled_resistance(*there), sampled_reactance(*there))
 
 
 def margin_names(worlds: Worlds, factor: float) -> tuple[str, ...]:
@@ -55,10 +54,10 @@ def margin_names(worlds: Worlds, factor: float) -> tuple[str, ...]:
     return "resistive", *above, *(() if _endless(worlds.high.stiffness) else ("below",))
 
 
-def real_at_nyquist(coupling: Coupling, worlds: Worlds) -> bool:
+def real_at_nyquist(coupling: Coupling, rule: Rule, worlds: Worlds) -> bool:
     """Return whether coupling and an environment of the box have no reactance at theta = pi, whatever the stiffness: a
     mass by the trapezoidal rule is rigid there."""
-    return not coupling.rigid and bool(worlds.low.mass == 0)
+    return (not coupling.rigid or rule == "euler") and bool(worlds.low.mass == 0)
 
 
 def disjuncts(

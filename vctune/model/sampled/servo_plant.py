@@ -42,7 +42,7 @@ class ServoPlant:
     older: Number  # delta, the share of a sample for which the older command acts
     order: int  # order of the servo, the number of its states
     turns: float  # delay of Z_seen in samples: N + 1/2; N + 1 for a position command
-    interpolated: bool  # whether the command is a position, which adds the factor cos(theta/2) to all responses
+    interpolated: bool  # whether the command is a trapezoidal sum, which adds the factor cos(theta/2) to all responses
     share: Number | None  # a of the firmware's filter y += a (x - y) of the sensed samples; None without a filter
     sample_time: Number  # T, s
     pull: Pull | None = None  # the firmware's own spring; None without one
@@ -80,7 +80,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     rates, lags = servo_rates(device, ops)
     older = (device.sensed_latency - delay.whole * T) / T if delay.fractional else 0
     rounded = half_coth(rates, ops)
-    interpolated = servo.command == "position"
+    interpolated = device.interpolates
     return ServoPlant(
         below=added(product(rounded, lags), scaled(identity(len(rates)), 0.5)),
         held=_decayed(rates, 1 - older, ops) if delay.fractional else _decayed_over_sample(rates, ops),

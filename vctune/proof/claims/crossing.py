@@ -59,7 +59,7 @@ def crossing(design: Design, demands: Demands, suspect: Suspect) -> float | None
     def is_below(theta: float) -> bool:
         return surely_negative(at(theta, theta)[2])
 
-    ends = high == pi and real_at_nyquist(design.series, demands.worlds)
+    ends = high == pi and real_at_nyquist(design.series, design.device.rule, demands.worlds)
     if ends and surely_negative(sum_of(margins_in_worlds(there, ENCLOSURES.pi).resistive)):
         return pi
     rising = is_above(low) and is_below(high)

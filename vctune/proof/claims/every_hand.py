@@ -365,7 +365,8 @@ def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float,
         return surely_negative(any_hand_before_wall(there, at) if demands.rigid else any_hand_margin(there, at))
     if demands.worlds is None:
         return surely_negative(hand_margin(there, at))
-    ends = theta == pi and real_at_nyquist(design.series, demands.worlds)  # and a pole may pass z = -1
+    real = real_at_nyquist(design.series, design.device.rule, demands.worlds)
+    ends = theta == pi and real  # and a pole may pass z = -1
     found = margins_in_worlds(there, ENCLOSURES.pi if ends else at)
     names = ("resistive",) if ends else margin_names(demands.worlds, demands.factor)
     return all(surely_negative(sum_of(getattr(found, name))) for name in names)

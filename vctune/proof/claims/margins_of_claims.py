@@ -172,7 +172,7 @@ def margins_in_worlds(case: Case, theta: Number) -> Disjuncts:
 def limp_margins_in_worlds(case: Case, theta: Number) -> Disjuncts:
     """Return `margins_in_worlds` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness."""
     met, T = _met(case), case.design.device.sample_time
-    seen, offered = _seen_at_rest(case, theta), offered_at(case.design.series, T, theta, case.ops)
+    seen, offered = _seen_at_rest(case, theta), _offered(case, theta)
     return limp_disjuncts(offered, met.worlds, T, seen, met.factor, theta, case.ops)
 
 
@@ -186,7 +186,7 @@ def limp_strip_of_walls(case: Case, theta: Number) -> Strip:
     """Return `strip_of_walls` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness."""
     seen, T, ops = _seen_at_rest(case, theta), case.design.device.sample_time, case.ops
     whole = ZSeen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
-    offered = offered_at(case.design.series, T, theta, ops)
+    offered = _offered(case, theta)
     return strip_in_walls(offered, _met(case).worlds, T, whole, case.share, theta, ops)
 
 
@@ -330,7 +330,12 @@ def _met(case: Case) -> WorldsMet:
 def _met_by_environment(case: Case, theta: Number) -> tuple[ZOffered, ZSeen]:
     """Return the impedances that an environment meets: of the coupling and of the loop."""
     seen = seen_in_hand(loop_in_hand(case.held(), theta, case.ops), case.design.gains)
-    return offered_at(case.design.series, case.design.device.sample_time, theta, case.ops), seen
+    return _offered(case, theta), seen
+
+
+def _offered(case: Case, theta: Number) -> ZOffered:
+    device = case.design.device
+    return offered_at(case.design.series, device.sample_time, device.rule, theta, case.ops)
 
 
 def _next_to_rest(case: Case, theta: Number) -> tuple[PlantInHand, NextToRest]:
